@@ -1,8 +1,8 @@
 """ABH3 over CAN: round trips, decoding, and a control loop of 10 ms in a busy program. Part of ``make bench``.
 
-What is bare is python-can itself: messages made beforehand, sent and received in a loop. On the far side of the round trips
-is an echo that knows one answer, the same one for both. ``virtual`` is within one process, so that its echo is a thread;
-with ``udp_multicast`` it is a process of its own.
+The bare reference is python-can itself: prepared messages, sent and received in a loop. The peer of the round trips is an
+echo that always sends the same feedback, for both. ``virtual`` works within one process only, so its echo is a thread; with
+``udp_multicast`` it is a separate process.
 """
 
 from __future__ import annotations
@@ -41,36 +41,36 @@ COMMAND = can.Message(arbitration_id=COMMAND_ID, data=struct.pack("<hhI", 500, -
 FEEDBACK = can.Message(arbitration_id=FEEDBACK_ID, data=struct.pack("<hhhh", 500, -250, 125, 375))
 CYCLE = 0.010
 LATE = 2 * CYCLE
-PIECE = 5.0  # s of a loop before the other one has its turn
+PIECE = 5.0  # s of a loop before the other one runs
 CHANNELS = itertools.count()
 
 
 def abh3(count: int, seconds: float) -> None:
-    """Measure everything; the control loops take twice so many seconds."""
+    """Run all measurements; the control loops take twice ``seconds``."""
     round_trips(count)
     decoding(count)
     control_loops(seconds)
 
 
-# --- far sides --------------------------------------------------------------------------------------------------------
+# --- peers ------------------------------------------------------------------------------------------------------------
 
 
 def bus_at(url: str) -> can.BusABC:
-    """Open a bus as python-can has it."""
+    """Open a bus of python-can."""
     address = parse_address(url)
     assert isinstance(address, CanAddress)
     return open_bus(address)
 
 
 def free_url() -> str:
-    """A bus of its own within this machine."""
+    """Return the URL of an unused bus on this machine."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", 0))
         return f"can://udp_multicast/{GROUP}?port={taken.getsockname()[1]}"
 
 
 def answer(bus: can.BusABC, ended: Callable[[], bool]) -> None:
-    """Answer each command with the one feedback."""
+    """Reply to each command with the same feedback."""
     while not ended():
         message = bus.recv(0.2)
         if message is not None and message.arbitration_id == COMMAND_ID:
@@ -79,7 +79,7 @@ def answer(bus: can.BusABC, ended: Callable[[], bool]) -> None:
 
 @contextmanager
 def echo_thread() -> Iterator[str]:
-    """The echo on a virtual bus; yields its address."""
+    """Run the echo on a virtual bus; yield its URL."""
     url = f"can://virtual/bench-{next(CHANNELS)}"
     end = threading.Event()
     with bus_at(url) as bus:
@@ -93,7 +93,7 @@ def echo_thread() -> Iterator[str]:
 
 
 def echo_process(pipe: multiprocessing.connection.Connection) -> None:
-    """The echo with udp_multicast."""
+    """Run the echo on udp_multicast."""
     on_core(-1)
     url = free_url()
     with bus_at(url) as bus:
@@ -103,17 +103,17 @@ def echo_process(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def driver_thread() -> Iterator[str]:
-    """A virtual ABH3 on a virtual bus."""
+    """Run a virtual ABH3 on a virtual bus; yield its URL."""
     with serve_can(VirtualABH3(), at=f"can://virtual/bench-{next(CHANNELS)}") as server:
         yield server.url
 
 
 def driver_process(pipe: multiprocessing.connection.Connection) -> None:
-    """A virtual ABH3 with udp_multicast."""
+    """Run a virtual ABH3 on udp_multicast."""
     on_core(-1)
     with serve_can(VirtualABH3(), at=free_url()) as server:
         pipe.send(server.url)
-        pipe.recv()  # until it is ended
+        pipe.recv()  # until this process is terminated
 
 
 # --- round trips ------------------------------------------------------------------------------------------------------
@@ -121,14 +121,14 @@ def driver_process(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def bare_exchange(url: str) -> Iterator[Callable[[], object]]:
-    """What python-can takes for a command and its answer: send, and receive until it is there."""
+    """Yield a bare exchange with python-can: send a command and receive until its feedback arrives."""
     with bus_at(url) as bus:
         send, receive = bus.send, bus.recv
 
         def exchange() -> None:
             send(COMMAND)
             while (message := receive(1.0)) is not None:
-                if message.arbitration_id == FEEDBACK_ID:  # udp_multicast gives back what was sent, too
+                if message.arbitration_id == FEEDBACK_ID:  # udp_multicast also returns the frames sent
                     return
             raise TimeoutError("no answer")
 
@@ -136,14 +136,14 @@ def bare_exchange(url: str) -> Iterator[Callable[[], object]]:
 
 
 def synchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """Command and exchange by turns; returns both medians and their ratio."""
+    """Alternate commands and bare exchanges; return both medians and their ratio."""
     with connect(url) as driver:
         command = driver.command
         return in_turn(lambda: command(*VELOCITIES), bare, count)
 
 
 async def asynchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """The same in asyncio."""
+    """Alternate commands in asyncio and bare exchanges; return both medians and their ratio."""
     ours, other = [], []
     async with aio.connect(url) as driver:
         for _ in range(count):
@@ -157,7 +157,7 @@ async def asynchronous(url: str, bare: Callable[[], object], count: int) -> tupl
 
 
 async def both_in_asyncio(url: str, bare_url: str, count: int) -> tuple[float, float, float]:
-    """The same against python-can's own way in asyncio, a Notifier with a reader."""
+    """Alternate commands with python-can's own asyncio API, a Notifier with a reader."""
     ours, other = [], []
     reader = can.AsyncBufferedReader()
     with bus_at(bare_url) as bus, can.Notifier(bus, [reader], loop=asyncio.get_running_loop()):
@@ -175,7 +175,7 @@ async def both_in_asyncio(url: str, bare_url: str, count: int) -> tuple[float, f
 
 
 def round_trips(count: int) -> None:
-    """A command and its feedback, against an echo and against a virtual driver."""
+    """Measure a command and its feedback, with an echo and with a virtual driver."""
     with echo_thread() as url, echo_thread() as bare_url:
         against(choose("virtual, echo", "virtual, エコー"), url, bare_url, count, "aim <= 1.3")
     with driver_thread() as url, echo_thread() as bare_url:
@@ -187,7 +187,7 @@ def round_trips(count: int) -> None:
 
 
 def against(where: str, url: str, bare_url: str, count: int, aim: str = "") -> None:
-    """Measure the host's round trip there, in both ways."""
+    """Measure the round trip of the host, synchronous and in asyncio."""
     each = max(10, count // ROUNDS)
     command = choose("command", "指令")
     with bare_exchange(bare_url) as bare:
@@ -209,7 +209,7 @@ FRAMES = {
 
 
 def by_hand(name: str) -> Callable[[bytes], object]:
-    """The least that decodes a frame."""
+    """Return a minimal decoder for a frame."""
     if name != "DP0R":
         return struct.Struct("<II" if name == "BR0" else "<ff").unpack
     unpack = struct.Struct("<hhhh").unpack
@@ -222,26 +222,26 @@ def by_hand(name: str) -> Callable[[bytes], object]:
 
 
 def decoding(count: int) -> None:
-    """Decode frames, against struct and a division, and against cantools with the DBC of orinkit."""
+    """Measure decoding frames, against struct and a division, and against cantools with the DBC of orinkit."""
     from cantools.database.can import Database
 
     database = Database()
     database.add_dbc_string(dbc.dbc("v1"))
-    codec, tell = Codec(), Decoder().decode
+    codec, decode_frame = Codec(), Decoder().decode
     for name, (number, data) in FRAMES.items():
         decode, from_dbc = partial(codec.decode, name, data), partial(database.decode_message, number, data)
         least = partial(by_hand(name), data)
         shown(choose(f"ABH3 {name} to a record", f"ABH3 {name} をレコードに"), decode, least, from_dbc, count)
     number, data = FRAMES["DP0R"]
-    whole, from_dbc = partial(tell, CanFrame(number, data, 1.0)), partial(database.decode_message, number, data)
-    what = choose("ABH3 DP0R, all that it says, with texts", "ABH3 DP0R の全内容 (項目名付き)")
+    whole, from_dbc = partial(decode_frame, CanFrame(number, data, 1.0)), partial(database.decode_message, number, data)
+    what = choose("ABH3 DP0R, all contents with texts", "ABH3 DP0R の全内容 (項目名付き)")
     shown(what, whole, partial(by_hand("DP0R"), data), from_dbc, count)
 
 
 def shown(
     what: str, ours: Callable[[], object], least: Callable[[], object], from_dbc: Callable[[], object], count: int
 ) -> None:
-    """Compare one thing with both references."""
+    """Compare a decoder with both references."""
     for other, beside in ((least, "struct"), (from_dbc, "cantools")):
         mine, bare, ratio = alternate(lambda: each_us(ours, count), lambda: each_us(other, count), 5)  # noqa: B023
         line(
@@ -259,18 +259,18 @@ def shown(
 
 @dataclass
 class Loop:
-    """What a control loop was like.
+    """Result of a control loop.
 
     Attributes:
-        periods: s from each command to the next one.
-        trips: s from each command to its answer.
+        periods: Times from each command to the next one in s.
+        trips: Times from each command to its feedback in s.
     """
 
     periods: list[float] = field(default_factory=list)
     trips: list[float] = field(default_factory=list)
 
     def run(self, action: Callable[[], object], seconds: float) -> None:
-        """Do something every 10 ms; a cycle that was late makes the next one come at once."""
+        """Run an action every 10 ms; after a late cycle, the next one starts at once."""
         clock = time.monotonic
         end = clock() + seconds
         due = clock()
@@ -289,23 +289,23 @@ class Loop:
         late = sum(period > LATE for period in self.periods)
         print(
             choose(
-                f"{what}: {len(self.periods)} cycles, period {told(self.periods)}, later than 20 ms: {late}; "
-                f"round trip {told(self.trips)}",
-                f"{what}: {len(self.periods)} 周期, 周期 {told(self.periods)}, 20 ms 超過: {late}; 往復 {told(self.trips)}",
+                f"{what}: {len(self.periods)} cycles, period {percentiles(self.periods)}, later than 20 ms: {late}; "
+                f"round trip {percentiles(self.trips)}",
+                f"{what}: {len(self.periods)} 周期, 周期 {percentiles(self.periods)}, 20 ms 超過: {late}; 往復 {percentiles(self.trips)}",
             ),
             flush=True,
         )
 
 
-def told(times: list[float]) -> str:
-    """Return p50, p99 and the greatest of some seconds, in ms."""
+def percentiles(times: list[float]) -> str:
+    """Return p50, p99 and the maximum of times in s as text in ms."""
     cuts = statistics.quantiles(times, n=100, method="inclusive")
     return f"p50 {cuts[49] * 1e3:.2f} p99 {cuts[98] * 1e3:.2f} max {max(times) * 1e3:.2f} ms"
 
 
 @contextmanager
 def busy(threads: int) -> Iterator[None]:
-    """So many threads of this program that count."""
+    """Run threads that count."""
     end = threading.Event()
 
     def count() -> None:
@@ -326,7 +326,7 @@ def busy(threads: int) -> Iterator[None]:
 
 
 def control_loops(seconds: float) -> None:
-    """Command every 10 ms, with this host and with bare python-can, alone and beside a busy thread."""
+    """Measure commands every 10 ms, with this host and with bare python-can, without and with a busy thread."""
     for threads, share in ((0, 0.1), (1, 1.0)):
         ours, bare = Loop(), Loop()
         piece = min(PIECE, seconds * share)
@@ -336,7 +336,7 @@ def control_loops(seconds: float) -> None:
             exchange = stack.enter_context(bare_exchange(bare_url))
             stack.enter_context(busy(threads))
             for _ in range(max(1, round(seconds * share / piece))):
-                ours.run(lambda: driver.command(*VELOCITIES), piece)  # noqa: B023 - called in this very turn
+                ours.run(lambda: driver.command(*VELOCITIES), piece)  # noqa: B023 - called within this iteration
                 bare.run(exchange, piece)
         ours.show(
             choose(f"ABH3, 10 ms loop, {threads} busy threads", f"ABH3, 10 ms 制御ループ, 負荷スレッド {threads}")

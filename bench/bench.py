@@ -1,8 +1,7 @@
-"""Speeds, as ratios measured in one run: ``make bench``.
+"""Performance, as ratios measured in one run: ``make bench``.
 
-Absolute times differ from machine to machine and from minute to minute; what is compared here ran alternately, in this
-very run, against a bare reference: a plain socket or port that sends and receives the same numbers of bytes, or
-one ``struct`` call for a whole packet.
+Absolute times vary between machines and over time. Therefore each measurement alternates with a bare reference in the same
+run: a plain socket or port that sends and receives the same number of bytes, or one ``struct`` call for a whole packet.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from served import PROVIDER, tcp_server
 
 
 def codec(count: int) -> None:
-    """Encode a request and decode its reply, against one struct call for the same bytes."""
+    """Measure encoding a request and decoding its reply, against one struct call for the same bytes."""
     whole = struct.Struct("<BIHHIHIHIiIHII14sIHI8dB")
     name = "slvMove".encode("utf-16-le")
     bare_pack = whole.pack
@@ -40,7 +39,7 @@ def codec(count: int) -> None:
 
     framer = packet.Framer()
 
-    def decode() -> object:  # what the client does with a reply: cut it out, look at its head, read its result
+    def decode() -> object:  # like the client: frame the reply, read its header, decode its result
         frame = framer.feed(REPLY)
         assert frame is not None
         packet.HEADER.unpack_from(frame)
@@ -82,7 +81,7 @@ def codec(count: int) -> None:
 
 
 def server(seconds: float) -> None:
-    """Requests per second that the server answers: Variable_GetValue on one and on 50 connections."""
+    """Measure requests per second of the server: Variable_GetValue on one and on 50 connections."""
     get = encode_request(functions.variable_get_value, (3,), 1)
 
     def open_variable(url: str) -> socket.socket:
@@ -99,7 +98,7 @@ def server(seconds: float) -> None:
         return peer
 
     def rate(url: str, connections: int) -> float:
-        """Keep one request in flight on each connection; count the answers."""
+        """Keep one request in flight on each connection; return the replies per second."""
         peers = [open_variable(url) for _ in range(connections)]
         done = 0
         stop = time.perf_counter() + seconds
@@ -126,7 +125,7 @@ def server(seconds: float) -> None:
 
 
 def virtual(count: int) -> None:
-    """The virtual RC8: what a cycle costs, and how fast programs are."""
+    """Measure the virtual RC8: the cost of a cycle, and the speed of programs."""
     run = bench_virtual.statements()
     ours, bare, ratio = alternate(run, bench_virtual.plain_statements, 3)
     line("PacScript in the controller, statements/s", ours, bare, ratio, "/s", "aim >= 10,000 /s")
@@ -136,7 +135,7 @@ def virtual(count: int) -> None:
 
 
 def start_up(runs: int) -> None:
-    """How long it takes to import the package and to show the command line's help, against a bare interpreter."""
+    """Measure importing the package and showing the help of the command line, against a bare interpreter."""
 
     def milliseconds(*arguments: str) -> Callable[[], float]:
         def run() -> float:
@@ -162,12 +161,12 @@ def start_up(runs: int) -> None:
 
 
 def main() -> None:
-    """Run everything."""
+    """Run all measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the work, to see that it runs")
+    parser.add_argument("--quick", action="store_true", help="do a tenth of the work, to check that it runs")
     scale = 10 if parser.parse_args().quick else 1
     on_core(0)
-    print("Ratios against a bare reference in the same run; single figures differ from machine to machine.")
+    print("Ratios against a bare reference in the same run; absolute values vary between machines.")
     round_trips(3000 // scale)
     codec(20_000 // scale)
     server(2.0 / scale)

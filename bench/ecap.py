@@ -1,7 +1,6 @@
-"""e-CAP: a round trip, and 50 clients at once, against a bare starlette echo and bare httpx2. Part of ``make bench``.
+"""e-CAP: a round trip, and 50 concurrent clients, against a bare starlette echo and bare httpx2. Part of ``make bench``.
 
-Both servers are processes of their own and have the same uvicorn; the call is Variable_GetValue, over connections that are
-kept.
+Both servers run in separate processes with the same uvicorn; the call is Variable_GetValue over persistent connections.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def echo_server(pipe: multiprocessing.connection.Connection) -> None:
 
     on_core(-1)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listener:
-        # the protocol is named, as asyncio sends replies at once (TCP_NODELAY) only where it is
+        # with IPPROTO_TCP, because asyncio sets TCP_NODELAY only on sockets created with it
         listener.bind(("127.0.0.1", 0))
         listener.listen(512)
         pipe.send(f"http://127.0.0.1:{listener.getsockname()[1]}/")
@@ -57,18 +56,18 @@ def echo_server(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def served() -> Iterator[tuple[str, str, str]]:
-    """Run both servers; yields the addresses over b-CAP and over e-CAP, and that of the echo."""
+    """Run both servers; yield the addresses for b-CAP, e-CAP and the echo."""
     with process(both_servers) as urls, process(echo_server) as echo:
         tcp, http = urls.split()
         yield tcp, http, echo
 
 
 def ecap(count: int, seconds: float) -> None:
-    """Everything that is measured of e-CAP.
+    """Run all measurements of e-CAP.
 
     Args:
-        count: calls of each round.
-        seconds: of each round with many clients.
+        count: Number of calls per round.
+        seconds: Duration of each round with many clients, s.
     """
     with served() as (tcp, http, echo):
         sync = choose("e-CAP round trip, sync client", "e-CAP 往復, 同期クライアント")
@@ -79,7 +78,7 @@ def ecap(count: int, seconds: float) -> None:
 
 
 def synchronous(url: str, echo: str, count: int) -> tuple[float, float, float]:
-    """Call and post by turns; returns both medians and their ratio."""
+    """Alternate calls and bare posts; return both medians and their ratio."""
     with orinkit.open_client(url) as client, httpx2.Client(trust_env=False, headers=FORM) as bare:
         handle = client.call(functions.controller_connect, "", PROVIDER, "localhost", "")
         variable = client.call(functions.controller_get_variable, handle, "D1", "")
@@ -90,7 +89,7 @@ def synchronous(url: str, echo: str, count: int) -> tuple[float, float, float]:
 
 
 async def asynchronous(url: str, echo: str, count: int) -> tuple[float, float, float]:
-    """The same in asyncio."""
+    """Alternate calls and bare posts in asyncio; return both medians and their ratio."""
     async with aio.open_client(url) as client, httpx2.AsyncClient(trust_env=False, headers=FORM) as bare:
         call = await caller(client)
         ours, other = [], []
@@ -106,7 +105,7 @@ async def asynchronous(url: str, echo: str, count: int) -> tuple[float, float, f
 
 
 async def caller(client: aio.AsyncClient) -> Callable[[], Awaitable[object]]:
-    """Return what gets the value of a variable."""
+    """Return a function that reads a variable."""
     await client.call(functions.service_start, "")
     handle = await client.call(functions.controller_connect, "", PROVIDER, "localhost", "")
     variable = await client.call(functions.controller_get_variable, handle, "D1", "")
@@ -117,13 +116,13 @@ async def caller(client: aio.AsyncClient) -> Callable[[], Awaitable[object]]:
 
 
 class Crowd(NamedTuple):
-    """What many clients at once did.
+    """Result for many concurrent clients.
 
     Attributes:
-        rate: calls per second of all together.
-        p50: ms.
-        p99: ms.
-        share: calls of the client that made fewest, as a part of the mean.
+        rate: Calls per second of all clients together.
+        p50: Median duration of a call, ms.
+        p99: 99th percentile of the duration of a call, ms.
+        share: Calls of the slowest client, as a fraction of the mean.
     """
 
     rate: float
@@ -133,7 +132,7 @@ class Crowd(NamedTuple):
 
 
 async def all_at_once(calls: list[Callable[[], Awaitable[object]]], seconds: float) -> Crowd:
-    """Have each client call as fast as it can."""
+    """Let each client call as fast as it can."""
     clock = time.perf_counter
     begin = clock()
     end = begin + seconds
@@ -155,7 +154,7 @@ async def all_at_once(calls: list[Callable[[], Awaitable[object]]], seconds: flo
 
 
 async def together(tcp: str, http: str, echo: str, seconds: float) -> None:
-    """50 clients at once: over e-CAP, over b-CAP, and bare ones, by turns."""
+    """Measure 50 concurrent clients, alternately over e-CAP, over b-CAP and bare."""
     async with AsyncExitStack() as stack:
 
         async def clients(url: str) -> list[Callable[[], Awaitable[object]]]:
@@ -168,10 +167,10 @@ async def together(tcp: str, http: str, echo: str, seconds: float) -> None:
         bare = [
             await stack.enter_async_context(httpx2.AsyncClient(trust_env=False, headers=FORM)) for _ in range(CLIENTS)
         ]
-        ways = {"e-CAP": await clients(http), "b-CAP TCP": await clients(tcp), "httpx2": list(map(poster, bare))}
-        results: dict[str, list[Crowd]] = {name: [] for name in ways}
+        crowds = {"e-CAP": await clients(http), "b-CAP TCP": await clients(tcp), "httpx2": list(map(poster, bare))}
+        results: dict[str, list[Crowd]] = {name: [] for name in crowds}
         for _ in range(CLIENT_ROUNDS):
-            for name, calls in ways.items():
+            for name, calls in crowds.items():
                 results[name].append(await all_at_once(calls, seconds))
     reference = middle_of(results["httpx2"])
     for name in ("e-CAP", "b-CAP TCP"):
@@ -179,18 +178,20 @@ async def together(tcp: str, http: str, echo: str, seconds: float) -> None:
         ratio = statistics.median(
             ours.rate / other.rate for ours, other in zip(results[name], results["httpx2"], strict=True)
         )
-        what = choose(f"{CLIENTS} clients at once, {name}, calls/s", f"同時 {CLIENTS} クライアント, {name}, 呼び出し/s")
-        line(what, crowd.rate, reference.rate, ratio, "/s", told(crowd, reference))
+        what = choose(
+            f"{CLIENTS} concurrent clients, {name}, calls/s", f"同時 {CLIENTS} クライアント, {name}, 呼び出し/s"
+        )
+        line(what, crowd.rate, reference.rate, ratio, "/s", details(crowd, reference))
 
 
 def middle_of(crowds: list[Crowd]) -> Crowd:
-    """Return the median of each figure."""
+    """Return the median of each value."""
     columns: Any = zip(*crowds, strict=True)
     return Crowd(*map(statistics.median, columns))
 
 
-def told(crowd: Crowd, bare: Crowd) -> str:
-    """Return what else there is to say."""
+def details(crowd: Crowd, bare: Crowd) -> str:
+    """Return the other values as text."""
     return choose(
         f"p50 {crowd.p50:.1f} p99 {crowd.p99:.1f} ms (bare {bare.p50:.1f}, {bare.p99:.1f}), "
         f"slowest client {crowd.share:.2f} of the mean (bare {bare.share:.2f})",

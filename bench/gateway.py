@@ -1,6 +1,6 @@
-"""What a gateway adds to a call, and slave mode through one. Part of ``make bench``.
+"""Overhead of a gateway for a call, and slave mode through a gateway. Part of ``make bench``.
 
-Controller and gateway are processes of their own.
+Controller and gateway run in separate processes.
 """
 
 from __future__ import annotations
@@ -17,45 +17,45 @@ from measuring import ROUNDS, in_turn, line, middle, process
 from orinkit import functions
 from orinkit.core.i18n import choose
 from orinkit.gateway import RemoteProvider
-from served import PROVIDER, both_servers, serve_until_told
+from served import PROVIDER, both_servers, serve_until_terminated
 from stalls import Stalls
 from stream import PERIOD, as_if_elsewhere, busy, controller, ours, show_ours
 
 
 def gateway_to(url: str) -> Callable[[multiprocessing.connection.Connection], None]:
-    """Return what serves a gateway to a controller, over b-CAP and e-CAP."""
+    """Return a function that serves a gateway to a controller over b-CAP and e-CAP."""
     return _Gateway(url)
 
 
 class _Gateway:
-    """As a class, for a function within a function does not go to another process."""
+    """A class, because a nested function cannot be sent to another process."""
 
     def __init__(self, url: str) -> None:
         self.url = url
 
     def __call__(self, pipe: multiprocessing.connection.Connection) -> None:
-        serve_until_told(RemoteProvider(self.url), pipe, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
+        serve_until_terminated(RemoteProvider(self.url), pipe, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
 
 
 def gateway(count: int) -> None:
-    """Variable_GetValue through a gateway against the same call without one."""
+    """Measure Variable_GetValue through a gateway, against the same call without one."""
     with process(both_servers) as direct:
         tcp, http = direct.split()
         with process(gateway_to(tcp)) as through:
             gateway_tcp, gateway_http = through.split()
-            tells = {
+            routes = {
                 choose("gateway, b-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, b-CAP→b-CAP (素: b-CAP)"): (gateway_tcp, tcp),
                 choose("gateway, e-CAP to b-CAP (bare: b-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: b-CAP)"): (gateway_http, tcp),
                 choose("gateway, e-CAP to b-CAP (bare: e-CAP)", "ゲートウェイ, e-CAP→b-CAP (素: e-CAP)"): (gateway_http, http),
             }  # fmt: skip
-            for what, (url, bare) in tells.items():
+            for what, (url, bare) in routes.items():
                 mine, other, ratio = middle([by_turns(url, bare, count) for _ in range(ROUNDS)])
                 adds = choose(f"adds {mine - other:.0f} us", f"追加分 {mine - other:.0f} us")
                 line(what, mine, other, ratio, "us", adds)
 
 
 def by_turns(url: str, bare: str, count: int) -> tuple[float, float, float]:
-    """Call both ways by turns; returns both medians and their ratio."""
+    """Alternate calls to both addresses; return both medians and their ratio."""
     with ExitStack() as stack:
 
         def call(place: str) -> Callable[[], object]:
@@ -73,7 +73,7 @@ def by_turns(url: str, bare: str, count: int) -> tuple[float, float, float]:
 
 @contextmanager
 def served_gateway(url: str) -> Iterator[str]:
-    """Run ``orinkit gateway`` over TCP; yields its address."""
+    """Run ``orinkit gateway`` over TCP; yield its address."""
     command = [sys.executable, "-m", "orinkit", "gateway", "--upstream", url, "--tcp", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         assert server.stdout is not None
@@ -86,7 +86,7 @@ def served_gateway(url: str) -> Iterator[str]:
 
 
 def slave_through_gateway(seconds: float = 60.0, threads: int = 1, *, stalls: Stalls) -> None:
-    """Set-points every 8 ms through a gateway to a virtual RC8, with so many busy threads in the program that streams."""
+    """Measure set-points every 8 ms through a gateway to a virtual RC8, with busy threads in the streaming program."""
     with controller() as url, served_gateway(url) as through, busy(threads):
         outcome = ours(through, seconds, 2)
     load = os.getloadavg()[0]

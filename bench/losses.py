@@ -1,7 +1,7 @@
-"""What stops the arm of a virtual RC8, and after how long, for each way of losing a client: the table of docs/howto/security.md.
+"""Measure when the arm of a virtual RC8 stops after a client is lost: the table of docs/howto/lost-clients.md.
 
-A client begins six long motions without waiting for them and is then lost. The time is that from the loss until the arm has begun
-to decelerate, and until it stands. A cable is pulled in network namespaces, which needs root.
+A client starts six long motions without waiting for them and is then lost. The time is measured from the loss to standstill.
+The pulled cable is simulated with network namespaces, which requires root.
 """
 
 from __future__ import annotations
@@ -58,16 +58,16 @@ time.sleep(300)
 
 @dataclass(frozen=True)
 class Loss:
-    """One way of losing a client.
+    """A way of losing a client.
 
     Attributes:
-        text: for the table.
-        url: where it is served.
-        options: of connect(), as a Python literal.
-        lose: what is done to the client.
-        program: what the client runs.
-        more: further arguments of the client.
-        gateway: the client is behind a gateway.
+        text: Text for the table.
+        url: URL to serve on.
+        options: Options of connect(), as a Python literal.
+        lose: Called with the process of the client to lose it.
+        program: Source of the client program.
+        more: Further arguments of the client program.
+        gateway: The client is behind a gateway.
     """
 
     text: str
@@ -80,17 +80,17 @@ class Loss:
 
 
 def kill(client: subprocess.Popen[str]) -> None:
-    """Kill it."""
+    """Kill the client."""
     client.kill()
 
 
 def stop(client: subprocess.Popen[str]) -> None:
-    """Stop it, as a debugger does."""
+    """Stop the client, as a debugger does."""
     client.send_signal(signal.SIGSTOP)
 
 
 def nothing(_: subprocess.Popen[str]) -> None:
-    """Leave it alone: it says nothing any more."""
+    """Do nothing: the client sends no further requests."""
 
 
 TCP, UDP, HTTP = (f"{scheme}://127.0.0.1:0" for scheme in ("tcp", "udp", "http"))
@@ -110,7 +110,7 @@ LOSSES = [
 
 @contextmanager
 def gateway_to(url: str, at: str) -> Iterator[str]:
-    """Run a gateway; returns its address."""
+    """Run a gateway; yield its address."""
     option = f"--{at.partition(':')[0]}"
     program = subprocess.Popen(
         [sys.executable, "-m", "orinkit", "gateway", "--upstream", url, option, "127.0.0.1:0"],
@@ -125,7 +125,7 @@ def gateway_to(url: str, at: str) -> Iterator[str]:
 
 
 def measured(loss: Loss) -> tuple[float | None, float]:
-    """Lose a client; returns seconds until the arm stands, or ``None``, and how many degrees it went on for."""
+    """Lose a client; return the time to standstill in s (``None`` if the arm did not stop) and the distance in deg."""
     rc8 = VirtualRC8(clock=Clock(1.0), motor=True, joints=HOME)
     with orinkit.serve(rc8, TCP if loss.gateway else loss.url) as server:
         if loss.gateway:
@@ -135,7 +135,7 @@ def measured(loss: Loss) -> tuple[float | None, float]:
 
 
 def lost(loss: Loss, rc8: VirtualRC8, url: str) -> tuple[float | None, float]:
-    """Start a client and lose it."""
+    """Start a client, lose it, and return the result like :func:`measured`."""
     arm = rc8.state.arm
     client = subprocess.Popen(
         [sys.executable, "-c", loss.program, url, loss.options, *loss.more],
@@ -153,7 +153,7 @@ def lost(loss: Loss, rc8: VirtualRC8, url: str) -> tuple[float | None, float]:
 
 
 def until_rest(rc8: VirtualRC8, start: float, seconds: float = PATIENT) -> tuple[float | None, float]:
-    """Wait until the arm stands; ``None`` where it went all the way."""
+    """Wait for standstill; return time in s (``None`` if all motions were executed) and distance in deg."""
     began = time.monotonic()
     arm = rc8.state.arm
     while time.monotonic() - began < seconds:
@@ -165,19 +165,19 @@ def until_rest(rc8: VirtualRC8, start: float, seconds: float = PATIENT) -> tuple
     raise AssertionError("the arm still moves")
 
 
-# --- a cable that is pulled -------------------------------------------------------------------------------------------
+# --- pulled cable -----------------------------------------------------------------------------------------------------
 
 SPACE = "orinkit-loss"
 
 
 def ip(*words: str) -> None:
-    """Run ip."""
+    """Run the command ``ip``."""
     subprocess.run(["ip", *words], check=True, capture_output=True)
 
 
 @contextmanager
 def cable() -> Iterator[None]:
-    """A network namespace for the client, at the other end of a cable."""
+    """Create a network namespace for the client, connected by a virtual cable."""
     near, far = "orinkit0", "orinkit1"
     ip("netns", "add", SPACE)
     try:
@@ -192,7 +192,7 @@ def cable() -> Iterator[None]:
 
 
 def pulled() -> tuple[float | None, float]:
-    """Pull the cable of a client on TCP."""
+    """Pull the cable of a TCP client, and return the result like :func:`measured`."""
     rc8 = VirtualRC8(clock=Clock(1.0), motor=True, joints=HOME)
     with cable(), orinkit.serve(rc8, "tcp://10.243.7.1:0") as server:
         client = subprocess.Popen(
@@ -218,7 +218,7 @@ def row(text: str, result: tuple[float | None, float]) -> None:
 
 
 def main() -> None:
-    """Measure all of them."""
+    """Measure all losses and print the table."""
     print("| client lost | arm stands after | J1 went on by (deg, at 5 % speed) |\n|---|---|---|")
     with TemporaryDirectory() as folder:
         os.chdir(Path(folder))

@@ -1,4 +1,4 @@
-"""How things are measured: against a bare reference by turns, with far sides in processes of their own."""
+"""Measure alternately with a bare reference; the peers run in separate processes."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ CORES = range(os.cpu_count() or 1)
 
 
 def on_core(number: int) -> None:
-    """Stay on one core, where the system lets us: whether two processes share one decides more than all else."""
+    """Pin this process to a core, if the system allows it: sharing a core affects results more than anything else."""
     if hasattr(os, "sched_setaffinity") and len(CORES) > 1:
         os.sched_setaffinity(0, {CORES[number]})
 
 
 @contextmanager
 def process(target: Callable[[multiprocessing.connection.Connection], None]) -> Iterator[str]:
-    """Run one far side in a process of its own, on another core; yields what it sends first: its address."""
+    """Run a peer in a separate process; yield its first message, its address."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     child = context.Process(target=target, args=(theirs,), daemon=True)
     child.start()
-    theirs.close()  # a far side that fails at once is the end of the pipe, not silence
+    theirs.close()  # so that recv() fails instead of blocking if the peer fails at once
     try:
         yield str(ours.recv())
     finally:
@@ -45,7 +45,7 @@ def each_us(action: Callable[[], object], count: int) -> float:
 
 
 def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int = ROUNDS) -> tuple[float, float, float]:
-    """Measure two things in turn; returns the median of each and of the ratio, round by round."""
+    """Alternate two measurements; return the median of each, and of the ratios of the rounds."""
     pairs = [(ours(), bare()) for _ in range(rounds)]
     return (
         statistics.median(a for a, _ in pairs),
@@ -55,16 +55,16 @@ def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int 
 
 
 def in_turn(ours: Callable[[], object], bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """Do two things by turns, one of each, so that both meet the same machine; returns both medians and their ratio."""
+    """Alternate two actions, so that both meet the same conditions; return both medians and their ratio."""
     clock = time.perf_counter
     times: tuple[list[float], list[float]] = ([], [])
     for number in range(count + count // 10):
-        for action, kept in zip((ours, bare), times, strict=True):
+        for action, samples in zip((ours, bare), times, strict=True):
             begin = clock()
             action()
             end = clock()
             if number >= count // 10:
-                kept.append(end - begin)
+                samples.append(end - begin)
     return medians(*times)
 
 
@@ -82,5 +82,5 @@ def middle(results: list[tuple[float, float, float]]) -> tuple[float, float, flo
 
 def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str = "") -> None:
     """Print one result."""
-    width = 58 - sum(unicodedata.east_asian_width(sign) in "WF" for sign in what)
+    width = 58 - sum(unicodedata.east_asian_width(character) in "WF" for character in what)
     print(f"{what:<{width}} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")

@@ -1,6 +1,6 @@
 """Round trips over TCP, UDP and a pseudo-terminal: a client against a bare socket or a bare port. Part of ``make bench``.
 
-On the far side is a peer that knows one answer, in a process of its own: one for the client, one for the bare reference.
+The peers always send the same reply; client and bare reference each have their own, in a separate process.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ LINE_REPLY = packet.pack(1, 0, 1, codec.encode(POSE), crc=True)
 SERIAL = slice(5, 7)
 
 
-# --- the far sides: as little as a peer can do ------------------------------------------------------------------------
+# --- minimal peers ----------------------------------------------------------------------------------------------------
 
 
 def tcp_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Answer whatever comes with the reply, the request's serial copied into it."""
+    """Reply to all data over TCP with the same reply, with the serial number of the request."""
     on_core(-1)
     head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -50,7 +50,7 @@ def tcp_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 
 def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """The same for datagrams, wherever they come from."""
+    """Reply to all datagrams with the same reply, with the serial number of the request."""
     on_core(-1)
     head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
@@ -62,15 +62,15 @@ def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 
 def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """The same at one end of a pseudo-terminal, with the CRC of every reply computed; the other end is told by its path."""
-    import tty  # Windows has none
+    """Reply likewise at one end of a pseudo-terminal, with a computed CRC; send the path of the other end to the pipe."""
+    import tty  # does not exist on Windows
 
     on_core(-1)
     head, tail = LINE_REPLY[1 : SERIAL.start], LINE_REPLY[SERIAL.stop : -3]
     ending = struct.Struct("<HB").pack
     peer, other_end = os.openpty()
     tty.setraw(other_end)
-    pipe.send(f"serial://{os.ttyname(other_end)}")  # stays open here, so that the line outlives its users
+    pipe.send(f"serial://{os.ttyname(other_end)}")  # other_end stays open, so that the line outlives its users
     while True:
         data = os.read(peer, 4096)
         while len(data) < len(LINE_REQUEST):
@@ -84,7 +84,7 @@ def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def tcp_exchange(url: str, request: bytes = REQUEST) -> Iterator[Callable[[], object]]:
-    """A plain socket, connected to a peer."""
+    """Yield an exchange over a plain socket, connected to a peer."""
     host, port = url.removeprefix("tcp://").split(":")
     with socket.create_connection((host, int(port))) as ours:
         ours.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -98,7 +98,7 @@ def tcp_exchange(url: str, request: bytes = REQUEST) -> Iterator[Callable[[], ob
 
 @contextmanager
 def udp_exchange(url: str) -> Iterator[Callable[[], object]]:
-    """A plain datagram socket, connected to a peer."""
+    """Yield an exchange over a plain datagram socket, connected to a peer."""
     host, port = url.removeprefix("udp://").split(":")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours:
         ours.connect((host, int(port)))
@@ -112,13 +112,13 @@ def udp_exchange(url: str) -> Iterator[Callable[[], object]]:
 
 @contextmanager
 def pty_exchange(url: str) -> Iterator[Callable[[], object]]:
-    """A plain port, opened by its path; the peer has made it raw."""
+    """Yield an exchange over a plain port, opened by its path; the peer has set it to raw mode."""
     ours = os.open(url.removeprefix("serial://"), os.O_RDWR | os.O_NOCTTY)
 
     def exchange() -> None:
         os.write(ours, LINE_REQUEST)
         missing = len(LINE_REPLY)
-        while missing:  # a line may hand over a reply in pieces
+        while missing:  # a reply may arrive in pieces
             missing -= len(os.read(ours, 4096))
 
     try:
@@ -131,14 +131,14 @@ def pty_exchange(url: str) -> Iterator[Callable[[], object]]:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """One way for packets to travel.
+class Route:
+    """A transport to measure.
 
     Attributes:
-        name: for the reader.
-        peer: the far side; sends its address first.
-        exchange: one bare exchange with such a peer.
-        aim: of the synchronous client.
+        name: Name of the transport.
+        peer: Runs the peer; sends its address first.
+        exchange: Yields a bare exchange with such a peer.
+        aim: Target ratio of the synchronous client, as text.
     """
 
     name: str
@@ -147,33 +147,33 @@ class Way:
     aim: str = ""
 
 
-WAYS = (
-    Way("TCP", tcp_peer, tcp_exchange, "aim <= 1.1"),
-    Way("UDP", udp_peer, udp_exchange),
-    Way("pty", pty_peer, pty_exchange),
+ROUTES = (
+    Route("TCP", tcp_peer, tcp_exchange, "aim <= 1.1"),
+    Route("UDP", udp_peer, udp_exchange),
+    Route("pty", pty_peer, pty_exchange),
 )
 
 
 def round_trips(count: int) -> None:
-    """Robot_Execute with 8 doubles each way, over everything that this system has."""
-    for way in WAYS:
-        if way.peer is not pty_peer or hasattr(os, "openpty"):
-            with process(way.peer) as url, process(way.peer) as bare_url, way.exchange(bare_url) as bare:
+    """Measure Robot_Execute with 8 doubles each way, over all transports that this system supports."""
+    for route in ROUTES:
+        if route.peer is not pty_peer or hasattr(os, "openpty"):
+            with process(route.peer) as url, process(route.peer) as bare_url, route.exchange(bare_url) as bare:
                 results = [synchronous(url, bare, count) for _ in range(ROUNDS)]
-                line(f"{way.name} round trip, 8 doubles each way, sync client", *middle(results), "us", way.aim)
+                line(f"{route.name} round trip, 8 doubles each way, sync client", *middle(results), "us", route.aim)
                 results = [asyncio.run(asynchronous(url, bare, count)) for _ in range(ROUNDS)]
-                line(f"{way.name} round trip, 8 doubles each way, async client", *middle(results), "us")
+                line(f"{route.name} round trip, 8 doubles each way, async client", *middle(results), "us")
 
 
 def synchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """Call and exchange by turns; returns both medians and their ratio."""
+    """Alternate calls and bare exchanges; return both medians and their ratio."""
     with orinkit.open_client(url) as client:
         call = client.call
         return in_turn(lambda: call(functions.robot_execute, *ARGUMENTS), bare, count)
 
 
 async def asynchronous(url: str, bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """The same in asyncio."""
+    """Alternate calls in asyncio and bare exchanges; return both medians and their ratio."""
     async with aio.open_client(url) as client:
         ours, other = [], []
         for _ in range(count):

@@ -1,4 +1,4 @@
-"""The least that can be served: variables that keep what is written. In processes of their own, at the last core."""
+"""A minimal provider: variables that store a value. It is served in separate processes, on the last core."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ PROVIDER = "CaoProv.DENSO.VRC"
 
 
 class Cell(VariableObject):
-    """A variable that keeps what is written."""
+    """A variable that stores a value."""
 
     value: Variant | float = 0.0
 
     def get_value(self) -> Value:
-        """The value."""
+        """Return the value."""
         return self.value
 
     def put_value(self, value: Variant) -> None:
-        """Set it."""
+        """Set the value."""
         self.value = value
 
 
 class Bench(ControllerObject):
-    """The least controller."""
+    """A minimal controller."""
 
     def get_variable(self, name: str, option: str) -> Cell:  # noqa: ARG002
-        """Any name will do."""
+        """Return a new variable for any name."""
         return Cell(name)
 
 
 class BenchProvider(Provider):
-    """Serves it."""
+    """The provider of the controller."""
 
     provider_names = (PROVIDER,)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Bench:  # noqa: ARG002
-        """Accept everyone."""
+        """Accept every client."""
         return Bench(name)
 
 
-def serve_until_told(provider: Provider, pipe: multiprocessing.connection.Connection, *urls: str) -> None:
-    """Serve until the parent goes; it is told the addresses, in one text."""
+def serve_until_terminated(provider: Provider, pipe: multiprocessing.connection.Connection, *urls: str) -> None:
+    """Serve until the parent ends; send it the addresses in one text."""
     on_core(-1)
     with orinkit.serve(provider, *urls) as server:
         pipe.send(" ".join(server.urls))
@@ -53,10 +53,10 @@ def serve_until_told(provider: Provider, pipe: multiprocessing.connection.Connec
 
 
 def tcp_server(pipe: multiprocessing.connection.Connection) -> None:
-    """Serve it over b-CAP."""
-    serve_until_told(BenchProvider(), pipe, "tcp://127.0.0.1:0")
+    """Serve the provider over b-CAP."""
+    serve_until_terminated(BenchProvider(), pipe, "tcp://127.0.0.1:0")
 
 
 def both_servers(pipe: multiprocessing.connection.Connection) -> None:
-    """Serve it over b-CAP and e-CAP."""
-    serve_until_told(BenchProvider(), pipe, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
+    """Serve the provider over b-CAP and e-CAP."""
+    serve_until_terminated(BenchProvider(), pipe, "tcp://127.0.0.1:0", "http://127.0.0.1:0")

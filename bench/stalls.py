@@ -1,6 +1,6 @@
-"""Stalls of the machine, seen by a real-time process on each core: what delays it delays everything else too.
+"""Detect stalls of the machine with a real-time process on each core: what delays it delays everything else too.
 
-``python bench/stalls.py CORE`` is such a process: it wakes every millisecond and prints when it was woken late.
+``python bench/stalls.py CORE`` is such a process: it wakes every millisecond and prints each late wake-up.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-PRIORITY = 90  # of SCHED_FIFO, above that of everything that is measured
+PRIORITY = 90  # of SCHED_FIFO, above that of the measured processes
 TICK = 0.001
 LATE = 0.004  # s that a watcher may be late: half a cycle of a controller
 
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """Seconds of the monotonic clock in which a core did nothing for a real-time process."""
+    """An interval (s of the monotonic clock) in which a core did not run a real-time process."""
 
     begin: float
     end: float
@@ -29,28 +29,28 @@ class Stall:
 
 @dataclass
 class Stalls:
-    """What the watchers have seen.
+    """The stalls that the watchers have detected.
 
     Attributes:
-        real_time: whether they have real-time priority; without it, other programs delay them as well.
+        real_time: The watchers have real-time priority; without it, other programs delay them as well.
     """
 
     real_time: bool = True
     _seen: list[Stall] = field(default_factory=list)
 
     def between(self, begin: float, end: float) -> list[Stall]:
-        """Return the stalls that overlap a time, those of several cores one by one."""
+        """Return the stalls that overlap an interval; stalls of several cores are listed separately."""
         return [stall for stall in list(self._seen) if stall.end > begin and stall.begin < end]
 
     def text(self, begin: float, end: float) -> str:
-        """Return them as words."""
+        """Return the number and the longest of the stalls in an interval as text."""
         found = self.between(begin, end)
         longest = max((stall.end - stall.begin for stall in found), default=0.0)
         what = "stalls of the machine" if self.real_time else "stalls (watched without real-time priority)"
         return f"{what} {len(found)}, longest {longest * 1e3:.0f} ms" if found else f"{what} 0"
 
     def read(self, lines: Iterator[str]) -> None:
-        """Take what a watcher prints."""
+        """Read the output of a watcher."""
         for line in lines:
             if line.startswith("no"):
                 self.real_time = False
@@ -61,7 +61,7 @@ class Stalls:
 
 @contextmanager
 def watched() -> Iterator[Stalls]:
-    """Watch every core meanwhile."""
+    """Watch all cores while the ``with`` statement lasts."""
     stalls = Stalls()
     watchers = [
         subprocess.Popen([sys.executable, __file__, str(core)], stdout=subprocess.PIPE, text=True)
@@ -84,7 +84,7 @@ def watched() -> Iterator[Stalls]:
 
 
 def watch(core: int) -> None:
-    """Watch one core until this process is ended, or its parent has gone."""
+    """Watch one core until this process is terminated or its parent has ended."""
     os.sched_setaffinity(0, {core})
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

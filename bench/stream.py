@@ -1,13 +1,13 @@
 """Streaming in slave mode while the program itself is busy: ``make bench``.
 
-The program that streams has busy pure-Python threads, and one that makes garbage. What is measured is what goes out over
-the wire: the gaps between two set-points, and whether the controller's buffer ran dry (0x84201482), against the plain way,
-a thread of the same program that sends slvMove itself. A virtual RC8 with strict time, in a process of its own, is the
-controller; its clock runs faster for cycles of 4 and 1 ms.
+The streaming program has busy pure-Python threads, and one that produces garbage. The measurement is made on the wire: the
+gaps between two set-points, and buffer underflows of the controller (0x84201482). The reference is a thread of the same
+program that calls slvMove itself. The controller is a virtual RC8 with strict time in a separate process; its clock runs
+faster for cycles of 4 and 1 ms.
 
-Three things are stated separately: *underflows*, the queue between program and streaming process was empty; *failures*, the
-controller ended the stream (after which it is begun again); and *stalls of the machine*, in which a real-time process that
-does nothing else was not woken either. A failure within 0.3 s of a stall is the machine's.
+Three figures are reported separately: *underflows*, the queue between program and streaming process was empty; *failures*,
+the controller ended the stream (which is then restarted); and *stalls of the machine*, in which an otherwise idle real-time
+process was not woken either. A failure within 0.3 s of a stall is attributed to the machine.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ GIGABYTE = 1 << 30
 PIECE = 1 << 25
 LISTENING = {"tcp": ("--tcp", "127.0.0.1:0"), "udp": ("--udp", "127.0.0.1:0"), "pty": ("--pty",)}
 PRIORITY = 70  # of SCHED_FIFO, below that of the streaming process
-PIECE_SECONDS = 20.0  # of the controller's time that are one trajectory
-NEAR_A_STALL = 0.3  # s, in which a failure has reached the program
-LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # what a set-point that is too late, and the one behind it, are answered
-PATIENCE = 20.0  # s until a controller in an error has its motor on again
+PIECE_SECONDS = 20.0  # s of the controller's clock per trajectory
+NEAR_A_STALL = 0.3  # s until a failure has reached the program
+LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # the return codes for a late set-point and for the one after it
+PATIENCE = 20.0  # s for a controller to switch its motor on again after an error
 
 
 @contextmanager
 def controller(scale: float = 1.0, wire: str = "tcp") -> Iterator[str]:
-    """A virtual RC8 in a process of its own, with a clock so many times as fast; yields its address."""
+    """Run a virtual RC8 in a separate process, with its clock scaled; yield its address."""
     command = [
         sys.executable,
         "-m",
@@ -71,7 +71,7 @@ def controller(scale: float = 1.0, wire: str = "tcp") -> Iterator[str]:
 
 
 def as_if_elsewhere(process: int) -> None:
-    """Give the controller a priority above the busy program, where that is permitted: a real one has its own processor."""
+    """Give the controller a higher priority than the busy program, if permitted: a real one has its own processor."""
     for thread in Path(f"/proc/{process}/task").iterdir():
         try:
             os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -81,7 +81,7 @@ def as_if_elsewhere(process: int) -> None:
 
 @contextmanager
 def busy(threads: int) -> Iterator[list[int]]:
-    """So many threads that count, and one that makes a gigabyte of garbage each second; yields how much was made."""
+    """Run threads that count, and one that produces 1 GB of garbage per second; yield a list with the amount in bytes."""
     end = threading.Event()
     made = [0]
 
@@ -116,28 +116,28 @@ def busy(threads: int) -> Iterator[list[int]]:
 
 
 def point(number: int) -> tuple[float, ...]:
-    """A set-point of a sine of two joints that begins and ends at rest."""
+    """Return a set-point of a sine of two joints that begins and ends at standstill."""
     sway = AMPLITUDE * (1 - math.cos(2 * math.pi * number / CYCLE))
     return (START[0] + sway, START[1] + sway, *START[2:])
 
 
 def trajectory(seconds: float) -> list[tuple[float, ...]]:
-    """Whole sines for about so many seconds of the controller's time."""
+    """Return whole sines for about ``seconds`` of the controller's clock."""
     count = max(1, round(seconds / PERIOD / CYCLE)) * CYCLE
     return [point(number) for number in range(count + 1)]
 
 
 @dataclass
 class Outcome:
-    """What became of a measurement.
+    """Result of a measurement.
 
     Attributes:
-        sent: set-points.
-        underflows: how often the queue was empty while the arm moved.
-        failures: when the controller, or the connection, ended the stream, monotonic s, and how.
-        gaps: seconds between two set-points, of whole trajectories.
-        own: of these, from an answer to the next set-point.
-        began, ended: monotonic s.
+        sent: Number of set-points.
+        underflows: How often the queue was empty while the arm moved.
+        failures: Time (monotonic, s) and error of each stream that the controller or the connection ended.
+        gaps: Times between two set-points in s, for whole trajectories.
+        own: Times from a reply to the next set-point in s.
+        began, ended: Begin and end (monotonic, s).
     """
 
     sent: int = 0
@@ -149,12 +149,12 @@ class Outcome:
     ended: float = 0.0
 
     def excused(self, stalls: Stalls) -> int:
-        """Return how many of the failures came with a stall of the machine."""
+        """Return the number of failures that coincide with a stall of the machine."""
         return sum(bool(stalls.between(moment - NEAR_A_STALL, moment)) for moment, _ in self.failures)
 
 
 def ours(url: str, seconds: float, mode: int) -> Outcome:
-    """Stream with orinkit for so many seconds of the controller's time; after a failure, begin again."""
+    """Stream with orinkit for ``seconds`` of the controller's clock; restart after a failure."""
     outcome = Outcome()
     wanted = round(seconds / PERIOD)
     while outcome.sent < wanted and len(outcome.failures) < 100:
@@ -163,7 +163,7 @@ def ours(url: str, seconds: float, mode: int) -> Outcome:
             _stream(url, mode, wanted, outcome)
         except OrinError as error:
             outcome.failures.append((time.monotonic(), str(error)))
-            if outcome.sent == before and len(outcome.failures) > 2:  # it does not work at all
+            if outcome.sent == before and len(outcome.failures) > 2:  # nothing works
                 break
     outcome.ended = time.monotonic()
     return outcome
@@ -191,7 +191,7 @@ def _stream(url: str, mode: int, wanted: int, outcome: Outcome) -> None:
 
 
 def recover(rc8: orinkit.Controller, robot: orinkit.Robot) -> None:
-    """Clear what an earlier failure has left; the motor goes off after it, which takes a moment."""
+    """Clear the error of an earlier failure and switch the motor on; retry while it is still switching off."""
     end = time.monotonic() + PATIENCE
     while True:
         try:
@@ -206,7 +206,7 @@ def recover(rc8: orinkit.Controller, robot: orinkit.Robot) -> None:
 
 
 def plain(url: str, seconds: float) -> Outcome:
-    """Send slvMove from a thread of this program, mode 0, 8 ms by the clock; after a failure, begin again."""
+    """Send slvMove from a thread of this program, mode 0, every 8 ms by the clock; restart after a failure."""
     outcome = Outcome()
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -225,7 +225,7 @@ def plain(url: str, seconds: float) -> Outcome:
 
 
 def _by_the_clock(robot: orinkit.Robot, points: list[tuple[float, ...]], outcome: Outcome) -> None:
-    """Send every 8 ms what the clock says, the way that users write first."""
+    """Send a set-point every 8 ms by the clock, as a first program of a user would."""
     sent: list[float] = []
     try:
         robot.execute("slvChangeMode", 0x002)
@@ -256,7 +256,7 @@ def _taken(robot: orinkit.Robot, joints: tuple[float, ...]) -> bool:
 def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "") -> None:
     """Print one line."""
     timing = Timing(tuple(outcome.gaps))
-    late = sum(gap > 3 * cycle for gap in timing.gaps)  # which a buffer of three set-points does not outlast
+    late = sum(gap > 3 * cycle for gap in timing.gaps)  # more than the controller's buffer of three set-points covers
     print(
         f"{what:<46} {outcome.sent:>6} set-points, underflows {outcome.underflows}, "
         f"failures {len(outcome.failures)} ({outcome.excused(stalls)} with a stall), "
@@ -270,14 +270,14 @@ def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "
 
 
 def show_ours(what: str, outcome: Outcome, cycle: float, stalls: Stalls) -> None:
-    """Print one line, with what the streaming process itself needs: from an answer to the next set-point (mode 2)."""
+    """Print one line, with the delay of the streaming process itself: from a reply to the next set-point (mode 2)."""
     own = Timing(tuple(outcome.own))
-    text = f"; answer to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
+    text = f"; reply to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
     show(what, outcome, cycle, stalls, text if outcome.own else "")
 
 
 def long_run(seconds: float, stalls: Stalls) -> None:
-    """8 ms for ten minutes with one, then four busy threads, and the plain way in the same run."""
+    """Measure 8 ms with one, then four busy threads, and the plain thread in the same run."""
     for threads in (1, 4):
         with controller() as url, busy(threads) as made:
             began, before = time.monotonic(), made[0]
@@ -288,7 +288,7 @@ def long_run(seconds: float, stalls: Stalls) -> None:
 
 
 def short_cycles(seconds: float, stalls: Stalls) -> None:
-    """The other modes at 8 ms, and cycles of 4 and 1 ms, with four busy threads."""
+    """Measure the other modes at 8 ms, and cycles of 4 and 1 ms, with four busy threads."""
     for mode, scale in ((0, 1.0), (1, 1.0), (2, 2.0), (2, 8.0)):
         with controller(scale) as url, busy(4):
             outcome = ours(url, seconds * scale, mode)
@@ -297,7 +297,7 @@ def short_cycles(seconds: float, stalls: Stalls) -> None:
 
 
 def other_wires(seconds: float, stalls: Stalls) -> None:
-    """8 ms over UDP and over a pseudo-terminal, with a busy thread."""
+    """Measure 8 ms over UDP and over a pseudo-terminal, with a busy thread."""
     for wire in ("udp", "pty"):
         with controller(wire=wire) as url, busy(1):
             show_ours(f"orinkit, 8 ms, mode 2, {wire}, 1 busy", ours(url, seconds, 2), PERIOD, stalls)
@@ -305,12 +305,12 @@ def other_wires(seconds: float, stalls: Stalls) -> None:
 
 @dataclass
 class Delays:
-    """How long live targets took to the wire.
+    """Delays of live targets until they were on the wire.
 
     Attributes:
-        all: s, of each target.
-        added: s, without what the controller had the process wait for.
-        failures: streams that the controller ended.
+        all: Delay of each target in s.
+        added: Delay of each target in s, without the time spent waiting for the controller.
+        failures: Number of streams that the controller ended.
     """
 
     all: list[float] = field(default_factory=list)
@@ -319,7 +319,7 @@ class Delays:
 
 
 def latency(seconds: float) -> None:
-    """From ``stream.target = ...`` to the wire."""
+    """Measure the delay from ``stream.target = ...`` to the wire."""
     for threads in (0, 1):
         delays = Delays()
         with controller() as url, busy(threads):
@@ -329,7 +329,10 @@ def latency(seconds: float) -> None:
                     _follow_targets(url, end, delays)
                 except OrinError:
                     delays.failures += 1
-        for what, values in (("target to the wire", delays.all), ("of that without the controller", delays.added)):
+        for what, values in (
+            ("target to the wire", delays.all),
+            ("the same without waiting for the controller", delays.added),
+        ):
             timing = Timing(tuple(values))
             print(
                 f"{f'{what}, 8 ms, mode 2, {threads} busy':<58} {len(values):>5} targets, "
@@ -351,7 +354,7 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
                 while time.monotonic() < end:
                     number += 1
                     stream.target = orinkit.J(*point(number))
-                    time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # at any moment of the cycle
+                    time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # at varying times within the cycle
                     for sample in stream.samples():
                         if sample.delay is not None:
                             delays.all.append(sample.delay)
@@ -360,12 +363,12 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
 
 
 def main() -> None:
-    """Run everything."""
-    from gateway import slave_through_gateway  # which is made of what is above
+    """Run all measurements."""
+    from gateway import slave_through_gateway  # imports this module
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="seconds instead of minutes, to see that it runs")
-    parser.add_argument("--minutes", type=float, default=10.0, help="of each long run")
+    parser.add_argument("--quick", action="store_true", help="run seconds instead of minutes, to check that it runs")
+    parser.add_argument("--minutes", type=float, default=10.0, help="duration of each long run")
     arguments = parser.parse_args()
     seconds = 4.0 if arguments.quick else arguments.minutes * 60
     print("Streaming in slave mode, strict time; gaps are those between two set-points on the wire.")

@@ -1,4 +1,4 @@
-"""Speeds of the virtual RC8: programs, kinematics, motions. Part of ``make bench``; the reference is plain Python."""
+"""Performance of the virtual RC8: programs, kinematics, motions. Part of ``make bench``; the reference is plain Python."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 
 
 def statements(seconds: float = SECONDS) -> Callable[[], float]:
-    """Return what runs a program in the controller for so many of its seconds and gives statements per second spent."""
+    """Return a function that runs a program for ``seconds`` of the controller's clock and returns statements per real second."""
     clock = ManualClock()
     rc8 = VirtualRC8(clock=clock, samples=False)
     rc8.state.files.write("Count.pcs", COUNTING.encode())
@@ -45,13 +45,13 @@ def statements(seconds: float = SECONDS) -> Callable[[], float]:
         for _ in range(round(seconds / PERIOD)):
             clock.advance(PERIOD)
         spent = time.perf_counter() - begin
-        return float(2 * (counter.get_value().plain - before) / spent)  # a turn is two statements
+        return float(2 * (counter.get_value().plain - before) / spent)  # an iteration is two statements
 
     return run
 
 
 def plain_statements() -> float:
-    """Statements per second of the same loop in plain Python."""
+    """Return statements per second of the same loop in plain Python."""
     values, begin = {"I1": 0}, time.perf_counter()
     for _ in range(200_000):
         values["I1"] = values["I1"] + 1
@@ -59,7 +59,7 @@ def plain_statements() -> float:
 
 
 def kinematics() -> dict[str, Callable[[], object]]:
-    """Return what is measured of a VS-050, by what it is."""
+    """Return the functions to measure for a VS-050, by name."""
     kin = Kinematics(load_model("VS-050"))
     flange = kin.forward(HOME)
     near = np.asarray(HOME)
@@ -74,12 +74,12 @@ def kinematics() -> dict[str, Callable[[], object]]:
 
 
 def sines() -> object:
-    """A yardstick: twelve sines and cosines, what a bare forward kinematics needs at the least."""
+    """Compute twelve sines and cosines, the minimum for forward kinematics, as the reference."""
     return [(math.sin(angle), math.cos(angle)) for angle in HOME]
 
 
 def cycle() -> Callable[[], object]:
-    """Return what does one cycle of the controller while the arm moves."""
+    """Return a function that runs one cycle of the controller while the arm moves."""
     clock = ManualClock()
     rc8 = VirtualRC8(clock=clock, motor=True, samples=False)
     robot: Any = rc8.connect("", "", "", ClientInfo()).get_robot("", "")
