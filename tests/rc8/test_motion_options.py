@@ -104,7 +104,7 @@ INVALID, RANGE = hresult.MOTION_OPTION_INVALID, hresult.VALUE_OUT_OF_RANGE
         ("," * 1025, INVALID, "option string of 1025 characters exceeds the limit of 1024"),
     ],
 )  # fmt: skip
-def test_what_is_no_option(text, code, detail):
+def test_invalid_options(text, code, detail):
     with pytest.raises(CallError) as caught:
         parse_options(text)
     assert caught.value.code == code

@@ -94,7 +94,7 @@ def test_a_session_asks_its_controllers(caplog: pytest.LogCaptureFixture) -> Non
     assert axis.stopped == 2
 
 
-def test_a_conversation_tells_when_it_heard_and_answered() -> None:
+def test_a_conversation_records_the_times_of_requests_and_replies() -> None:
     conversation = ServerConversation()
     request = packet.encode(Packet(1, 1, ["WDT=400,Alive=1000"]))
     (call,) = conversation.receive(request, 5.0)

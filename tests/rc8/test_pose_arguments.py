@@ -189,7 +189,7 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         ([[[list(POSE), "P"]]], TYPE, "pose 1: got VT_R8|VT_ARRAY, expected a number of a pose"),
     ],
 )  # fmt: skip
-def test_what_is_no_pose(argument, code, detail):
+def test_invalid_poses(argument, code, detail):
     with pytest.raises(CallError) as caught:
         read_targets(variant(argument))
     assert caught.value.code == code

@@ -87,7 +87,7 @@ def test_the_nine_modes_of_table_4_1():
         assert sf.mode_number(mode.buffering, mode.kind) == number == mode.number
 
 
-def test_off_is_no_mode():
+def test_off_is_not_a_mode():
     assert sf.OFF == 0
     assert sf.mode_of(sf.OFF) is None
 
@@ -233,7 +233,7 @@ def test_too_few_and_too_many_numbers_for_slv_recv_format(parameter):
     ],
     ids=label,
 )
-def test_what_is_no_number_for_slv_recv_format(parameter, match):
+def test_invalid_numbers_for_slv_recv_format(parameter, match):
     mismatch(match, sf.read_receive_parameter, variant(parameter))
     i18n.use("ja")
     mismatch("受信フォーマット: |タイムスタンプの単位: ", sf.read_receive_parameter, variant(parameter))
@@ -405,7 +405,7 @@ def test_giant_arrays_are_refused_by_their_length(kind, value):
         ("T", (0x4000C0, 1), "flags 0x4000C0 of extended joints require 2 .* got 1"),
     ],
 )
-def test_flags_that_are_none_or_do_not_agree(kind, behind, match):
+def test_invalid_flags_and_flags_that_do_not_match(kind, behind, match):
     numbers = r8(*POSES[kind], *behind)
     invalid(match, sf.read_set_point, kind, numbers, *POSE_ONLY)
     i18n.use("ja")
@@ -473,7 +473,7 @@ def test_a_figure_that_is_no_whole_number_with_extra_axes():
         (form(form(*J[:7], "0")), "VT_BSTR"),
     ],
 )
-def test_what_is_no_pose(parameter, name):
+def test_invalid_poses(parameter, name):
     if name == "elements":
         invalid(
             "slvMove has 8 elements, the current formats require 1: pose", sf.read_set_point, "J", parameter, *POSE_ONLY
@@ -751,7 +751,7 @@ def test_poses_that_cannot_be_sent(kind, pose, match):
         sf.encode_set_point(kind, SetPoint(pose), *POSE_ONLY)
 
 
-def test_an_extra_axis_that_goes_nowhere():
+def test_an_extended_joint_without_a_value():
     with pytest.raises(InvalidValue, match=r"extended joints \(\(7, None\),\): not all values are numbers"):
         sf.encode_set_point("P", SetPoint(P, ((7, None),)), *POSE_ONLY)
 
@@ -922,7 +922,7 @@ def test_a_timestamp_begins_again_where_a_vt_i4_ends(time, sent):
         (0x40, SlaveAnswer(J, current=J[:6]), "motor currents"),
     ],
 )
-def test_answers_that_lack_what_the_format_has(number, answer, name):
+def test_results_without_a_field_of_the_format(number, answer, name):
     with pytest.raises(InvalidValue, match=f"{name}: required by the receive format, but missing or of another length"):
         sf.build_answer(ReceiveFormat(number), answer)
     i18n.use("ja")
@@ -977,7 +977,7 @@ def test_a_client_also_reads_whole_numbers_and_fewer_currents():
     ],
     ids=label,
 )
-def test_answers_that_are_not_what_the_format_says(number, value, match):
+def test_results_that_do_not_match_the_format(number, value, match):
     with pytest.raises(ProtocolError, match=match) as caught:
         sf.read_answer(ReceiveFormat(number), value)
     assert len(str(caught.value)) < 300
@@ -1005,7 +1005,7 @@ def temperature(monkeypatch) -> SlaveField:
 WARM = ReceiveFormat(0x402)
 
 
-def test_a_field_without_an_attribute_goes_there_and_back(temperature):
+def test_a_field_without_an_attribute_survives_a_round_trip(temperature):
     given = SlaveAnswer.of({"joints": J, temperature.name: 36.5})
     assert given == SlaveAnswer(J, more={"temperature": 36.5})
     assert given.values() == {"joints": J, "temperature": 36.5}
@@ -1023,7 +1023,7 @@ def test_a_field_without_an_attribute_that_is_missing():
 
 @pytest.mark.usefixtures("temperature")
 @pytest.mark.parametrize("value", [None, "1", [1.0], True, math.nan, math.inf, -math.inf])
-def test_what_is_no_number(value):
+def test_invalid_numbers(value):
     with pytest.raises(ProtocolError, match=r"0x0402: temperature is .*, expected a finite number$"):
         sf.read_answer(WARM, [list(J), value])
     i18n.use("ja")

@@ -36,7 +36,7 @@ def test_another_answer_is_that_of_a_controller_without_the_command(answer):
         (Lateness(3, 0.1004, 0.17), "3 late set-points, by up to 100 ms", "遅延した位置指令 3 個 (最大 100 ms)"),
     ],
 )
-def test_it_is_told_in_both_languages(late, en, ja):
+def test_messages_in_both_languages(late, en, ja):
     assert str(late) == en
     i18n.use("ja")
     assert str(late) == ja

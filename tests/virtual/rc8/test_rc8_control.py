@@ -183,7 +183,7 @@ def test_the_message_of_an_error(press, rc8):
     assert len(rc8.state.faults.current.at(0).message) == 500
 
 
-def test_a_fatal_error_wants_a_restart(press, rc8, refused):
+def test_a_fatal_error_requires_a_restart(press, rc8, refused):
     press("RaiseError", "0x85000001")
     assert refused(press, "ClearErrors") == hresult.FATAL_ERROR_BEFORE
     press("Restart")
@@ -244,16 +244,16 @@ def test_status_is_json_of_plain_values(press, status):
         ("x" * 1_000_000, None, hresult.E_INVALID_CMD_NAME),
     ],
 )
-def test_what_is_refused(command, parameter, refusal, press, refused):
+def test_refused_buttons(command, parameter, refusal, press, refused):
     assert refused(press, command, parameter) == refusal
 
 
-def test_the_pendants_own_words_are_the_detail(press):
+def test_the_message_of_the_pendant_is_the_detail(press):
     with pytest.raises(CallError, match="axis 7 does not exist; valid axes: 1 to 6"):
         press("Jog", [7, 1])
 
 
-def test_the_machine_lock_wants_the_motor_off(press, rc8, refused):
+def test_the_machine_lock_requires_the_motor_off(press, rc8, refused):
     rc8.state.arm.motor.state = MotorState.ON
     assert refused(press, "MachineLock", 1) == hresult.MOTOR_IS_ON
 
@@ -305,7 +305,7 @@ def test_the_secret_is_random_unless_one_is_given(rc8, refused):
         ControlProvider(rc8, secret="short")
 
 
-def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8, monkeypatch, caplog):
+def test_wrong_secrets_are_delayed_and_logged_and_the_right_one_is_not(rc8, monkeypatch, caplog):
     slept = []
     monkeypatch.setattr(control.time, "sleep", slept.append)
     provider = ControlProvider(rc8, secret=SECRET)
@@ -328,7 +328,7 @@ def test_wrong_secrets_are_slowed_down_and_told_of_and_the_right_one_is_not(rc8,
     assert told == ["control port: 5 clients with a wrong secret, or with none, were refused"]
 
 
-def test_it_is_no_provider_of_the_controller(rc8, panel):
+def test_it_is_not_a_provider_of_the_controller(rc8, panel):
     session = Session(ProviderRegistry(ControlProvider(rc8, secret=SECRET)))
     names = [variant(part) for part in ("", "CaoProv.DENSO.VRC", "localhost", OPTION)]
     assert session.invoke(3, names).code == hresult.E_CAO_PROV_INVALID

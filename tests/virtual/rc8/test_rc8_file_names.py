@@ -124,7 +124,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD, ids=lambda name: ascii(name)[:40])
-def test_a_name_is_refused_and_says_why(name):
+def test_a_refused_name_has_a_reason(name):
     with pytest.raises(InvalidArgument) as caught:
         read_name(name)
     assert caught.value.code == hresult.E_INVALIDARG
@@ -182,7 +182,7 @@ def test_extension(name, wanted):
     assert extension(name) == wanted
 
 
-def test_the_root_is_told_as_a_separator():
+def test_the_root_is_written_as_a_separator():
     assert join(()) == str(read_name("")) == "\\"
 
 

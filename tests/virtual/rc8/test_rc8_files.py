@@ -65,7 +65,7 @@ def open_file(store, caller):
 
 
 @pytest.fixture
-def told(store) -> list[str]:
+def notified(store) -> list[str]:
     names: list[str] = []
     store.changed.append(names.append)
     return names
@@ -246,32 +246,32 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("method", "arguments", "code"), REFUSALS)
-def test_what_the_store_refuses_changes_nothing(method, arguments, code, store, root, told, refused):
+def test_refused_calls_change_nothing(method, arguments, code, store, root, notified, refused):
     store.write("file", b"1")
     store.make_folder("dir")
     store.make_folder("dir\\sub")
     store.write("dir\\in", b"2")
-    told.clear()
+    notified.clear()
     with untouched(root):
         assert refused(getattr(store, method), *arguments) == code
-    assert told == []
+    assert notified == []
 
 
-def test_recursive_delete_reports_the_files_that_went(store, told, root):
+def test_recursive_delete_reports_the_deleted_files(store, notified, root):
     store.make_folder("dir")
     store.make_folder("dir\\sub")
     store.write("dir\\a.pcs", b"")
     store.write("dir\\sub\\b.pcs", b"")
-    told.clear()
+    notified.clear()
     store.delete("DIR", recursive=True)
-    assert told == ["dir\\a.pcs", "dir\\sub\\b.pcs"]
+    assert notified == ["dir\\a.pcs", "dir\\sub\\b.pcs"]
     assert list(root.iterdir()) == []
     store.make_folder("dir")
     store.delete("dir")
     assert not store.exists("dir")
 
 
-def test_listeners_are_told_each_change_of_a_file(store, told):
+def test_listeners_are_called_for_each_change_of_a_file(store, notified):
     store.write("Pro1.pcs", b"1")
     store.write("pro1.pcs", b"2")
     store.create("x.txt")
@@ -281,7 +281,7 @@ def test_listeners_are_told_each_change_of_a_file(store, told):
     store.move("dir", "other")
     store.move("x.txt", "X.TXT")
     store.delete("x.txt")
-    assert told == [
+    assert notified == [
         *("Pro1.pcs", "Pro1.pcs", "x.txt", "dir\\Copy.pcs", "Pro1.pcs", "dir\\Moved.pcs"),
         *("dir\\Copy.pcs", "other\\Copy.pcs", "dir\\Moved.pcs", "other\\Moved.pcs"),
         *("x.txt", "X.TXT", "X.TXT"),
@@ -289,14 +289,14 @@ def test_listeners_are_told_each_change_of_a_file(store, told):
     assert store.read("other\\copy.pcs") == b"2"
 
 
-def test_a_listener_that_fails_spoils_neither_the_write_nor_the_others(store, told, caplog):
+def test_a_failing_listener_affects_neither_the_write_nor_the_others(store, notified, caplog):
     def fail(name: str) -> None:
         raise ValueError(name)
 
     store.changed.insert(0, fail)
     store.write("a", b"1")
     assert store.read("a") == b"1"
-    assert told == ["a"]
+    assert notified == ["a"]
     assert "a has changed" in caplog.text
 
 
@@ -425,7 +425,7 @@ def test_a_write_that_the_system_refuses_leaves_the_old_content(store, root, ref
     assert store.read("a") == b"old"
 
 
-def test_e_fail_says_what_the_system_said(store, root):
+def test_e_fail_contains_the_reason_of_the_system(store, root):
     store.root = root / "/".join(["x" * 250] * 17)  # longer than the system allows for a path
     with pytest.raises(CallError) as caught:
         store.exists("a")
@@ -434,7 +434,7 @@ def test_e_fail_says_what_the_system_said(store, root):
     assert str(root) not in caught.value.detail
 
 
-def test_a_store_whose_directory_has_gone(store, root, refused):
+def test_a_store_whose_directory_is_missing(store, root, refused):
     store.write("a", b"")
     shutil.rmtree(root)
     assert not store.exists("a")
@@ -500,11 +500,11 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize("name", HOSTILE, ids=lambda name: ascii(name)[:30])
-def test_hostile_names_are_refused_by_every_method(name, store, root, outside, told, refused, open_file):
+def test_hostile_names_are_refused_by_every_method(name, store, root, outside, notified, refused, open_file):
     store.make_folder("dir")
     store.write("file", b"1")
     file, folder = open_file("file"), open_file("dir")
-    told.clear()
+    notified.clear()
     with untouched(outside.parent):
         calls = [
             (store.exists, name), (store.is_folder, name), (store.path, name), (store.names, name), (store.size, name),
@@ -514,7 +514,7 @@ def test_hostile_names_are_refused_by_every_method(name, store, root, outside, t
             (folder.get_file, name, CREATE), (file.copy, name, ""), (file.move, name, ""),
         ]  # fmt: skip
         assert [refused(*call) for call in calls] == [INVALID] * len(calls)
-    assert told == []
+    assert notified == []
 
 
 @pytest.fixture
@@ -545,7 +545,7 @@ BEHIND = [
 
 @pytest.mark.parametrize("name", LINKS + BEHIND)
 def test_links_are_not_there_and_nothing_is_written_through_them(
-    name, store, planted, outside, told, refused, open_file
+    name, store, planted, outside, notified, refused, open_file
 ):
     with untouched(outside.parent):
         assert (store.exists(name), store.is_folder(name)) == (False, False)
@@ -560,7 +560,7 @@ def test_links_are_not_there_and_nothing_is_written_through_them(
         ):  # fmt: skip
             assert refused(*arguments) == DENIED
     assert store.names() == ["dir\\", "file"]
-    assert (store.names("dir"), store.programs(), told) == ([], [], [])
+    assert (store.names("dir"), store.programs(), notified) == ([], [], [])
 
 
 def test_a_link_that_takes_a_files_place_while_a_client_holds_it(store, root, outside, open_file, refused):
@@ -586,7 +586,7 @@ def test_a_link_that_takes_a_files_place_while_a_client_holds_it(store, root, ou
         assert refused(folder.delete, "@Recursive=1") == NOT_FOUND
 
 
-def test_a_recursive_delete_leaves_what_links_lead_to(store, planted, outside):
+def test_a_recursive_delete_does_not_follow_links(store, planted, outside):
     with untouched(outside):
         store.delete("dir", recursive=True)
     assert not (planted / "dir").exists()
@@ -613,7 +613,7 @@ def test_a_rename_in_case_does_not_replace_a_link(store, root, outside, refused)
     assert store.read("a.pcs") == b"2"
 
 
-def test_a_link_planted_between_the_look_and_the_open_is_not_followed(root, outside):
+def test_a_link_planted_between_check_and_open_is_not_followed(root, outside):
     root.mkdir(parents=True)
     (root / "link").symlink_to(outside / "canary.pcs")
     os.mkfifo(root / "pipe")
@@ -819,7 +819,7 @@ def test_a_file_is_created_with_the_folders_that_it_is_in(open_file, store):
     assert store.is_folder("c\\d")
 
 
-def test_what_a_file_says_of_itself(open_file, store, clock):
+def test_attributes_of_a_file(open_file, store, clock):
     store.make_folder("dir")
     file = open_file("DIR/Pro1.PCS", CREATE)
     clock.advance(1.5)
@@ -914,7 +914,7 @@ def test_content_is_text_or_bytes(name, data, wanted, store, open_file):
         (Variant(VarType.EMPTY), b""),
     ],
 )
-def test_what_is_put_is_kept_exactly(value, kept, store, open_file):
+def test_content_is_stored_exactly(value, kept, store, open_file):
     file = open_file("a.pcs", CREATE)
     file.put_value(text("before"))
     file.put_value(value)
@@ -1000,7 +1000,7 @@ def test_a_folder_is_deleted_with_its_content_on_demand(open_file, store, refuse
     assert store.names() == []
 
 
-def test_run_hands_the_program_to_whoever_runs_them(open_file, refused):
+def test_run_passes_the_program_to_its_callback(open_file, refused):
     runs = []
 
     def run(caller: ClientContext, name: str, option: str) -> str:
@@ -1021,10 +1021,10 @@ def test_run_hands_the_program_to_whoever_runs_them(open_file, refused):
     assert len(runs) == 1
 
 
-def test_a_reader_changes_nothing(open_file, store, told, refused):
+def test_a_reader_changes_nothing(open_file, store, notified, refused):
     store.write("a.pcs", b"1")
     store.make_folder("dir")
-    told.clear()
+    notified.clear()
     file = open_file("a.pcs", access=AccessRight.READ)
     assert plain(file) == "1"
     assert file.get_attribute() == 1
@@ -1034,7 +1034,7 @@ def test_a_reader_changes_nothing(open_file, store, told, refused):
         (open_file, "new", CREATE, AccessRight.READ), (open_file, "new\\", CREATE, AccessRight.READ),
     ]  # fmt: skip
     assert [refused(*call) for call in calls] == [hresult.NO_WRITE_RIGHT] * len(calls)
-    assert (told, store.names()) == ([], ["a.pcs", "dir\\"])
+    assert (notified, store.names()) == ([], ["a.pcs", "dir\\"])
 
 
 def test_without_the_right_to_read_there_is_nothing_to_see(caller, store, refused):
@@ -1129,7 +1129,7 @@ def test_every_function_of_a_file_answers_as_the_table_types_it(caller, store):
     session.close()
 
 
-def test_a_write_is_refused_while_the_directory_is_gone(store, root):
+def test_a_write_is_refused_while_the_directory_is_missing(store, root):
     store.write("a.pcs", b"old")
     away = root.with_name("away")
     root.rename(away)

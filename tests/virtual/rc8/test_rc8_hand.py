@@ -37,19 +37,19 @@ def hand0(controller):
     return lambda command, parameter=None: extension.execute(command, variant(parameter))
 
 
-def code(promise: Deferred[None]) -> int:
+def code(deferred: Deferred[None]) -> int:
     """Return the code with which a Deferred failed, 0 if it succeeded."""
-    assert promise.done()
+    assert deferred.done()
     try:
-        promise.result()
+        deferred.result()
     except CallError as error:
         return error.code
     return 0
 
 
-def seconds_of(clock: ManualClock, promise: Deferred[None]) -> float:
+def seconds_of(clock: ManualClock, deferred: Deferred[None]) -> float:
     begun = clock.now()
-    while not promise.done():
+    while not deferred.done():
         clock.advance(PERIOD)
         assert clock.now() - begun < 60
     return clock.now() - begun
@@ -60,13 +60,13 @@ def seconds_of(clock: ManualClock, promise: Deferred[None]) -> float:
 
 def test_a_movement_takes_its_time(execute, clock, hand):
     assert execute("HandCurPos") == Variant(R8, STROKE)
-    promise = execute("HandMoveA", [10, 50])
-    assert not promise.done()
+    deferred = execute("HandMoveA", [10, 50])
+    assert not deferred.done()
     assert execute("HandBusyState") == Variant(BOOL, True)
-    took = seconds_of(clock, promise)
+    took = seconds_of(clock, deferred)
     ideal = 20 / (SPEED / 2) + SPEED / 2 / ACCELERATION  # a trapezoid
     assert took == pytest.approx(ideal, abs=3 * PERIOD)
-    assert code(promise) == 0
+    assert code(deferred) == 0
     assert (hand.position, hand.busy, hand.holding) == (10.0, False, False)
     assert execute("HandBusyState") == Variant(BOOL, False)
 
@@ -91,10 +91,10 @@ def test_every_movement_arrives(start, target, speed):
     device = VirtualRC8(clock=clock, samples=False)
     hand = device.state.hand
     hand.position = start
-    promise = hand.move(target, speed)
+    deferred = hand.move(target, speed)
     ideal = abs(target - start) / (SPEED * speed / 100) + SPEED * speed / 100 / ACCELERATION
     clock.advance(ideal + 5 * PERIOD)
-    assert code(promise) == 0
+    assert code(deferred) == 0
     assert hand.position == target
     device.close()
 
@@ -113,9 +113,9 @@ def test_every_movement_arrives(start, target, speed):
     ],
 )
 def test_where_movements_go(command, parameter, position, execute, clock, hand):
-    promise = execute(command, parameter)
+    deferred = execute(command, parameter)
     clock.advance(2)
-    assert (code(promise), hand.position, hand.holding) == (0, position, False)
+    assert (code(deferred), hand.position, hand.holding) == (0, position, False)
 
 
 @pytest.mark.parametrize(
@@ -159,13 +159,13 @@ def test_next_answers_at_once(command, parameter, execute, clock, hand):
         ("HandMoveX", None, hresult.E_INVALID_CMD_NAME),
     ],
 )
-def test_what_is_refused(command, parameter, refusal, execute, refused, hand):
+def test_refused_commands(command, parameter, refusal, execute, refused, hand):
     assert refused(execute, command, parameter) == refusal
     assert (hand.busy, hand.position) == (False, STROKE)
 
 
 @pytest.mark.parametrize("arguments", [(math.nan, 50), (10, math.nan), (10, 50, math.nan), (10, 50, math.inf)])
-def test_the_mechanism_itself_refuses_what_is_no_number(arguments, hand, refused):
+def test_the_mechanism_refuses_numbers_that_are_not_finite(arguments, hand, refused):
     assert refused(hand.move, *arguments) == hresult.VALUE_OUT_OF_RANGE
 
 
@@ -179,19 +179,19 @@ def test_a_new_command_replaces_the_one_before(execute, clock, hand):
 
 
 def test_one_that_is_refused_replaces_nothing(execute, clock, hand, refused):
-    promise = execute("HandMoveA", [0, 100])
+    deferred = execute("HandMoveA", [0, 100])
     clock.advance(0.1)
     refused(execute, "HandMoveA", [99, 100])
     clock.advance(1)
-    assert (code(promise), hand.position) == (0, 0.0)
+    assert (code(deferred), hand.position) == (0, 0.0)
 
 
 def test_stop(execute, clock, hand):
-    promise = execute("HandMoveA", [0, 100])
+    deferred = execute("HandMoveA", [0, 100])
     clock.advance(0.1)
     assert execute("HandStop") is None
     where = hand.position
-    assert code(promise) == hresult.STOPPED_DURING_PC_MOTION
+    assert code(deferred) == hresult.STOPPED_DURING_PC_MOTION
     clock.advance(1)
     assert 0 < hand.position == where < STROKE
     assert execute("HandStop") is None  # no movement
@@ -206,12 +206,12 @@ def test_an_emergency_stop_ends_a_movement_but_not_a_grip(rc8, execute, clock, h
     assert hand.holding
     assert refused(execute, "HandMoveA", [30, 100]) == hresult.EMERGENCY_STOP_ON
     rc8.emergency_stop(False)
-    promise = execute("HandMoveA", [30, 100])
+    deferred = execute("HandMoveA", [30, 100])
     clock.advance(0.1)
     rc8.emergency_stop(True)
     clock.advance(PERIOD)
     where = hand.position
-    assert code(promise) == hresult.EMERGENCY_STOP_ON
+    assert code(deferred) == hresult.EMERGENCY_STOP_ON
     clock.advance(1)
     assert 10 < hand.position == where < STROKE
 
@@ -239,9 +239,9 @@ def test_cycles_end_when_the_hand_stands(rc8, execute, clock):
 )
 def test_closing_stops_at_a_workpiece_and_holds_it(command, parameter, force, execute, clock, hand):
     hand.put(12.5)
-    promise = execute(command, parameter)
+    deferred = execute(command, parameter)
     clock.advance(3)
-    assert code(promise) == 0
+    assert code(deferred) == 0
     assert (hand.position, hand.force) == (12.5, force)
     assert execute("HandHoldState") == Variant(BOOL, True)
     assert execute("HandCurLoad").value == pytest.approx(force / 20 * 100)
@@ -261,22 +261,22 @@ def test_a_hand_that_opens_lets_go(execute, clock, hand):
 
 
 def test_gripping_nothing_is_an_error(execute, clock, hand):
-    promise = execute("HandMoveH", [10, True])
+    deferred = execute("HandMoveH", [10, True])
     clock.advance(1)
-    assert code(promise) == hresult.GRIP_NOT_DETECTED
+    assert code(deferred) == hresult.GRIP_NOT_DETECTED
     assert (hand.position, hand.holding, hand.load) == (0.0, False, 0.0)
 
 
-def test_moving_with_force_to_a_position_is_none(execute, clock, hand):
+def test_moving_with_force_to_a_position_is_not_a_grip(execute, clock, hand):
     """Users open the hand with HandMoveAH, and close it step by step until it grips."""
     assert code_after(execute("HandMoveAH", [25, 100, 6]), clock) == 0
     assert code_after(execute("HandMoveAH", [30, 100, 6]), clock) == 0
     assert hand.position == 30.0
 
 
-def code_after(promise: Deferred[None], clock: ManualClock) -> int:
+def code_after(deferred: Deferred[None], clock: ManualClock) -> int:
     clock.advance(1)
-    return code(promise)
+    return code(deferred)
 
 
 def test_a_ring_is_gripped_by_opening(execute, clock, hand):
@@ -315,8 +315,8 @@ def test_fingers_never_go_through_a_workpiece(width, target):
     device = VirtualRC8(clock=clock, samples=False)
     hand = device.state.hand
     hand.put(width)
-    promise = hand.move(target, 100)
-    while not promise.done():
+    deferred = hand.move(target, 100)
+    while not deferred.done():
         clock.advance(PERIOD)
         assert hand.position >= width
     assert hand.holding is (target <= width)
@@ -362,10 +362,10 @@ def test_return_to_the_origin_as_users_do_it(hand0, clock, hand):
     assert hand0("get_OrgState") == Variant(BOOL, True)
     assert hand.position == STROKE
     hand.position = 3.0
-    promise = hand0("Org")
+    deferred = hand0("Org")
     clock.advance(0.1)
     hand0("Stop")
-    assert code(promise) == hresult.STOPPED_DURING_PC_MOTION
+    assert code(deferred) == hresult.STOPPED_DURING_PC_MOTION
     assert hand0("get_OrgState") == Variant(BOOL, False)
 
 
@@ -379,10 +379,10 @@ def test_the_motor_of_the_hand(hand0, execute, clock, hand, refused, rc8):
     for call, arguments in ((hand0, ("Chuck", 0)), (hand0, ("Org",)), (execute, ("HandMoveA", [30, 100]))):
         assert refused(call, *arguments) == hresult.MOTOR_NOT_ON
     hand0("Motor")
-    promise = execute("HandMoveA", [30, 100])
+    deferred = execute("HandMoveA", [30, 100])
     clock.advance(0.1)
     hand0("Motor", [0])
-    assert code(promise) == hresult.MOTOR_NOT_ON
+    assert code(deferred) == hresult.MOTOR_NOT_ON
     rc8.emergency_stop(True)
     assert refused(hand0, "Motor", 1) == hresult.EMERGENCY_STOP_ON
 

@@ -44,7 +44,7 @@ def test_every_text_in_both_languages(connect):
         assert japanese(ja), ja
 
 
-def test_the_language_of_the_process_unless_told(connect):
+def test_the_default_is_the_language_of_the_process(connect):
     device = VirtualRC8()
     controller = connect(device=device)
     assert controller.execute("GetErrorDescription", variant(0)) == "Success"
@@ -53,7 +53,7 @@ def test_the_language_of_the_process_unless_told(connect):
     assert connect(device=VirtualRC8(language="en")).execute("GetErrorDescription", variant(0)) == "Success"
 
 
-def test_a_language_that_is_none():
+def test_an_invalid_language():
     with pytest.raises(ValueError, match="language"):
         VirtualRC8(language="fr")
 

@@ -9,7 +9,7 @@ from orinkit.values.variant import Variant, VarType
 NONE_WAITS = 0x80000204
 
 
-def test_an_error_is_told_to_every_client(rc8, connect, clock, refused):
+def test_an_error_is_reported_to_every_client(rc8, connect, clock, refused):
     one, two, deaf = connect("one"), connect("two"), connect("deaf", "@EventDisable=true")
     assert refused(one.get_message) == NONE_WAITS
     clock.advance(2)
@@ -39,7 +39,7 @@ def test_events_come_unless_disabled(option, connect, rc8):
     assert client.get_message().get_number() == 2
 
 
-def test_modes_and_emergency_stops_are_told_when_they_change(rc8, controller, refused):
+def test_changes_of_mode_and_emergency_stop_are_reported(rc8, controller, refused):
     rc8.set_mode(3)  # the present mode
     rc8.emergency_stop(False)
     assert refused(controller.get_message) == NONE_WAITS
@@ -60,14 +60,14 @@ def test_modes_and_emergency_stops_are_told_when_they_change(rc8, controller, re
     assert refused(controller.get_message) == NONE_WAITS
 
 
-def test_a_mode_that_is_none(rc8):
+def test_an_invalid_mode(rc8):
     for mode in (0, 4, -1):
         with pytest.raises(ValueError, match="mode"):
             rc8.set_mode(mode)
     assert rc8.state.switches.mode == 3
 
 
-def test_notices_are_not_told(rc8, controller, refused):
+def test_notices_are_not_reported(rc8, controller, refused):
     for code in (0x80201418, 0x0F200501, 0):
         rc8.raise_error(code)
     assert refused(controller.get_message) == NONE_WAITS

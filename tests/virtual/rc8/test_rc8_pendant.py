@@ -133,7 +133,7 @@ def test_poses_and_speed_are_taught(cell):
     assert cell.code_of(lambda: cell.rc8.pendant.speed(101)) == hresult.VALUE_OUT_OF_RANGE
 
 
-def test_the_machine_lock_keeps_the_arm_where_it_is(cell):
+def test_the_machine_lock_keeps_the_arm_in_place(cell):
     cell.rc8.pendant.machine_lock()
     cell.take()
     cell.execute("Motor", [1, 0])
@@ -145,7 +145,7 @@ def test_the_machine_lock_keeps_the_arm_where_it_is(cell):
     assert cell.arm.queue.joints == (0, 45, 90, 0, 45, 0)  # its next motion starts at the position of the arm
 
 
-def test_a_restart_forgets_errors_motions_and_who_has_the_arm(cell):
+def test_a_restart_clears_errors_and_motions_and_releases_the_arm(cell):
     cell.rc8.pendant.motor()
     cell.clock.advance(1.5)
     cell.take()

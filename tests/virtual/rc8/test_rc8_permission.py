@@ -28,7 +28,7 @@ def test_the_most_specific_entry_decides(address, access):
     assert Permission("none", rights).of(address) is access
 
 
-def test_everyone_may_do_everything_unless_told():
+def test_by_default_everyone_may_read_and_write():
     assert Permission().of("1.2.3.4") is AccessRight.READ_WRITE
 
 
@@ -60,7 +60,7 @@ def test_permission_that_cannot_be_read(text, quoted):
         Permission.parse(text)
 
 
-def test_a_default_that_is_no_right():
+def test_an_invalid_default():
     with pytest.raises(ValueError, match="write"):
         Permission("write")
 

@@ -193,7 +193,7 @@ def test_several_poses_are_several_motions(cell, interpolation):
     assert close(cell.tip, frame(*VALUES))
 
 
-def test_of_several_poses_all_are_possible_or_none_begins(cell):
+def test_a_move_to_several_poses_starts_only_if_all_are_possible(cell):
     assert cell.code_of(lambda: cell.move(PTP, [POSE, "P(2000, 0, 300, 180, 0, 180)"])) == hresult.TARGET_OUT_OF_RANGE
     assert not cell.arm.busy
     cell.move(PTP, "J(10, 45, 90, 0, 45, 0)", "NEXT,SPEED=1")
@@ -307,7 +307,7 @@ def test_answered_at_the_end(cell, mark, where):
     assert count - arrived == (3 if mark == "@E" else 0)
 
 
-def test_the_mark_of_the_pose_goes_before_that_of_the_options(cell):
+def test_the_mark_of_the_pose_takes_precedence_over_the_options(cell):
     first = cell.cycles(cell.move(PTP, "@0 J(20, 45, 90, 0, 45, 0)", "@E"))
     assert cell.cycles(cell.move(PTP, "@E J(0, 45, 90, 0, 45, 0)", "@0")) == first + 3
 
@@ -387,7 +387,7 @@ def test_a_move_that_comes_when_the_one_before_is_passed_is_blended_in(cell, del
     assert (acceleration.max(0) <= [axis.acceleration * 1.001 for axis in cell.arm.model.axes]).all()
 
 
-def test_a_passed_motion_with_nothing_behind_it_goes_to_its_end(cell):
+def test_a_passed_motion_without_a_successor_runs_to_its_end(cell):
     move = cell.move(PTP, "@P J(60, 45, 90, 0, 45, 0)")
     cell.cycles(move)
     assert cell.arm.busy
@@ -735,7 +735,7 @@ def test_rotate_in_the_plane_of_three_points(cell, form, pivot):
         ("V(1e300,0,0), V(0,1e300,0), V(0,0,1e300)", "V1"), ("XY", "V(1e300, 0, 0)"), ("XY", "V999"), ("XY", "J(1,2)"),
     ],
 )  # fmt: skip
-def test_what_is_no_plane_and_no_pivot(cell, plane, pivot):
+def test_invalid_planes_and_pivots(cell, plane, pivot):
     assert cell.code_of(lambda: cell.robot.rotate(variant(plane), 10.0, variant(pivot), "")) != 0
     assert not cell.arm.busy
 
@@ -786,7 +786,7 @@ PLACES = ["350, 100, 300, 180, 0, 180", "250, -200, 400, 150, 20, 90", "-200, 25
 
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("place", PLACES)
-def test_a_figure_is_that_figure_or_none(cell, start, place):
+def test_a_figure_is_reached_exactly_or_refused(cell, start, place):
     cell.stand(*start)
     for figure, joints in ways(cell, place).items():
         move = cell.code_of(lambda figure=figure: cell.move(PTP, f"P({place}, {figure})"))
@@ -831,7 +831,7 @@ def test_rules_for_a_pose_without_a_figure(cell, start, place):
 
 @pytest.mark.parametrize("figure", [64, 100, -4, -100, 2**31 - 1, 512])
 @pytest.mark.parametrize("interpolation", [PTP, LINE, CURVE])
-def test_what_is_no_figure(cell, interpolation, figure):
+def test_invalid_figures(cell, interpolation, figure):
     code = cell.code_of(lambda: cell.move(interpolation, f"P(350, 100, 300, 180, 0, 180, {figure})"))
     assert code == hresult.FIGURE_OUT_OF_RANGE
     code = cell.code_of(lambda: cell.execute("Approach", [2, [*VALUES, float(figure)], 10]))
@@ -1046,7 +1046,7 @@ def test_a_path_that_leaves_the_limits_on_its_way(cell):
     assert not cell.arm.busy
 
 
-def test_an_error_of_planning_stops_what_moves(cell):
+def test_an_error_of_planning_stops_the_running_motion(cell):
     first = cell.move(PTP, "J(90, 45, 90, 0, 45, 0)", "SPEED=10")
     cell.trace(20)
     assert cell.code_of(lambda: cell.move(PTP, "J(171, 45, 90, 0, 45, 0)", "NEXT")) == 0x83204231
@@ -1056,7 +1056,7 @@ def test_an_error_of_planning_stops_what_moves(cell):
     assert not cell.arm.motor.on
 
 
-def test_a_motion_that_goes_nowhere_is_done_in_the_next_cycle(cell):
+def test_a_motion_to_the_present_position_ends_in_the_next_cycle(cell):
     cell.run(cell.move(PTP, POSE))
     for interpolation, pose in ((PTP, POSE), (LINE, POSE), (CURVE, POSE)):
         assert cell.cycles(cell.move(interpolation, pose)) <= 1

@@ -95,7 +95,7 @@ def test_a_late_server_is_lenient():
 
 
 @pytest.mark.parametrize("bad", [float("nan"), 1e308, -1e308])
-def test_numbers_that_are_none_pass_no_limit_unseen(bad):
+def test_unusable_numbers_raise_no_exception(bad):
     """slvMove and the soft limits refuse these values before; nevertheless they must not raise here."""
     fault = limits(0).fault(ZERO, ZERO, along(3, bad), lenient=False)
     assert fault is None or fault.code == hresult.SENT_SPEED_OVER_AXIS1 + 3
@@ -154,7 +154,7 @@ def test_an_error_while_standing_moves_nothing(cell):
     assert (cell.mode, cell.arm.motor.on, cell.arm.busy) == (0, False, False)
 
 
-def test_the_error_says_how_much(cell):
+def test_the_error_contains_value_and_limit(cell):
     cell.on(J0)
     cell.send((5.0, *HOME[1:]))
     cell.cycle()
@@ -162,7 +162,7 @@ def test_the_error_says_how_much(cell):
     assert len(cell.rc8.state.faults.current) == 1
 
 
-def test_after_an_error_it_goes_on_as_the_document_says(cell):
+def test_restart_after_an_error_as_documented(cell):
     """ClearError, motor on, slave mode on (RC8 4.7)."""
     cell.on(J0)
     cell.send((5.0, *HOME[1:]))
@@ -177,7 +177,7 @@ def test_after_an_error_it_goes_on_as_the_document_says(cell):
 
 
 @pytest.mark.parametrize(("setting", "accepted"), [(0, True), (1, False), (2, True), (3, False)])
-def test_external_speed_counts_where_the_setting_says_so(setting, accepted):
+def test_external_speed_counts_if_the_setting_includes_it(setting, accepted):
     cell = SlaveCell(slave_limit=setting)
     cell.execute("ExtSpeed", [10.0])
     cell.on(J0)
@@ -190,7 +190,7 @@ def test_external_speed_counts_where_the_setting_says_so(setting, accepted):
 
 
 @pytest.mark.parametrize("number", [4, -1, 1.5, "servo", None, [0]])
-def test_what_is_no_setting(number):
+def test_invalid_settings(number):
     with pytest.raises(ValueError, match="slave limit"):
         VirtualRC8(slave_limit=number)
 

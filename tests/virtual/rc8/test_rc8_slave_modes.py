@@ -60,14 +60,14 @@ def test_other_numbers_are_no_mode(cell, number):
 
 
 @pytest.mark.parametrize("parameter", ["", None, "J", [], ["J"], b"\x01\x02"])
-def test_what_is_no_number_is_no_mode(cell, parameter):
+def test_a_mode_must_be_a_number(cell, parameter):
     assert cell.code_of(lambda: cell.execute("slvChangeMode", parameter)) in (
         hresult.E_INVALIDARG,
         hresult.DISP_E_TYPEMISMATCH,
     )
 
 
-def test_without_the_licence_there_is_no_slave_mode():
+def test_slave_mode_requires_the_licence():
     cell = SlaveCell(slave_licence=False)
     assert cell.code_of(lambda: cell.on()) == hresult.LICENSE_NOT_REGISTERED
     assert cell.mode == 0
@@ -104,7 +104,7 @@ def test_turning_it_on_twice_is_refused(cell):
     assert cell.mode == J0
 
 
-def test_a_controller_that_is_switched_off_has_none(cell):
+def test_no_slave_mode_after_the_controller_is_switched_off(cell):
     cell.rc8.close()
     assert cell.code_of(lambda: cell.robot.execute("slvChangeMode", variant(J0))) != 0
 
@@ -218,7 +218,7 @@ def test_moving_before_slave_mode_is_refused(cell):
 # --- mode 0 -----------------------------------------------------------------------------------------------------------
 
 
-def test_mode_0_takes_three_and_says_when_it_is_full(cell):
+def test_mode_0_accepts_three_and_reports_a_full_buffer(cell):
     cell.on(J0)
     assert [code(cell.send(step(n))) for n in (1, 2, 3)] == [0, 0, hresult.S_BUF_FULL]
     for _ in range(3):
@@ -325,7 +325,7 @@ def test_mode_2_answers_when_there_is_room(cell):
     assert cell.commands[-4:] == [step(1), step(2), step(3), step(4)]
 
 
-def test_mode_2_tells_where_the_arm_is_when_it_answers(cell):
+def test_mode_2_returns_the_pose_at_the_time_of_the_reply(cell):
     cell.on(J2)
     cell.stream(SINE[:30])
     for index in range(30, 33):
@@ -658,7 +658,7 @@ def test_formats_belong_to_a_client(cell):
     [("slvSendFormat", 0x300), ("slvSendFormat", 1), ("slvSendFormat", -1), ("slvRecvFormat", 6), ("slvRecvFormat", 0x1000),
      ("slvRecvFormat", [1, 2]), ("slvRecvFormat", [1, 0, 0]), ("slvSendFormat", [])],
 )  # fmt: skip
-def test_what_is_no_format(cell, command, parameter):
+def test_invalid_formats(cell, command, parameter):
     assert cell.code_of(lambda: cell.execute(command, parameter)) == hresult.E_INVALIDARG
 
 
@@ -713,7 +713,7 @@ def test_a_malformed_parameter_is_answered_and_nothing_else(cell, given):
 
 
 @pytest.mark.parametrize("values", [[0.0] * 9, [350, 0, 300, 0, 0, 0, 0, 0, 1], [350, 0, 300, 0, 0, 1, 0, 0, 1]])
-def test_vectors_that_are_none_are_malformed(cell, values):
+def test_invalid_vectors_are_malformed(cell, values):
     cell.on(T2)
     assert cell.code_of(lambda: cell.send([*values, 5.0])) == hresult.E_INVALIDARG
     assert (cell.error, cell.mode) == (0, T2)

@@ -164,7 +164,7 @@ def test_an_arm_that_stands_ends_it_too(cell, cause):
 @pytest.mark.parametrize(
     "cause", ["halt", "emergency stop", "mode", "auto enable", "error of level 2", "error of level 4"]
 )
-def test_the_next_set_point_is_told_that_it_is_off(cell, cause):
+def test_the_next_set_point_fails_because_slave_mode_is_off(cell, cause):
     cell.on(J0)
     cell.stream(SINE[:26])
     ENDS[cause][0](cell)
@@ -306,7 +306,7 @@ def test_the_motor_button_ends_it(cell):
     assert cell.mode == J0
 
 
-def test_closing_the_controller_breaks_every_promise(cell):
+def test_closing_the_controller_fails_every_waiting_call(cell):
     cell.on(J2)
     cell.stream(SINE[:26])
     for pose in SINE[26:29]:
@@ -470,7 +470,7 @@ def test_a_braking_queue_takes_no_motions():
         queue.place(HOME)
 
 
-def test_outputs_that_cannot_be_kept_do_not_jolt_the_arm(cell, monkeypatch):
+def test_outputs_that_cannot_be_saved_do_not_jolt_the_arm(cell, monkeypatch):
     """The cycle continues: the failure is an error of the controller, and the arm brakes from its velocity."""
     cell.execute("slvSendFormat", 0x200)
     cell.on(J2)
@@ -491,7 +491,7 @@ def test_outputs_that_cannot_be_kept_do_not_jolt_the_arm(cell, monkeypatch):
     cell.check_brake(31)
 
 
-def test_a_slow_clock_goes_on():
+def test_a_slow_clock_continues():
     assert Clock(0.001).patience > 2 * PERIOD
 
 

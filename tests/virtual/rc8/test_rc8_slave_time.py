@@ -64,7 +64,7 @@ def test_a_stall_with_a_set_point_that_waits_is_no_error(late):
     assert (late.error, late.on) == (0, True)
 
 
-def test_cycles_that_nobody_could_feed_are_left_out(late):
+def test_cycles_without_a_chance_of_a_set_point_are_left_out(late):
     """The buffer was full when the server stood still; it is not played at once afterwards."""
     moving(late)
     for pose in POSES[MOVING : MOVING + 3]:
@@ -100,7 +100,7 @@ def test_a_buffer_that_is_truly_empty_is_an_error(late):
     assert not late.wire.asked
 
 
-def test_it_is_asked_once_whoever_comes(late):
+def test_draining_is_requested_once(late):
     moving(late)
     late.drive(PERIOD)
     for _ in range(20):
@@ -113,7 +113,7 @@ def test_it_is_asked_once_whoever_comes(late):
     assert late.error == hresult.COMMAND_DELAY
 
 
-def test_what_is_handled_during_the_look_is_taken(late):
+def test_a_set_point_handled_during_draining_is_accepted(late):
     """A set-point that arrived on time but was not read yet: the cycle continues with it and the grid stays."""
     moving(late)
     boundary = late.hand.seconds + late.due_in
@@ -128,7 +128,7 @@ def test_what_is_handled_during_the_look_is_taken(late):
     assert late.error == 0
 
 
-def test_a_set_point_that_comes_before_the_look_is_over_is_taken_at_once(late):
+def test_a_set_point_before_the_end_of_draining_is_accepted_at_once(late):
     moving(late)
     late.drive(PERIOD)
     late.call(NEXT)
@@ -157,7 +157,7 @@ def test_a_client_that_could_not_be_answered_gets_a_period(late):
     assert late.error == hresult.COMMAND_DELAY
 
 
-def test_a_look_that_takes_long_is_the_servers_fault_too(late):
+def test_slow_draining_is_a_delay_of_the_server(late):
     """The clock's thread was on time, the reading thread was not."""
     moving(late)
     late.drive(PERIOD)
@@ -177,7 +177,7 @@ def test_without_anybody_to_ask_it_is_decided_at_once():
     cell.close()
 
 
-def test_a_look_may_be_over_at_once(late):
+def test_draining_may_end_at_once(late):
     """Without input in transit: it calls back before it returns."""
     moving(late)
     late.wire.look = None
@@ -187,7 +187,7 @@ def test_a_look_may_be_over_at_once(late):
     assert late.error == hresult.COMMAND_DELAY
 
 
-def test_a_look_that_brings_it_at_once():
+def test_draining_that_delivers_the_set_point_at_once():
     cell = moving(LateCell())
 
     def look(handled: Callable[[], None]) -> None:
@@ -200,7 +200,7 @@ def test_a_look_that_brings_it_at_once():
     cell.close()
 
 
-def test_a_look_that_is_never_over_is_given_up(late):
+def test_draining_that_never_ends_is_given_up(late):
     """The loop was closed while the input was drained."""
     moving(late)
     late.hand.patience = 20.0
@@ -213,7 +213,7 @@ def test_a_look_that_is_never_over_is_given_up(late):
     assert late.error == hresult.COMMAND_DELAY
 
 
-def test_standing_needs_no_look(late):
+def test_standstill_needs_no_draining(late):
     late.stream([POSES[0], POSES[0]])
     for _ in range(20):
         late.drive(STALL)
@@ -223,7 +223,7 @@ def test_standing_needs_no_look(late):
     assert late.arm.queue.joints == HOME
 
 
-def test_leaving_needs_no_look(late):
+def test_leaving_needs_no_draining(late):
     moving(late)
     with late.rc8.guard:
         leaving = late.robot.execute("slvChangeMode", variant(0))
@@ -233,7 +233,7 @@ def test_leaving_needs_no_look(late):
     assert (late.wire.asked, late.error, late.on) == ([], 0, False)
 
 
-def test_a_client_that_goes_during_the_look(late):
+def test_a_client_that_disconnects_during_draining(late):
     moving(late)
     late.drive(PERIOD)
     with late.rc8.guard:
@@ -247,7 +247,7 @@ def test_a_client_that_goes_during_the_look(late):
     assert (late.error, late.arm.busy) == (0, False)
 
 
-def test_an_emergency_stop_during_the_look(late):
+def test_an_emergency_stop_during_draining(late):
     moving(late)
     late.drive(PERIOD)
     late.rc8.pendant.emergency_stop()
@@ -257,7 +257,7 @@ def test_an_emergency_stop_during_the_look(late):
     assert (late.error, late.on, late.arm.motor.state) == (0, False, MotorState.OFF)
 
 
-def test_an_answer_to_an_earlier_slave_mode_is_none_to_this_one(late):
+def test_draining_for_an_earlier_slave_mode_does_not_count(late):
     moving(late)
     late.drive(PERIOD)
     late.connect().get_robot("", "").halt("")
@@ -276,7 +276,7 @@ def test_an_answer_to_an_earlier_slave_mode_is_none_to_this_one(late):
     assert late.error == hresult.COMMAND_DELAY
 
 
-def test_an_answer_to_a_question_that_is_no_more_is_none_to_the_next(late):
+def test_draining_for_an_earlier_request_does_not_count(late):
     moving(late)
     late.drive(PERIOD)
     late.call(NEXT)
@@ -427,7 +427,7 @@ def test_the_newest_set_point_is_waited_for_where_there_is_an_older_one(newest, 
     assert every_cycle[-3:] == [pytest.approx(pose) for pose in POSES[MOVING : MOVING + 3]]
 
 
-def test_a_client_that_could_not_send_meanwhile_goes_on_where_it_was(newest, every_cycle):
+def test_a_client_that_could_not_send_continues_where_it_was(newest, every_cycle):
     """The client waited for its reply for 50 ms: the next set-point is one step ahead, and one cycle is run for it."""
     moving(newest)
     number = newest.cycles_.number
@@ -441,7 +441,7 @@ def test_a_client_that_could_not_send_meanwhile_goes_on_where_it_was(newest, eve
     assert bends(every_cycle[MOVING:]) < 1
 
 
-def test_a_client_that_goes_by_the_clock_catches_up(newest, every_cycle):
+def test_a_client_with_a_fixed_schedule_catches_up(newest, every_cycle):
     """After a late set-point the client continues on schedule; the missed cycles are made up for."""
     moving(newest)
     number, began = newest.cycles_.number, newest.rc8.state.cycle_seconds
@@ -494,7 +494,7 @@ def test_nothing_new_at_low_speed_is_no_error(newest, every_cycle):
     assert newest.error == 0
 
 
-def test_a_slow_client_in_mode_1_is_looked_for_only_where_it_matters(newest):
+def test_input_of_a_slow_client_in_mode_1_is_drained_only_if_it_matters(newest):
     newest.stream([HOME])
     newest.drive(PERIOD)
     newest.drive(PERIOD / 2)
@@ -561,7 +561,7 @@ class Heard(Provider):
 
 
 @pytest.mark.parametrize("ask_from_loop", [True, False])
-def test_a_look_over_tcp(ask_from_loop):
+def test_draining_over_tcp(ask_from_loop):
     """Input in the socket at the time of the request has been handled when draining ends."""
     provider = Heard()
 
@@ -593,7 +593,7 @@ def test_a_look_over_tcp(ask_from_loop):
     asyncio.run(main())
 
 
-def test_a_look_when_the_loop_is_closed():
+def test_draining_when_the_loop_is_closed():
     provider = Heard()
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, provider="x"):
         look = provider.client.drain_input
@@ -655,7 +655,7 @@ def test_a_client_that_stops_sending_over_tcp_is_an_error():
         assert refused.value.code == hresult.SLAVE_MODE_OFF
 
 
-def test_a_client_that_is_gone_leaves_the_arm_at_rest():
+def test_a_disconnected_client_leaves_the_arm_at_standstill():
     device = VirtualRC8(motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
         with orinkit.connect(server.url) as rc8:

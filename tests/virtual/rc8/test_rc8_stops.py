@@ -132,7 +132,7 @@ def test_a_fatal_error_needs_a_restart(cell):
 
 
 @pytest.mark.parametrize("kind", ["ptp", "line", "arc"])
-def test_a_held_motion_goes_on_to_its_end(cell, kind):
+def test_a_held_motion_continues_to_its_end(cell, kind):
     move = cell.move(*MOVES[kind])
     reference = Cell().take()
     assert reference.code(reference.move(*MOVES[kind])) == 0
@@ -167,7 +167,7 @@ def test_halt_of_a_held_motion_drops_it(cell):
     assert cell.code(cell.move(1, "J(10, 45, 90, 0, 45, 0)")) == 0
 
 
-def test_halt_drops_what_is_queued_and_the_first_cause_counts(cell):
+def test_halt_drops_queued_motions_and_the_first_cause_counts(cell):
     first = cell.move(1, "@P J(60, 45, 90, 0, 45, 0)")
     second = cell.move(1, "J(-60, 45, 90, 0, 45, 0)")
     cell.trace(8)
@@ -229,7 +229,7 @@ def test_an_emergency_stop_while_the_motor_comes_on(cell):
     assert cell.arm.motor.state is MotorState.OFF
 
 
-def test_the_motor_does_not_come_on_while_it_goes_off(cell):
+def test_the_motor_cannot_be_switched_on_while_switching_off(cell):
     going = cell.robot.execute("Motor", variant([0, 0]))
     assert cell.code_of(lambda: cell.execute("Motor", [1, 0])) == hresult.MOTOR_SWITCHING_OFF
     cell.run(going)
@@ -251,7 +251,7 @@ def test_the_arm_stays_until_the_last_robot_object_of_a_client_is_released(cell)
     assert cell.arm.holder is None
 
 
-def test_a_programs_error_is_told_once(cell):
+def test_a_programs_error_is_reported_once(cell):
     cell.execute("GiveArm")
     cell.rc8.state.files.write("Far.pcs", b"Sub Main\n  Takearm\n  Move P, J(500, 0, 90, 0, 45, 0)\nEnd Sub\n")
     cell.controller.get_task("Far", "").start(1, "")
@@ -297,7 +297,7 @@ def test_the_motor_is_not_on_while_it_is_about_to_be_cut(cell):
     assert cell.arm.motor.on
 
 
-def test_closing_the_controller_breaks_every_promise(cell):
+def test_closing_the_controller_fails_every_waiting_call(cell):
     move = cell.move(*MOVES["ptp"])
     cell.trace(10)
     halt = cell.robot.halt("")

@@ -249,7 +249,7 @@ def test_what_a_killed_process_has_begun_is_removed(start, path):
     assert not left.exists()
 
 
-def test_a_write_is_refused_while_the_directory_is_gone_and_goes_on_when_it_is_back(start, refused, path, caplog):
+def test_a_write_is_refused_while_the_directory_is_missing_and_succeeds_afterwards(start, refused, path, caplog):
     device, controller = start()
     put(controller, "I1", Variant(VarType.I4, 1))
     shutil.rmtree(path.parent)
@@ -402,7 +402,7 @@ def test_a_row_that_cannot_be_a_variable_is_refused(row, start, path):
     assert path.read_bytes() == content
 
 
-def test_a_row_that_is_no_text_is_refused(start, path):
+def test_a_row_that_is_not_text_is_refused(start, path):
     written_file(start)
     with closing(sqlite3.connect(path)) as database, database:
         database.execute("INSERT INTO variable VALUES ('I', 1, CAST(X'FF' AS TEXT), '2025-01-01')")
@@ -410,7 +410,7 @@ def test_a_row_that_is_no_text_is_refused(start, path):
         start()
 
 
-def test_a_write_that_cannot_be_kept_is_refused_and_changes_nothing(start, refused, caplog):
+def test_a_write_that_cannot_be_saved_is_refused_and_changes_nothing(start, refused, caplog):
     device, controller = start()
     put(controller, "S1", Variant(VarType.BSTR, "old"))
     put(controller, "IOW128", Variant(VarType.I2, 5))

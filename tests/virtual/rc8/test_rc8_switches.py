@@ -52,7 +52,7 @@ def test_a_token_is_read(text):
     ["", "any:", "tp:192.168.0.7", "io:::1", "any:1.2.3.4", "usb", "ethernet:localhost", "ethernet:192.168.0", "ethernet,1.2.3.4",
      "ethernet:192.168.0.7:5007", "ethernet:192.168.0.0/24", "any any", "イーサネット", "ethernet:１.2.3.4", "x" * 100_000],
 )  # fmt: skip
-def test_what_is_no_token(text):
+def test_invalid_tokens(text):
     if text == "any:":
         assert Token.parse(text) == Token()  # nothing after the colon: no address
         return
@@ -96,7 +96,7 @@ def test_who_has_the_token(token, address, code):
     assert f"{Token.parse(token).refusal(address):08X}" == f"{code:08X}"
 
 
-def test_the_token_goes_from_one_to_another():
+def test_the_token_changes_hands():
     """A running motion continues; Halt, Hold and Motor off need no token."""
     cell = Cell(token=f"ethernet:{ADDRESS}").take()
     other = cell.connect("192.168.0.9").get_robot("", "")
@@ -182,7 +182,7 @@ def test_the_same_mode_again_changes_nothing(cell):
 
 
 @pytest.mark.parametrize("mode", [0, 4, -1, "auto", None, 2.5])
-def test_what_is_no_mode(cell, mode):
+def test_invalid_modes(cell, mode):
     with pytest.raises(ValueError, match="mode"):
         cell.rc8.pendant.mode(mode)
     assert cell.rc8.state.switches.mode is ModeSwitch.AUTOMATIC

@@ -123,7 +123,7 @@ def test_a_step_stop_ends_after_the_statement(cell):
     assert value(cell, "I1") > before
 
 
-def test_an_instant_stop_pauses_the_motion_and_a_start_goes_on(cell):
+def test_an_instant_stop_pauses_the_motion_and_a_start_continues(cell):
     served = task(cell, MOVE)
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.3)
@@ -142,7 +142,7 @@ def test_an_instant_stop_pauses_the_motion_and_a_start_goes_on(cell):
     assert cell.arm.queue.joints == (0, 45, 90, 0, 45, 0)
 
 
-def test_initialize_drops_the_motion_and_begins_anew(cell):
+def test_initialize_drops_the_motion_and_restarts(cell):
     served = task(cell, MOVE)
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.3)
@@ -269,7 +269,7 @@ def test_names_are_found_in_any_case_with_folder_and_suffix(cell):
         assert cell.code_of(lambda name=name: cell.controller.get_task(name, "")) == hresult.E_CAO_OBJECT_NOTFOUND
 
 
-def test_a_task_that_is_deleted_is_no_more(cell):
+def test_a_deleted_task_does_not_exist(cell):
     served = task(cell, FOREVER)
     served.start(CONTINUOUS, "")
     assert cell.code_of(lambda: served.delete("")) == hresult.PROGRAM_RUNNING
@@ -292,21 +292,21 @@ def test_starting_twice_and_too_many(cell):
 
 
 @pytest.mark.parametrize("mode", [0, 4, -1, 99])
-def test_there_is_no_such_start_mode(cell, mode):
+def test_invalid_start_modes(cell, mode):
     assert cell.code_of(lambda: task(cell, COUNT).start(mode, "")) == hresult.E_INVALIDARG
 
 
 @pytest.mark.parametrize("mode", [5, -1, 99])
-def test_there_is_no_such_stop_mode(cell, mode):
+def test_invalid_stop_modes(cell, mode):
     assert cell.code_of(lambda: task(cell, COUNT).stop(mode, "")) == hresult.E_INVALIDARG
 
 
 @pytest.mark.parametrize("mode", range(5))
-def test_stopping_what_does_not_run_is_no_error(cell, mode):
+def test_stopping_an_idle_task_is_no_error(cell, mode):
     task(cell, COUNT).stop(mode, "")
 
 
-def test_statements_of_a_cycle_are_bounded_and_shared_by_nobody(cell):
+def test_statements_per_cycle_are_limited(cell):
     """25,000 statements per second of controller time, however long the program could run."""
     served = task(cell, FOREVER)
     served.start(CONTINUOUS, "")
@@ -316,7 +316,7 @@ def test_statements_of_a_cycle_are_bounded_and_shared_by_nobody(cell):
     served.stop(4, "")
 
 
-def test_many_programs_share_what_there_is_of_a_cycle(cell):
+def test_many_programs_share_the_cycle(cell):
     """All tasks get the same share, and together they leave enough time for the arm and for clients."""
     for number in range(MOST_RUNNING):
         program = FOREVER.replace("I1 = I1", f"I{number} = I{number}")
@@ -327,7 +327,7 @@ def test_many_programs_share_what_there_is_of_a_cycle(cell):
     assert sum(done) <= ALL_STATEMENTS * 125
 
 
-def test_what_it_prints_is_told(cell):
+def test_printed_texts_are_events_and_log_lines(cell):
     served = task(cell, 'Sub Main\n  PrintMsg "hello", 0, "title"\n  PrintDbg "debug"\nEnd Sub\n')
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.1)
@@ -396,7 +396,7 @@ def test_a_large_program_is_loaded_outside_the_lock(cell):
     assert cell.code_of(wrong.start(ONE_CYCLE, "").run) == hresult.SYNTAX_ERROR
 
 
-def test_a_suspended_program_whose_file_has_gone_gives_the_arm_back(cell):
+def test_a_suspended_program_whose_file_is_deleted_releases_the_arm(cell):
     served = task(cell, MOVE)
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.3)
@@ -422,7 +422,7 @@ def test_a_large_program_is_loaded_outside_the_lock_for_file_run_too(cell):
         assert cell.code_of(cell.controller.get_file("Large.pcs", "").run("").run) == hresult.SYNTAX_ERROR
 
 
-def test_programs_that_are_gone_are_forgotten(cell):
+def test_deleted_programs_are_released_from_memory(cell):
     """Neither the programs nor their compiled form stay in memory."""
     tasks = cell.rc8.state.tasks
     for number in range(100):
@@ -440,7 +440,7 @@ def test_programs_that_are_gone_are_forgotten(cell):
     assert not tasks._tasks
 
 
-def test_a_program_that_is_made_anew_is_that_of_the_same_task_object(cell):
+def test_a_recreated_program_belongs_to_the_same_task_object(cell):
     served = task(cell, "Sub Main\n  I1 = 1\nEnd Sub\n")
     cell.rc8.state.files.delete("Test.pcs")
     assert status(served) == 0

@@ -752,7 +752,7 @@ def test_4_6_1_the_first_set_point_is_where_the_robot_stands(cell: SlaveCell, mo
 
 
 @pytest.mark.parametrize("mode", [0x002, 0x202])
-def test_4_6_2_what_is_in_the_buffer_is_carried_out_before_the_end(cell: SlaveCell, mode: int) -> None:
+def test_4_6_2_the_buffer_is_executed_before_the_end(cell: SlaveCell, mode: int) -> None:
     """slvChangeMode 0 returns when the buffer is empty, and the mode changes then."""
     stranger = cell.other()
     cell.on(mode)
@@ -772,7 +772,7 @@ def test_4_6_2_what_is_in_the_buffer_is_carried_out_before_the_end(cell: SlaveCe
     assert cell.error == 0
 
 
-def test_4_6_2_an_error_before_the_end_is_told(cell: SlaveCell) -> None:
+def test_4_6_2_an_error_before_the_end_is_reported(cell: SlaveCell) -> None:
     """The client that waits for the end of the mode does not wait forever."""
     cell.on()
     cell.codes(j(SLOW), j(20.0), j(20.0))
@@ -922,7 +922,7 @@ def test_4_7_an_error_from_elsewhere_ends_slave_mode(cell: SlaveCell, mode: int)
     assert cell.codes(pose(0.0)) == [SLAVE_MODE_OFF]
 
 
-def test_4_7_who_waits_for_room_is_told(cell: SlaveCell) -> None:
+def test_4_7_calls_waiting_for_room_fail(cell: SlaveCell) -> None:
     """Mode 2: a delayed reply becomes an error if an error occurs."""
     cell.on(0x202)
     cell.codes(j(), j(), j())
