@@ -1,4 +1,4 @@
-"""URLs of CAN buses, what is said where one cannot be used, and what is said when one cannot be opened."""
+"""URLs of CAN buses, and the errors if one cannot be used or opened."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_buses(text: str, address: CanAddress) -> None:
     assert address.scheme == "can"
 
 
-def test_types_of_options_come_back_too() -> None:
+def test_types_of_options_survive() -> None:
     address = parse_address("can://x/y?a=1&b=1.0&c=true")
     assert isinstance(address, CanAddress)
     assert [type(value) for _, value in address.options] == [int, float, bool]
@@ -88,7 +88,7 @@ NAMES = st.from_regex(r"[a-z_][a-z0-9_]{0,10}", fullmatch=True).filter(
 
 
 @given(CHANNELS, st.none() | st.integers(1000, 1_000_000), st.dictionaries(NAMES, st.text(max_size=20), max_size=4))
-def test_every_bus_comes_back_from_its_text(channel: str, bitrate: int | None, options: dict[str, str]) -> None:
+def test_every_bus_survives_as_text(channel: str, bitrate: int | None, options: dict[str, str]) -> None:
     from urllib.parse import quote
 
     given_options = [f"{name}={quote(value, safe='')}" for name, value in options.items()]
@@ -131,7 +131,7 @@ def test_any_text_is_a_bus_or_refused(text: str) -> None:
         ("can://x/y?ignore_config=false", "'ignore_config' is not a valid option"),
     ],
 )
-def test_what_is_no_bus(text: str, reason: str) -> None:
+def test_invalid_addresses(text: str, reason: str) -> None:
     with pytest.raises(InvalidAddress) as caught:
         parse_address(text)
     message = str(caught.value)
@@ -140,7 +140,7 @@ def test_what_is_no_bus(text: str, reason: str) -> None:
     parse_address(message.partition("Example: ")[2])
 
 
-# --- where it cannot be used ------------------------------------------------------------------------------------------
+# --- addresses for b-CAP ----------------------------------------------------------------------------------------------
 
 
 def test_a_controller_is_not_on_a_can_bus(both: Both) -> None:
@@ -167,7 +167,7 @@ def address_of(text: str) -> CanAddress:
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "said"),
+    ("text", "kind", "parts"),
     [
         ("can://can0", InvalidAddress, ["no interface 'can0'", "socketcan", "Example: can://socketcan/can0"]),
         ("can://udp_multicast/239.74.163.2?prt=5", InvalidAddress, ["udp_multicast", "239.74.163.2", "prt", "options"]),
@@ -183,22 +183,22 @@ def address_of(text: str) -> CanAddress:
         ("can://socketcan/nocan99", ConnectFailed, ["socketcan", "nocan99", "Try:"]),
     ],
 )  # fmt: skip
-def test_what_cannot_be_opened(text: str, kind: type[Exception], said: list[str]) -> None:
+def test_buses_that_cannot_be_opened(text: str, kind: type[Exception], parts: list[str]) -> None:
     with pytest.raises(kind) as caught:
         open_bus(address_of(text))
-    for part in said:
+    for part in parts:
         assert part in str(caught.value)
     assert len(str(caught.value)) < 900
 
 
 @POSIX
-def test_a_bit_rate_that_an_adapter_has_not() -> None:
+def test_a_bit_rate_that_an_adapter_does_not_support() -> None:
     with crossed_ptys() as cable, pytest.raises(InvalidAddress, match="500000"):
         open_bus(CanAddress("slcan", cable.left, 300000))
 
 
 @pytest.mark.parametrize("text", ["can://virtual/x", "can://udp_multicast/", "can://slcan/x", "can://serial/x"])
-def test_a_package_that_is_missing(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     missing = {"virtual": "can", "udp_multicast": "msgpack", "slcan": "serial", "serial": "serial"}
     address = address_of(text)
     name = missing[address.interface]
@@ -208,7 +208,7 @@ def test_a_package_that_is_missing(text: str, monkeypatch: pytest.MonkeyPatch) -
         open_bus(address)
 
 
-def test_a_driver_that_is_missing() -> None:
+def test_a_missing_driver() -> None:
     with pytest.raises((ConnectFailed, MissingExtra), match=r"can://kvaser/0.*Try:"):
         open_bus(address_of("can://kvaser/0"))
 
@@ -234,7 +234,7 @@ def test_a_channel_that_is_a_number() -> None:
         assert vars(bus)["channel_id"] == "07"
 
 
-def test_the_usual_group() -> None:
+def test_the_default_group() -> None:
     with open_bus(address_of("can://udp_multicast/?port=43115")) as bus:
         assert vars(vars(bus)["_multicast"])["group"] == "239.74.163.2"
 
@@ -243,7 +243,7 @@ def test_the_usual_group() -> None:
 @pytest.mark.parametrize(
     ("port", "query", "waited"), [("left", "", 0), ("left", "?sleep_after_open=0.01", 0.01), ("tty", "", 2)]
 )
-def test_how_long_an_adapter_is_waited_for(
+def test_the_wait_after_opening_an_adapter(
     port: str, query: str, waited: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     naps: list[float] = []
@@ -255,7 +255,7 @@ def test_how_long_an_adapter_is_waited_for(
     assert naps == [waited]
 
 
-def test_a_bus_of_somebody_else_is_not_opened_again() -> None:
+def test_a_bus_of_the_caller_is_not_reopened() -> None:
     with open_bus(address_of("can://virtual/x")) as given_bus:
         bus = Bus(given_bus, own=False)
         with pytest.raises(InvalidValue, match="opened elsewhere"):

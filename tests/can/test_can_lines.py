@@ -1,4 +1,4 @@
-"""One CAN bus shared by many, on threads and in asyncio: over buses of python-can, and over one that behaves badly."""
+"""A CAN bus shared by several receivers, in threads and in asyncio: over python-can buses, and over a faulty one."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def address_of(text: str) -> CanAddress:
 
 
 def addresses(kind: str, cable: CrossedPtys | None) -> tuple[CanAddress, CanAddress]:
-    """Return two places on the same bus."""
+    """Return two addresses of the same bus."""
     if cable is not None:
         return CanAddress(kind, cable.left), CanAddress(kind, cable.right)
     if kind == "virtual":
@@ -58,7 +58,7 @@ def addresses(kind: str, cable: CrossedPtys | None) -> tuple[CanAddress, CanAddr
 
 
 class Lines:
-    """Lines of either kind, and calls on them, which one event loop carries out where there is one."""
+    """Shared buses of either kind, and calls on them, made in the event loop in asyncio."""
 
     def __init__(self, both: Both) -> None:
         self.both = both
@@ -86,12 +86,12 @@ class Lines:
         return await self.both.now(result)
 
     def others_wait(self, line: Any, number: int) -> Any:
-        """Let others come to where they wait on a line; to be awaited as what the lines are asked for."""
+        """Wait until other callers wait on a shared bus; awaitable like the calls on it."""
         if self.both.loop is None:
             return until(lambda: (line._reader is not None) + len(line._waiting) == number)
 
         async def body() -> None:
-            while sum(len(port._waiters) for port in line._ports) != number:  # noqa: ASYNC110 - the lines tell nobody
+            while sum(len(port._waiters) for port in line._ports) != number:  # noqa: ASYNC110 - cannot be awaited
                 await asyncio.sleep(0.002)
 
         return body()
@@ -110,19 +110,19 @@ def lines(both: Both) -> Iterator[Lines]:
     opened = Lines(both)
     yield opened
     opened.close()
-    until(lambda: threading.active_count() <= before)  # one that has opened a bus may be about to end
+    until(lambda: threading.active_count() <= before)  # a thread that opened a bus may still be ending
 
 
 @pytest.fixture
 def clears_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Clearing drops all that has come, however long that takes: it gives up where more comes all the time."""
+    """Raise the limits of clearing, which gives up while frames keep arriving."""
     for module in ("shared_bus", "aio_shared_bus"):
         monkeypatch.setattr(f"orinkit.can.{module}._GLANCES", 100_000)
     monkeypatch.setattr("orinkit.can.shared_bus._DRAIN_TIMEOUT", PATIENCE)
 
 
 def ask(*, seconds: float = PATIENCE, answer: int = ANSWER, data: bytes = b"ask") -> CanOperation[CanFrame | None]:
-    """One request and its answer, whatever else comes."""
+    """Send one request and wait for its reply among other frames."""
     received = yield OperationStep((frame(REQUEST, data),), seconds, True)
     while received is not None and received.id != answer:
         received = yield OperationStep()
@@ -135,7 +135,7 @@ def everything(_frame: CanFrame) -> bool:
 
 @contextmanager
 def echo(bus: can.BusABC, answers: Callable[[CanFrame], list[CanFrame]]) -> Iterator[None]:
-    """Answer each frame, as a device does."""
+    """Reply to each frame, as a device does."""
     ending = threading.Event()
     wrapped = Bus(bus, own=False)
 
@@ -157,11 +157,11 @@ def echo(bus: can.BusABC, answers: Callable[[CanFrame], list[CanFrame]]) -> Iter
 def answering(got: CanFrame) -> list[CanFrame]:
     if got.id & ~0xFF00 != REQUEST & ~0xFF00:
         return []
-    return [CanFrame(ANSWER & ~0xFF | got.id >> 8 & 0xFF, got.data)]  # to the host that has asked
+    return [CanFrame(ANSWER & ~0xFF | got.id >> 8 & 0xFF, got.data)]  # to the requesting host
 
 
 def bytes_that_wait(line: Any) -> int:
-    """How much of what has come over a serial port has not been read."""
+    """Return the number of unread bytes of a serial port."""
     import fcntl
     import termios
 
@@ -170,15 +170,15 @@ def bytes_that_wait(line: Any) -> int:
 
 @contextmanager
 def all_arrives(line: Any, kind: str, bus: can.BusABC, frames: int) -> Iterator[None]:
-    """Wait until all that has been sent over a bus is where the line finds it.
+    """Wait until all frames sent over a bus can be read by the shared bus.
 
-    With slcan a part of the last frame may be missing, for a few bytes of opening the bus may count.
+    With slcan a part of the last frame may be missing, as a few bytes of opening the bus may be counted.
 
     Args:
-        line: nobody is waiting there.
-        kind: of the bus.
-        bus: that it is sent over.
-        frames: how many of it are frames to the line.
+        line: The shared bus; no call may be waiting on it.
+        kind: Interface of the bus.
+        bus: The bus that sends.
+        frames: Number of frames for the shared bus.
     """
     written: list[int] = []
     serial = vars(bus).get("_ser") or vars(bus).get("serialPortOrig")  # of serial and of slcan
@@ -206,7 +206,7 @@ def all_arrives(line: Any, kind: str, bus: can.BusABC, frames: int) -> Iterator[
 
 @contextmanager
 def two_places(kind: str) -> Iterator[tuple[CanAddress, can.BusABC]]:
-    """Have an address, and a bus of python-can that is connected to it."""
+    """Provide an address, and a python-can bus that is connected to it."""
     with ExitStack() as stack:
         if kind in ("slcan", "serial"):
             yield stack.enter_context(two_places_and_cable(kind))[:2]
@@ -223,11 +223,11 @@ def two_places_and_cable(kind: str) -> Iterator[tuple[CanAddress, can.BusABC, Cr
             yield mine, bus, cable
 
 
-# --- the way of a frame -----------------------------------------------------------------------------------------------
+# --- requests and replies ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_request_and_its_answer(lines: Lines, kind: str) -> None:
+def test_a_request_and_its_reply(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other):
         port = lines.do(lines.line(mine).port, lambda got: got.id == ANSWER)
         with echo(other, answering):
@@ -239,7 +239,7 @@ def test_a_request_and_its_answer(lines: Lines, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_answer(lines: Lines, kind: str) -> None:
+def test_no_reply(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, _):
         port = lines.do(lines.line(mine).port, lambda got: got.id == ANSWER)
         begin = monotonic()
@@ -248,7 +248,7 @@ def test_no_answer(lines: Lines, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_stale_answers_are_dropped(lines: Lines, kind: str, clears_all: None) -> None:
+def test_stale_replies_are_dropped(lines: Lines, kind: str, clears_all: None) -> None:
     with two_places(kind) as (mine, other):
         line = lines.line(mine)
         port = lines.do(line.port, lambda got: got.id == ANSWER)
@@ -268,7 +268,7 @@ def test_stale_answers_are_dropped(lines: Lines, kind: str, clears_all: None) ->
             assert lines.run(ask(data=b"fresh"), port).data == b"fresh"
 
 
-def test_stale_answers_behind_a_filter(lines: Lines, clears_all: None) -> None:
+def test_stale_replies_behind_a_filter(lines: Lines, clears_all: None) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other, open_bus(mine) as bus:
         bus.set_filters([{"can_id": ANSWER, "can_mask": 0x1FFFFFFF, "extended": True}])
@@ -280,7 +280,7 @@ def test_stale_answers_behind_a_filter(lines: Lines, clears_all: None) -> None:
         assert lines.do(port.receive, 0.1) is None
 
 
-def test_acknowledgements_of_an_adapter_are_no_end(lines: Lines, clears_all: None) -> None:
+def test_acknowledgements_of_an_adapter_do_not_end_the_wait(lines: Lines, clears_all: None) -> None:
     with crossed_ptys() as cable:
         line = lines.line(CanAddress("slcan", cable.left))
         port = lines.do(line.port, everything)
@@ -295,7 +295,7 @@ def test_acknowledgements_of_an_adapter_are_no_end(lines: Lines, clears_all: Non
         assert lines.do(port.receive, PATIENCE).data == b"\xab"
 
 
-def test_everybody_gets_what_he_accepts(lines: Lines) -> None:
+def test_every_receiver_gets_its_frames(lines: Lines) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         line = lines.line(mine)
@@ -328,7 +328,7 @@ def test_the_oldest_frames_are_dropped(lines: Lines) -> None:
 
 @contextmanager
 def foreign_traffic(address: CanAddress) -> Iterator[None]:
-    """Have 2,000 frames a second on a bus."""
+    """Send 2,000 frames per second on a bus."""
     ending = threading.Event()
 
     def run() -> None:
@@ -347,10 +347,10 @@ def foreign_traffic(address: CanAddress) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("kind", ["virtual", "udp_multicast"])
-def test_answers_are_found_in_much_traffic(lines: Lines, kind: str) -> None:
+def test_replies_are_found_in_heavy_traffic(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other), foreign_traffic(mine), echo(other, answering):
         line = lines.line(mine)
-        port = lines.do(line.port, everything, size=100_000)  # the operation looks through it all
+        port = lines.do(line.port, everything, size=100_000)  # the operation gets every frame
         chosen = lines.do(line.port, lambda got: got.id == ANSWER)
         for number in range(50):
             data = b"ask %d" % number
@@ -358,7 +358,7 @@ def test_answers_are_found_in_much_traffic(lines: Lines, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["virtual", "udp_multicast"])
-def test_much_traffic_makes_no_wait_longer(lines: Lines, kind: str) -> None:
+def test_heavy_traffic_prolongs_no_wait(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, _), foreign_traffic(mine):
         line = lines.line(mine)
         for accepts in (everything, lambda got: got.id == ANSWER):
@@ -390,7 +390,7 @@ def test_many_at_a_time(lines: Lines, kind: str) -> None:
         assert lines.side_by_side(*(caller(host) for host in range(0x10, 0x16))) == list(range(0x10, 0x16))
 
 
-def test_who_reads_on_waits_no_longer_than_he_wanted(lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_taking_over_the_reading_prolongs_no_wait(lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.can.shared_bus._SLICE", 3 * PATIENCE)
     mine, there = addresses("virtual", None)
     line = lines.line(mine)
@@ -407,7 +407,7 @@ def test_who_reads_on_waits_no_longer_than_he_wanted(lines: Lines, monkeypatch: 
 # --- noise ------------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_no_frame() -> None:
+def test_messages_that_are_not_frames() -> None:
     good = to_message(frame(data=b"abc"))
     assert to_frame(good) == CanFrame(ANSWER, b"abc")
     assert to_frame(can.Message(arbitration_id=ANSWER, data=b"", timestamp=7.5)) == CanFrame(ANSWER, b"", 7.5)
@@ -429,7 +429,7 @@ def test_what_is_no_frame() -> None:
 
 
 @pytest.mark.parametrize("wrong", [CanFrame(1 << 29, b""), CanFrame(-1, b""), CanFrame(1, bytes(9))])
-def test_what_cannot_be_sent(lines: Lines, wrong: CanFrame) -> None:
+def test_invalid_frames(lines: Lines, wrong: CanFrame) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         port = lines.do(lines.line(mine).port, everything)
@@ -497,7 +497,7 @@ def test_noise_on_the_line_of_an_adapter(lines: Lines, kind: str) -> None:
         bus.shutdown()
 
 
-def test_a_line_that_never_ends_is_bounded(lines: Lines) -> None:
+def test_an_endless_slcan_line_is_bounded(lines: Lines) -> None:
     with crossed_ptys() as cable:
         bus = open_bus(CanAddress("slcan", cable.left))
         port = lines.do(lines.line(bus).port, everything)
@@ -510,7 +510,7 @@ def test_a_line_that_never_ends_is_bounded(lines: Lines) -> None:
 
 
 class BadBus(can.BusABC):
-    """A bus that does in turn what it is told: gives something, raises something, calls something, or has nothing."""
+    """A scripted bus: each reception returns, raises or calls the next item of a list, or returns nothing."""
 
     def __init__(self, *script: Any) -> None:
         self.script = list(script)
@@ -531,7 +531,7 @@ class BadBus(can.BusABC):
             return turn() if callable(turn) else turn, True
         if self.for_ever is not None:
             raise self.for_ever
-        assert timeout is not None  # nothing may wait without end
+        assert timeout is not None  # no wait may be unlimited
         sleep(timeout)
         return None, True
 
@@ -569,14 +569,14 @@ BROKEN = [
 
 
 @pytest.mark.parametrize("error", NOISE, ids=repr)
-def test_noise_is_passed_over(lines: Lines, error: Exception) -> None:
+def test_noise_is_skipped(lines: Lines, error: Exception) -> None:
     bus = BadBus(*[error] * 300, to_message(frame()))
     port = lines.do(lines.line(bus).port, everything)
     assert lines.do(port.receive, 10.0) is not None
 
 
 def odd(**wrong: Any) -> can.Message:
-    """A message as a driver of an adapter with a fault may give it."""
+    """Return a message as a faulty driver of an adapter may return it."""
     message = to_message(frame())
     for name, value in wrong.items():
         setattr(message, name, value)
@@ -584,7 +584,7 @@ def odd(**wrong: Any) -> can.Message:
 
 
 class Raising:
-    """A thing of which nothing can be asked."""
+    """An object that raises on every attribute access."""
 
     def __getattr__(self, name: str) -> Any:
         raise ZeroDivisionError(name)
@@ -618,8 +618,8 @@ GARBAGE = {
 
 
 @pytest.mark.parametrize("name", GARBAGE)
-def test_what_an_adapter_must_not_return(lines: Lines, name: str) -> None:
-    """It is passed over, or the bus counts as lost: no other exception comes out, nobody waits for ever."""
+def test_invalid_results_of_an_adapter(lines: Lines, name: str) -> None:
+    """They are skipped, or the bus counts as lost: no other exception is raised, and no call waits forever."""
     bus = BadBus()
     line = lines.line(bus)
     port = lines.do(line.port, everything)
@@ -632,7 +632,7 @@ def test_what_an_adapter_must_not_return(lines: Lines, name: str) -> None:
         assert got is not None
         assert not line.broken
     except ConnectionLost as error:
-        assert "a bad bus" in str(error)  # noqa: PT017 - it need not come
+        assert "a bad bus" in str(error)  # noqa: PT017 - it may not be raised
         assert line.broken
         with pytest.raises(ConnectionLost):
             lines.do(port.clear)
@@ -640,7 +640,7 @@ def test_what_an_adapter_must_not_return(lines: Lines, name: str) -> None:
 
 
 @pytest.mark.parametrize("error", NOISE, ids=repr)
-def test_noise_that_never_ends_keeps_nobody_busy(lines: Lines, error: Exception) -> None:
+def test_endless_noise_blocks_no_call(lines: Lines, error: Exception) -> None:
     bus = BadBus()
     bus.for_ever = error
     port = lines.do(lines.line(bus).port, everything)
@@ -648,7 +648,7 @@ def test_noise_that_never_ends_keeps_nobody_busy(lines: Lines, error: Exception)
     lines.do(port.clear)
     assert lines.do(port.receive, 0.5) is None
     assert 0.5 <= monotonic() - begin < PATIENCE
-    assert bus.calls < 25_000  # clearing may take 10,000 of it at a time
+    assert bus.calls < 25_000  # clearing may read 10,000 of them at a time
     assert process_time() - spent < 8
 
 
@@ -663,7 +663,7 @@ def test_a_bus_that_breaks(lines: Lines, error: Exception) -> None:
     assert line.broken
     calls = bus.calls
     for call, arguments in ((beside.receive, (5.0,)), (port.clear, ()), (port.send, ([frame()], 1.0))):
-        with pytest.raises(ConnectionLost, match="a bad bus: "):  # at once, though a frame has come before
+        with pytest.raises(ConnectionLost, match="a bad bus: "):  # at once, although a frame arrived before
             lines.do(call, *arguments)
     assert bus.calls == calls
     with pytest.raises(InvalidValue, match="opened elsewhere"):
@@ -696,7 +696,7 @@ def test_a_bus_that_breaks_ends_every_wait(lines: Lines) -> None:
     [can.CanTimeoutError("no"), can.CanOperationError("Transmit buffer full"), can.CanOperationError("Failed to transmit", 105)],
     ids=repr,
 )  # fmt: skip
-def test_nobody_acknowledges(lines: Lines, error: Exception) -> None:
+def test_no_acknowledgement(lines: Lines, error: Exception) -> None:
     bus = BadBus()
     port = lines.do(lines.line(bus).port, everything)
     bus.sending = error
@@ -736,10 +736,10 @@ def test_an_adapter_that_hangs(lines: Lines, kind: str) -> None:
             assert any(lines.run(ask(seconds=1.0), port) for _ in range(10))
 
 
-# --- whose a bus is, closing ------------------------------------------------------------------------------------------
+# --- ownership and closing --------------------------------------------------------------------------------------------
 
 
-def test_a_bus_of_somebody_else_stays_open(lines: Lines) -> None:
+def test_a_bus_of_the_caller_stays_open(lines: Lines) -> None:
     given, own = BadBus(), BadBus()
     for bus in (given, own):
         line = lines.line(bus, own=bus is own)
@@ -781,7 +781,7 @@ def test_closing_ends_every_wait(lines: Lines, kind: str) -> None:
                 lines.do(call, *arguments)
 
 
-def test_closing_a_port(lines: Lines) -> None:
+def test_closing_a_receiver(lines: Lines) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         line = lines.line(mine)
@@ -813,7 +813,7 @@ def test_a_bus_that_its_owner_has_closed(lines: Lines, kind: str) -> None:
         port = lines.do(lines.line(bus, own=False).port, everything)
         bus.shutdown()
         with pytest.raises(ConnectionLost):
-            for _ in range(100):  # in asyncio a descriptor that is closed is not watched any more, sending tells
+            for _ in range(100):  # in asyncio a closed descriptor is no longer watched; sending raises
                 lines.do(port.receive, 0.01)
                 lines.do(port.send, [frame()], 0.1)
 
@@ -822,7 +822,7 @@ def test_a_bus_that_its_owner_has_closed(lines: Lines, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["slcan", "serial"])
-def test_an_adapter_that_comes_back(lines: Lines, kind: str) -> None:
+def test_an_adapter_that_is_plugged_in_again(lines: Lines, kind: str) -> None:
     with crossed_ptys() as cable:
         mine, there = addresses(kind, cable)
         line = lines.line(mine)
@@ -837,7 +837,7 @@ def test_an_adapter_that_comes_back(lines: Lines, kind: str) -> None:
                 lines.do(beside.receive, 10.0)
         cable.restore()
         lines.do(line.reopen)
-        lines.do(line.reopen)  # has nothing to do
+        lines.do(line.reopen)  # does nothing
         bus = open_bus(there)
         with echo(bus, answering):
             assert lines.run(ask(), port)
@@ -846,7 +846,7 @@ def test_an_adapter_that_comes_back(lines: Lines, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_opening_again_empties_the_ports(lines: Lines, kind: str) -> None:
+def test_reopening_empties_the_receivers(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other):
         line = lines.line(mine)
         port, beside = lines.do(line.port, everything), lines.do(line.port, lambda got: got.id == OTHER)
@@ -854,7 +854,7 @@ def test_opening_again_empties_the_ports(lines: Lines, kind: str) -> None:
             other.send(to_message(frame(number)), 1.0)
         while lines.do(port.receive, 10.0).id != ANSWER:
             pass
-        lines.do(line.reopen)  # it is not broken
+        lines.do(line.reopen)  # the bus is not lost
         assert lines.do(beside.receive, 10.0).id == OTHER
         lines.do(line.reopen, force=True)
         assert lines.do(beside.receive, 0.1) is None
@@ -863,7 +863,7 @@ def test_opening_again_empties_the_ports(lines: Lines, kind: str) -> None:
 
 
 class Turnstile:
-    """A lock that counts those who have found it taken."""
+    """A lock that counts the callers that have to wait for it."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -878,7 +878,7 @@ class Turnstile:
         self._lock.release()
 
 
-def test_several_open_it_again(lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_callers_reopen_it(lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
     mine, there = addresses("virtual", None)
     opened: list[CanAddress] = []
 
@@ -907,7 +907,7 @@ def test_several_open_it_again(lines: Lines, monkeypatch: pytest.MonkeyPatch) ->
             assert lines.run(ask(), port)
 
 
-def test_opening_again_ends_every_wait(lines: Lines) -> None:
+def test_reopening_ends_every_wait(lines: Lines) -> None:
     mine, _ = addresses("virtual", None)
     line = lines.line(mine)
 
@@ -922,7 +922,7 @@ def test_opening_again_ends_every_wait(lines: Lines) -> None:
         await lines.now(line.reopen(force=True))
 
     outcomes = lines.side_by_side(waiting(), waiting(), again())
-    assert all("opened again" in outcome for outcome in outcomes[:2])
+    assert all("being reopened" in outcome for outcome in outcomes[:2])
 
 
 # --- buses that take long to open -------------------------------------------------------------------------------------
@@ -930,7 +930,7 @@ def test_opening_again_ends_every_wait(lines: Lines) -> None:
 
 @pytest.fixture
 def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[BadBus, threading.Event, threading.Event]]:
-    """A bus, whether it is being opened, and what lets that go on."""
+    """Return a bus, an event that is set while it is being opened, and one that lets the opening continue."""
     bus, begun, go_on = BadBus(), threading.Event(), threading.Event()
 
     def opening(_address: CanAddress) -> can.BusABC:
@@ -948,29 +948,29 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[BadBus, threading.Ev
 
 
 def test_a_bus_that_opens_after_its_loop_is_closed(slow: tuple[BadBus, threading.Event, threading.Event]) -> None:
-    """Opening hangs; the loop does not wait for that when it ends, and what opens then is not left open."""
+    """Opening hangs; the loop does not wait for it when it ends, and a bus opened later is closed."""
     bus, begun, go_on = slow
 
     async def body() -> None:
         opening = asyncio.create_task(AsyncSharedCanBus.open(CanAddress("virtual")))
-        while not begun.is_set():  # noqa: ASYNC110 - a thread tells
+        while not begun.is_set():  # noqa: ASYNC110 - set by a thread
             await asyncio.sleep(0.001)
         assert [thread.daemon for thread in threading.enumerate() if "opening" in thread.name] == [True]
         assert not opening.done()
 
     begin = monotonic()
     asyncio.run(body())
-    assert monotonic() - begin < PATIENCE  # it would be opening for twice as long
+    assert monotonic() - begin < PATIENCE  # half of the time of opening
     go_on.set()
     until(lambda: bus.shut)
 
 
-def test_a_loop_goes_on_while_a_bus_opens(slow: tuple[BadBus, threading.Event, threading.Event]) -> None:
+def test_a_loop_runs_while_a_bus_opens(slow: tuple[BadBus, threading.Event, threading.Event]) -> None:
     bus, begun, go_on = slow
 
     async def body() -> None:
         opening = asyncio.create_task(AsyncSharedCanBus.open(CanAddress("virtual")))
-        while not begun.is_set():  # noqa: ASYNC110 - a thread tells
+        while not begun.is_set():  # noqa: ASYNC110 - set by a thread
             await asyncio.sleep(0.001)
         go_on.set()
         line = await opening
@@ -1000,7 +1000,7 @@ asyncio.run(main())
 """
 
 
-def test_a_program_ends_though_a_bus_does_not_open() -> None:
+def test_a_program_ends_although_a_bus_does_not_open() -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True, timeout=60, check=True)
     assert done.stdout == "given up\n"
 
@@ -1009,7 +1009,7 @@ def test_a_program_ends_though_a_bus_does_not_open() -> None:
 
 
 def test_a_call_within_a_call_of_the_same_thread() -> None:
-    """As in a signal handler, which comes while the thread reads the bus, sends, or clears."""
+    """As in a signal handler that interrupts the thread while it reads the bus, sends, or clears."""
     bus = BadBus()
     line = SharedCanBus(Bus(bus))
     port, within = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
@@ -1040,7 +1040,7 @@ def test_a_call_within_a_call_of_the_same_thread() -> None:
     assert monotonic() - begin < PATIENCE / 2
     beside = threading.Thread(target=lambda: answers.append(run_can(ask(), within)))
     bus.script = [None, to_message(frame(data=b"beside"))]
-    beside.start()  # no lock is held by now
+    beside.start()  # no lock is held now
     beside.join(PATIENCE)
     assert answers[-1] is not None
     assert answers[-1].data == b"beside"
@@ -1048,7 +1048,7 @@ def test_a_call_within_a_call_of_the_same_thread() -> None:
 
 
 def test_ctrl_c_at_every_point_of_a_call() -> None:
-    """Where Python looks for signals: where a function begins, and behind each of those in C."""
+    """At the points at which Python checks for signals: the start of a function, and after each call into C."""
     ours = ("orinkit/can/shared_bus.py", "orinkit/can/bus.py", "threading.py")
     bus = BadBus()
     line = SharedCanBus(Bus(bus))
@@ -1130,7 +1130,7 @@ def test_an_operation_is_closed_when_it_is_interrupted(lines: Lines) -> None:
     assert ended == ["closed"]
 
 
-def test_a_cancelled_task_loses_nothing() -> None:
+def test_a_cancelled_task_loses_no_frame() -> None:
     async def body() -> None:
         mine, there = addresses("virtual", None)
         line = await AsyncSharedCanBus.open(mine)
@@ -1161,7 +1161,7 @@ def test_a_cancelled_task_loses_nothing() -> None:
     asyncio.run(body())
 
 
-def test_a_line_belongs_to_its_loop() -> None:
+def test_a_shared_bus_belongs_to_its_loop() -> None:
     line = asyncio.run(_made())
     port = line.port(everything)
 
@@ -1205,12 +1205,12 @@ def test_opening_can_be_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(body())
 
 
-def test_a_loop_that_is_gone_ends_the_thread() -> None:
+def test_a_closed_loop_ends_the_thread() -> None:
     before = threading.active_count()
 
     async def body() -> can.BusABC:
         bus = open_bus(addresses("virtual", None)[0])
-        AsyncSharedCanBus(Bus(bus, own=False))  # and nobody closes it
+        AsyncSharedCanBus(Bus(bus, own=False))  # which is not closed
         return bus
 
     bus = asyncio.run(body())
@@ -1224,7 +1224,7 @@ def test_a_loop_that_is_gone_ends_the_thread() -> None:
     other.shutdown()
 
 
-def test_errors_are_ones_of_orinkit(lines: Lines) -> None:
+def test_errors_are_those_of_orinkit(lines: Lines) -> None:
     for error in (*NOISE, *BROKEN):
         bus = BadBus()
         bus.sending = error

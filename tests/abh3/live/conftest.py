@@ -1,4 +1,4 @@
-"""ABH3 over real python-can buses: hosts, virtual drivers, peers that a test scripts."""
+"""ABH3 over real python-can buses: hosts, virtual drivers, and scripted peers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LEFT = 10.0
 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_is_left() -> Iterator[None]:
-    """Neither threads nor files stay behind."""
+    """Check that no threads and files are left behind."""
     threads, files = set(threading.enumerate()), _files()
     yield
     end = time.monotonic() + _LEFT
@@ -48,21 +48,21 @@ def _files() -> int:
 
 @pytest.fixture(scope="module", params=KINDS)
 def world(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
-    """A bus of every kind, with the drivers 1, 7, 3 and 9."""
+    """Provide a bus of every kind, with the drivers 1, 7, 3 and 9."""
     with served(request.param, tmp_path_factory.mktemp("world")) as found:
         yield found
 
 
 @pytest.fixture(params=KINDS)
 def bare(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
-    """A bus of every kind, with nobody on it."""
+    """Provide a bus of every kind without drivers."""
     with place(request.param, tmp_path) as found:
         yield found
 
 
 @pytest.fixture
 def peer(bare: Place) -> Iterator[Peer]:
-    """Whoever is at the other end of :func:`bare`."""
+    """Provide the peer at the other end of :func:`bare`."""
     found = Peer(raw_bus(bare.far))
     yield found
     found.close()
@@ -70,7 +70,7 @@ def peer(bare: Place) -> Iterator[Peer]:
 
 @pytest.fixture
 def hosts(both: Both) -> Iterator[Hosts]:
-    """Hosts of either client, which are closed at the end."""
+    """Provide hosts of either client, which are closed at the end."""
     found = Hosts(both)
     yield found
     found.close()
@@ -78,11 +78,11 @@ def hosts(both: Both) -> Iterator[Hosts]:
 
 @pytest.fixture(autouse=True)
 def _patient_messages(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A multi-packet message is not given up because the machine has other work to do."""
+    """Keep multi-packet messages from timing out on a busy machine."""
     for name in ("_sync", "_async"):
         monkeypatch.setattr(f"orinkit.abh3.api.{name}.shared.exchange", partial(exchange, seconds=5.0))
 
 
 @pytest.fixture(autouse=True)
 def _errors_are_bugs(no_errors_are_logged: None) -> None:
-    """Nothing here is so bad that it would be logged as an error."""
+    """Check that nothing is logged as an error."""

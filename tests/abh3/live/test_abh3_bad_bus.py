@@ -1,4 +1,4 @@
-"""Peers that lose answers, send them twice, late, short, from elsewhere, in another order: what a host makes of that."""
+"""Hosts against peers whose replies are lost, duplicated, late, short, foreign or reordered."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from support.both import Both
 from support.waiting import until
 
 SHORT = 0.15
-"""Time-out of calls that are not to be answered."""
+"""Time-out of calls that get no reply, in s."""
 SIMILAR: dict[str, can.Message] = {
     "another driver": feedback(99.0, 0x00EF0207),
     "to another host": feedback(99.0, 0x00EF0301),
@@ -54,13 +54,16 @@ SIMILAR: dict[str, can.Message] = {
     "a standard frame": message(0x201, bytes(range(8)), is_extended_id=False),
     "a remote frame": message(FEEDBACK, b"", is_remote_frame=True),
 }
-"""Frames that are no answer to a command, though they look like one."""
-NOT_BY_SERIAL = {"a standard frame", "a remote frame"}  # this interface of python-can says of extended data frames only
-OWN = {"its own command"}  # the peer would hear itself, and answer
+"""Frames that resemble a reply to a command."""
+NOT_BY_SERIAL = {
+    "a standard frame",
+    "a remote frame",
+}  # this interface of python-can supports extended data frames only
+OWN = {"its own command"}  # the peer would receive its own frame, and reply
 
 
 def times_out(both: Both, driver: Any, call: Callable[[], Any], function: str) -> None:
-    """Check that a call ends by its time-out, and not before."""
+    """Check that a call times out, and not too early."""
     began = time.monotonic()
     with Hosts.in_vain(driver, SHORT), pytest.raises(DriverTimeout, match=function) as caught:
         both.run(call())
@@ -69,8 +72,8 @@ def times_out(both: Both, driver: Any, call: Callable[[], Any], function: str) -
 
 
 @pytest.mark.parametrize("bare", [*KINDS], indirect=True)
-def test_answers_that_are_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """Commands are 0 and start is off from then on; the next call is right."""
+def test_lost_replies(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """Commands are then 0 and start is off; the next call succeeds."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     both.run(driver.set_inputs(0x3003))
@@ -106,7 +109,7 @@ def test_every_call_has_its_time_out(both: Both, hosts: Hosts, bare: Place, peer
 
 
 @only_on("udp_multicast", because="what is not answered is the same everywhere")
-def test_a_request_that_is_lost_forgets_no_command(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_a_lost_request_keeps_the_commands(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = lambda frame: obliging(frame) if frame.arbitration_id == COMMAND else []
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     both.run(driver.command(100.0))
@@ -116,8 +119,8 @@ def test_a_request_that_is_lost_forgets_no_command(both: Both, hosts: Hosts, bar
 
 
 @only_on("virtual", "udp_multicast", because="the second copy has arrived when it was sent")
-def test_answers_that_come_twice(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The second copy is no answer to the next call."""
+def test_duplicate_replies(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The second copy is not taken as the reply to the next call."""
     peer.script = lambda frame: obliging(frame) * 2
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     for number in range(1, 60):
@@ -129,8 +132,8 @@ def test_answers_that_come_twice(both: Both, hosts: Hosts, bare: Place, peer: Pe
 
 
 @pytest.mark.parametrize("bare", [*KINDS], indirect=True)
-def test_answers_that_come_late(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """What comes after the time-out is dropped: it is no answer to the next call."""
+def test_late_replies(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A reply after the time-out is dropped: it is not taken as the reply to the next call."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     peer.script = lambda _frame: []
@@ -145,8 +148,8 @@ def test_answers_that_come_late(both: Both, hosts: Hosts, bare: Place, peer: Pee
 
 
 @only_on("virtual", "udp_multicast", because="they are the same everywhere")
-def test_an_answer_to_the_call_before_comes_within_the_next(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The late broadcast is no answer to a request for another one, nor to a command."""
+def test_a_late_reply_within_the_next_call(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The late broadcast is not a reply to a request for another one, nor to a command."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     peer.script = lambda _frame: []
@@ -160,8 +163,8 @@ def test_an_answer_to_the_call_before_comes_within_the_next(both: Both, hosts: H
 
 
 @pytest.mark.parametrize("bare", [*KINDS], indirect=True)
-def test_frames_that_look_like_an_answer(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """They are passed over: the answer behind them is taken, and without one there is a time-out."""
+def test_frames_that_resemble_a_reply(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """They are skipped: the reply after them is taken, and without one the call times out."""
     left_out = {"serial": NOT_BY_SERIAL, "udp_multicast": OWN}.get(bare.kind, set())
     similar = [frame for name, frame in SIMILAR.items() if name not in left_out]
     peer.script = lambda frame: [*similar, *obliging(frame)]
@@ -173,14 +176,16 @@ def test_frames_that_look_like_an_answer(both: Both, hosts: Hosts, bare: Place, 
     times_out(both, driver, lambda: driver.command(5.0), "abh3_can_cmdAY")
 
 
-def test_broadcasts_that_look_like_an_answer(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_broadcasts_that_resemble_a_reply(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     wrong = [
         broadcast(3, 99, 99),
         broadcast(4, 99, 99, source=7),
         message(0x00FF3401, bytes(8)),  # of another group
         message(0x01FF2C01, bytes(8)),
         message(0x00FF2C01, bytes(7)),
-        *([] if bare.kind == "udp_multicast" else [message(REQUEST, b"\x2c\xff\x00")]),  # the peer would hear itself
+        *(
+            [] if bare.kind == "udp_multicast" else [message(REQUEST, b"\x2c\xff\x00")]
+        ),  # the peer would receive its own frame
     ]
     peer.script = lambda frame: [*wrong, *obliging(frame)]
     driver = hosts.connect(bare.near, timeout=PATIENCE, init=False)
@@ -192,8 +197,8 @@ def test_broadcasts_that_look_like_an_answer(both: Both, hosts: Hosts, bare: Pla
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_priorities_mean_nothing(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """What a driver sends may have any priority, whatever the host's is."""
+def test_priorities_are_ignored(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """Frames of a driver may have any priority, independent of the host's."""
     priorities = count()
 
     def raised(frame: can.Message) -> list[can.Message]:
@@ -214,8 +219,8 @@ def test_priorities_mean_nothing(both: Both, hosts: Hosts, bare: Place, peer: Pe
 
 
 @only_on("virtual", "udp_multicast", because="they are the same everywhere")
-def test_answers_in_another_order(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """Two drivers are asked at the same time; the peer answers the one last that was asked first."""
+def test_reordered_replies(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """Two drivers are commanded at the same time; the peer replies in reverse order."""
     held: list[can.Message] = []
 
     def reversing(frame: can.Message) -> list[can.Message]:
@@ -234,25 +239,25 @@ def test_answers_in_another_order(both: Both, hosts: Hosts, bare: Place, peer: P
         return all([(await both.now(driver.command(first + n))).a_velocity == first + n for n in range(100)])
 
     assert both.side_by_side(asks(one, 100), asks(seven, 300)) == [True, True]
-    peer.script = obliging  # of driver 7 nobody is there any more, and nothing is asked of it at the end
+    peer.script = obliging  # driver 7 does not reply now, so nothing may be sent to it at the end
     both.run(one.stop())
     seven.host.reset_commands()
 
 
 @only_on("virtual", because="it is the same everywhere")
-def test_frames_nobody_asked_for_between_calls(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """A driver that also sends its feedback by itself: what is old is not taken for the answer."""
+def test_unsolicited_frames_between_calls(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A driver also sends its feedback periodically: old feedback is not taken as the reply."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     for number in range(20):
-        peer.send(*[feedback(99.0)] * 300)  # more than a port keeps
+        peer.send(*[feedback(99.0)] * 300)  # more than a receiver buffers
         if both.loop is not None:
             wait(both, lambda: len(driver._port.frames) == SIZE)
         assert both.run(driver.command(float(number))).a_velocity == number
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_errors_that_stay(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_errors_that_remain(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     def faulty(frame: can.Message) -> list[can.Message]:
         return [broadcast(0, 0x40, 0)] if frame.arbitration_id == REQUEST else obliging(frame)
 
@@ -262,15 +267,15 @@ def test_errors_that_stay(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> 
         both.run(driver.reset_errors(tries=2))
     assert (caught.value.errors, caught.value.warnings) == (0x40, 0)
     resets = [frame.data[7] >> 7 for frame in peer.heard if frame.arbitration_id == COMMAND]
-    assert resets == [0, 0, 1, 0, 0, 1, 0]  # init, then an edge in each try, and it ends without the bit
+    assert resets == [0, 0, 1, 0, 0, 1, 0]  # init, then an edge in each attempt; the bit is cleared at the end
     assert int(driver.inputs) == 0
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_messages_that_break_off(
+def test_interrupted_messages(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Multi-packet messages: an abort is told at once, silence after a while; commands go on."""
+    """Multi-packet messages: an abort raises at once, a missing frame after a time-out; commands still work."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     peer.script = lambda frame: (
@@ -288,15 +293,15 @@ def test_messages_that_break_off(
     assert both.run(driver.command(4.0)).a_velocity == 4.0
 
 
-# --- a program that stands still --------------------------------------------------------------------------------------
+# --- a program that is suspended --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
 @only_on("virtual", "serial", because="a thread reads for the loop there")
-def test_a_late_answer_that_a_thread_has_in_hand(
+def test_a_late_reply_that_the_thread_holds(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It had arrived before the next call, which waits until the thread has handed it over, and drops it."""
+    """It arrived before the next call, which waits until the thread has passed it on, and drops it."""
     monkeypatch.setattr("orinkit.can.aio_shared_bus._GLANCES", 100_000)
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
@@ -324,10 +329,10 @@ def test_a_late_answer_that_a_thread_has_in_hand(
 
 
 @only_on("slcan", "serial", because="others have no such time-out")
-def test_a_frame_that_was_taken_while_the_program_stood_still(
+def test_a_frame_accepted_while_the_program_was_suspended(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """pyserial says that it was too late, for it looks at the time after it has written. One that takes nothing is told of."""
+    """pyserial reports a time-out, as it checks the time after writing. A port that accepts nothing raises."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     bus = vars(driver.bus._line._bus._bus)
@@ -349,10 +354,10 @@ def test_a_frame_that_was_taken_while_the_program_stood_still(
 
 
 @only_on("slcan", because="it waits until a frame was sent")
-def test_a_program_that_is_stopped_and_continued_while_a_frame_is_sent(
+def test_a_program_stopped_and_continued_while_sending(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Python does not begin that wait again; the frame has been taken."""
+    """Python does not resume that wait; the frame has been accepted."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
 
@@ -371,7 +376,7 @@ RATE = 2000
 
 
 class Traffic:
-    """Others on the bus, about 2,000 frames a second of all kinds."""
+    """Other nodes on the bus, with about 2,000 frames of all kinds per second."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self.sent = 0
@@ -397,7 +402,7 @@ class Traffic:
             message(number % 0x800, data, is_extended_id=False),
             message(FEEDBACK, b"", is_remote_frame=True),
             message(0x00EF0103, data),  # another host
-            message(0x00EF0301, data),  # and what it gets
+            message(0x00EF0301, data),  # and the frames for it
             message(0x00EF0207, data),  # another driver
             message(FEEDBACK, data[:4]),
             message(0x00FF2A07, data),
@@ -427,7 +432,7 @@ def test_foreign_traffic(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> N
         for _ in range(10):
             before = traffic.sent
             times_out(both, driver, lambda: driver.command(1.0), "abh3_can_cmdAY")
-            if traffic.sent - before > RATE * SHORT / 10:  # there was traffic all the time
+            if traffic.sent - before > RATE * SHORT / 10:  # the traffic did not stop
                 break
         else:
             pytest.fail("there was no traffic")

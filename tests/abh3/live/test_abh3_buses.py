@@ -1,4 +1,4 @@
-"""Buses that die and come back: the next call works by itself, and nothing moves by itself."""
+"""Buses that are lost and recover: the next call reopens the bus, and no motion resumes on its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENT = {"timeout": PATIENCE}
 
 
 def stands(device: VirtualABH3, seconds: float, both: Both) -> bool:
-    """Whether the motors do not move for a while, and nothing asks them to."""
+    """Return True if the motors stand still for a while, and nothing commands them to move."""
     before = device.state()
     rest(both, seconds)
     after = device.state()
@@ -39,7 +39,7 @@ def stands(device: VirtualABH3, seconds: float, both: Both) -> bool:
 
 @only_on("slcan", "serial", because="adapters can be unplugged")
 def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, caplog: pytest.LogCaptureFixture) -> None:
-    """Calls say so; when it is back the next call works by itself, and nothing moves by itself."""
+    """Calls raise; once it is plugged in again the next call works, and no motion resumes on its own."""
     device = VirtualABH3(Parameters(error_timeout=0, **FAST))
     with serve_can(device, at=bare.far):
         driver = hosts.connect(bare.near, **PATIENT)
@@ -47,7 +47,7 @@ def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, cap
         wait(both, lambda: both.run(driver.command()).a_velocity == 100.0)
         bare.cut()
         with pytest.raises((ConnectionLost, ConnectFailed), match=bare.kind) as lost:
-            both.run(driver.command(120.0))  # a thread that reads for an event loop may know already
+            both.run(driver.command(120.0))  # the thread that reads for an event loop may have noticed already
         assert len(str(lost.value)) > len(bare.near)
         assert driver.commands == (0, 0)
         for call in (driver.command, driver.errors):
@@ -64,14 +64,14 @@ def test_an_adapter_that_is_unplugged(both: Both, hosts: Hosts, bare: Place, cap
         assert driver.commands == (0, 0)
         assert stands(device, 0.2, both)
         both.run(driver.set_input("start", 1))
-        both.run(driver.command(50.0))  # until the program says so
+        both.run(driver.command(50.0))  # until the program commands it
         wait(both, lambda: both.run(driver.command()).a_velocity == 50.0)
         both.run(driver.close())
-    assert "lost" in caplog.text  # the server says so too
+    assert "lost" in caplog.text  # the server logs it too
 
 
 def works(both: Both, driver: Any) -> bool:
-    """Call, and tell whether that has worked; the server's side of the bus takes its time to come back."""
+    """Return True if a call succeeds; the server's side of the bus recovers later."""
     with Hosts.in_vain(driver, 1.0):
         try:
             both.run(driver.command())
@@ -97,8 +97,8 @@ def test_an_adapter_that_is_unplugged_during_a_call(both: Both, hosts: Hosts, ba
     assert driver.commands == (0, 0)
 
 
-def test_the_other_end_goes_away(both: Both, hosts: Hosts, bare: Place) -> None:
-    """A driver that is switched off, and on again: time-outs, then the next call is right."""
+def test_a_driver_is_switched_off(both: Both, hosts: Hosts, bare: Place) -> None:
+    """A driver is switched off and on again: time-outs, then the next call succeeds."""
     with serve_can(VirtualABH3(), at=bare.far):
         driver = hosts.connect(bare.near, **PATIENT)
         both.run(driver.command(10.0))
@@ -112,18 +112,18 @@ def test_the_other_end_goes_away(both: Both, hosts: Hosts, bare: Place) -> None:
         both.run(driver.close())
 
 
-# --- a bus as a script ------------------------------------------------------------------------------------------------
+# --- a scripted bus ----------------------------------------------------------------------------------------------------
 
 
 class Scripted(can.BusABC):
-    """A bus that answers as :func:`obliging`, until it is told to fail."""
+    """A bus that replies like :func:`obliging`, until the test makes it fail."""
 
     def __init__(self) -> None:
         super().__init__(None)
         self.channel_info = "a scripted bus"
         self.receiving: Exception | None = None
         self.sending: Exception | None = None
-        self.receiving_then: Exception | None = None  # it fails once the next frame was sent
+        self.receiving_then: Exception | None = None  # error after the next frame is sent
         self.sent: list[can.Message] = []
         self.refused = 0
         self.shut = 0
@@ -158,7 +158,7 @@ class Scripted(can.BusABC):
 
 @pytest.fixture
 def buses(monkeypatch: pytest.MonkeyPatch) -> list[Scripted | Exception]:
-    """What is opened by ``can://socketcan/can0``, one after the other; those that are open stay in it."""
+    """Return the buses that ``can://socketcan/can0`` opens, in order; the open ones stay in the list."""
     made: list[Any] = []
 
     def opened(address: object) -> can.BusABC:
@@ -178,7 +178,7 @@ URL = "can://socketcan/can0"
 
 
 @pytest.mark.parametrize("way", ["receiving_then", "sending"])
-def test_a_bus_that_fails_and_comes_back(both: Both, hosts: Hosts, buses: list[Any], way: str) -> None:
+def test_a_bus_that_fails_and_recovers(both: Both, hosts: Hosts, buses: list[Any], way: str) -> None:
     first, second = Scripted(), Scripted()
     buses.extend([first, ConnectFailed("it is away"), second])
     driver = hosts.connect(URL, **PATIENT)
@@ -198,12 +198,14 @@ def test_a_bus_that_fails_and_comes_back(both: Both, hosts: Hosts, buses: list[A
 
 
 @pytest.mark.parametrize("way", ["receiving_then", "sending"])
-def test_all_drivers_of_a_lost_bus_forget_their_commands(both: Both, hosts: Hosts, buses: list[Any], way: str) -> None:
+def test_the_commands_of_all_drivers_of_a_lost_bus_are_reset(
+    both: Both, hosts: Hosts, buses: list[Any], way: str
+) -> None:
     buses.extend([Scripted(), Scripted()])
     bus = hosts.open_bus(URL)
     one, other = bus.driver(**PATIENT), bus.driver(address=7, **PATIENT)
     both.run(one.command(100.0))
-    other.host._codes = [5, 5]  # nobody answers for it here
+    other.host._codes = [5, 5]  # nothing replies for it here
     setattr(buses[0], way, OSError(19, "No such device"))
     with pytest.raises(ConnectionLost, match="No such device"):
         both.run(one.command())
@@ -212,14 +214,14 @@ def test_all_drivers_of_a_lost_bus_forget_their_commands(both: Both, hosts: Host
     both.run(bus.close())
 
 
-def test_a_beat_that_nobody_takes(both: Both, hosts: Hosts) -> None:
-    """A full transmit buffer for a moment ends no keep-alive, and takes nobody else's commands."""
+def test_a_keep_alive_frame_that_is_not_accepted(both: Both, hosts: Hosts) -> None:
+    """A briefly full transmit buffer ends no keep-alive, and resets no commands of other drivers."""
     bus = Scripted()
     shared = hosts.open_bus(bus)
     one, other = shared.driver(**PATIENT), shared.driver(address=7, **PATIENT)
     both.run(one.set_inputs(0x3003))
     both.run(one.command(100.0))
-    other.host._codes = [5, 5]  # nobody answers for it here
+    other.host._codes = [5, 5]  # nothing replies for it here
     both.run(one.keep_alive(0.02, patience=PATIENCE))
     refused = bus.refused
     bus.sending = can.CanTimeoutError("transmit buffer full")
@@ -234,7 +236,7 @@ def test_a_beat_that_nobody_takes(both: Both, hosts: Hosts) -> None:
     one.end_keep_alive()
     both.run(one.keep_alive(0.02, patience=0.2))
     bus.sending = can.CanTimeoutError("transmit buffer full")
-    wait(both, lambda: not one.kept_alive and one.commands == (0, 0))  # that was too long
+    wait(both, lambda: not one.kept_alive and one.commands == (0, 0))  # longer than the patience
     assert other.commands == (1.0, 1.0)
     bus.sending = None
     other.host.reset_commands()
@@ -243,8 +245,8 @@ def test_a_beat_that_nobody_takes(both: Both, hosts: Hosts) -> None:
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
-def test_a_bus_that_is_lost_while_nobody_calls(both: Both, hosts: Hosts, buses: list[Any]) -> None:
-    """The commands are 0 although no call has failed: the driver has stopped meanwhile, and does not go on by itself."""
+def test_a_bus_that_is_lost_between_calls(both: Both, hosts: Hosts, buses: list[Any]) -> None:
+    """The commands are 0 although no call failed: the driver stopped meanwhile, and must not resume on its own."""
     first, second = Scripted(), Scripted()
     buses.extend([first, second])
     driver = hosts.connect(URL, **PATIENT)
@@ -256,7 +258,7 @@ def test_a_bus_that_is_lost_while_nobody_calls(both: Both, hosts: Hosts, buses: 
     both.run(driver.close())
 
 
-def test_a_bus_that_a_listener_finds_lost(both: Both, hosts: Hosts, buses: list[Any]) -> None:
+def test_a_listener_detects_a_lost_bus(both: Both, hosts: Hosts, buses: list[Any]) -> None:
     first, second = Scripted(), Scripted()
     buses.extend([first, second])
     driver = hosts.connect(URL, **PATIENT)
@@ -270,7 +272,7 @@ def test_a_bus_that_a_listener_finds_lost(both: Both, hosts: Hosts, buses: list[
     both.run(driver.close())
 
 
-def test_a_bus_that_was_given_is_not_opened_again(both: Both, hosts: Hosts) -> None:
+def test_a_bus_of_the_caller_is_not_reopened(both: Both, hosts: Hosts) -> None:
     bus = Scripted()
     driver = hosts.connect(bus, **PATIENT)
     assert both.run(driver.command(5.0)).a_velocity == 5.0
@@ -286,8 +288,8 @@ def test_a_bus_that_was_given_is_not_opened_again(both: Both, hosts: Hosts) -> N
     bus.shutdown()
 
 
-def test_a_frame_that_nobody_takes(both: Both, hosts: Hosts) -> None:
-    """The only one on a bus gets no acknowledgement: that is told, and the bus goes on."""
+def test_a_frame_that_is_not_acknowledged(both: Both, hosts: Hosts) -> None:
+    """The only node on a bus gets no acknowledgement: the call raises, and the bus stays usable."""
     bus = Scripted()
     driver = hosts.connect(bus, **PATIENT)
     both.run(driver.command(5.0))

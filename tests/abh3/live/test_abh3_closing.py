@@ -1,4 +1,4 @@
-"""Calls that are broken off, closing while others wait, blocks that raise: a driver comes to rest, and stays usable."""
+"""Interrupted calls, closing during calls, blocks that raise: the driver stops, and stays usable."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STOP = "00EF0102#00 00 00 00 01 10 00 00"
 
 @asynccontextmanager
 async def timeout_when(condition: Callable[[], bool]) -> AsyncIterator[None]:
-    """A time-out that expires when something has happened."""
+    """Time out when a condition becomes true."""
     async with asyncio.timeout(None) as scope:
         waiting = asyncio.create_task(_expire_when(condition, scope))
         try:
@@ -40,18 +40,18 @@ async def timeout_when(condition: Callable[[], bool]) -> AsyncIterator[None]:
 
 async def _expire_when(condition: Callable[[], bool], scope: asyncio.Timeout) -> None:
     end = time.monotonic() + PATIENCE
-    while not condition() and time.monotonic() < end:  # noqa: ASYNC110 - a thread counts
+    while not condition() and time.monotonic() < end:  # noqa: ASYNC110 - counted in a thread
         await asyncio.sleep(0.005)
     scope.reschedule(asyncio.get_running_loop().time())
 
 
-# --- calls that are broken off ----------------------------------------------------------------------------------------
+# --- interrupted calls ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
 def test_ctrl_c_in_a_call(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The driver is usable afterwards; an answer to what was broken off is not taken for that to the next call."""
+    """The driver stays usable; the reply to the interrupted call is not taken as that to the next call."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     peer.script = lambda _frame: []
@@ -76,7 +76,7 @@ def test_ctrl_c_in_a_call(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> 
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
-def test_a_call_that_is_cancelled(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_a_cancelled_call(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     peer.script = lambda _frame: []
@@ -84,7 +84,7 @@ def test_a_call_that_is_cancelled(both: Both, hosts: Hosts, bare: Place, peer: P
     async def body() -> None:
         call = asyncio.create_task(driver.command(99.0))
         end = time.monotonic() + PATIENCE
-        while peer.served < 2 and time.monotonic() < end:  # noqa: ASYNC110 - a thread counts
+        while peer.served < 2 and time.monotonic() < end:  # noqa: ASYNC110 - counted in a thread
             await asyncio.sleep(0.01)
         call.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -92,7 +92,7 @@ def test_a_call_that_is_cancelled(both: Both, hosts: Hosts, bare: Place, peer: P
         assert driver.commands == (0, 0)
         peer.send(*obliging(peer.heard[-1]))
         peer.script = obliging
-        while not driver._port.frames and time.monotonic() < end:  # noqa: ASYNC110 - what arrives tells nobody
+        while not driver._port.frames and time.monotonic() < end:  # noqa: ASYNC110 - arrivals cannot be awaited
             await asyncio.sleep(0.01)
         assert (await driver.command(3.0)).a_velocity == 3.0
         peer.script = lambda _frame: []
@@ -121,7 +121,7 @@ def test_closing_the_bus_ends_a_call(both: Both, hosts: Hosts, bare: Place, peer
     async def closes() -> float:
         end = time.monotonic() + PATIENCE
         while not peer.heard and time.monotonic() < end:
-            await both.now(asyncio.sleep(0.01) if both.loop else time.sleep(0.01))  # noqa: ASYNC251 - of the thread
+            await both.now(asyncio.sleep(0.01) if both.loop else time.sleep(0.01))  # noqa: ASYNC251 - in the thread
         began = time.monotonic()
         await both.now(bus.close())
         return time.monotonic() - began
@@ -136,8 +136,8 @@ def test_closing_the_bus_ends_a_call(both: Both, hosts: Hosts, bare: Place, peer
 
 @only_on("virtual", "udp_multicast", because="it is the same everywhere")
 @pytest.mark.parametrize("kept", [False, True])
-def test_closing_the_bus_brings_its_drivers_to_rest(both: Both, hosts: Hosts, bare: Place, kept: bool) -> None:
-    """They would not stop by themselves: their time-outs are off."""
+def test_closing_the_bus_stops_its_drivers(both: Both, hosts: Hosts, bare: Place, kept: bool) -> None:
+    """They would not stop on their own: their time-outs are off."""
     devices = [VirtualABH3(Parameters(address=each, command_timeout=0, error_timeout=0, **FAST)) for each in (1, 7, 9)]
     drivers: list[Any] = []
 
@@ -161,10 +161,10 @@ def test_closing_the_bus_brings_its_drivers_to_rest(both: Both, hosts: Hosts, ba
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_who_closes_stops_before_he_waits_for_the_keep_alive(
+def test_closing_stops_the_driver_before_joining_the_keep_alive(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A second Ctrl-C comes while the first one closes: the driver has been told to stop by then."""
+    """A second Ctrl-C interrupts the closing by the first one: the stop has been sent by then."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     turn(both, driver)
@@ -172,7 +172,7 @@ def test_who_closes_stops_before_he_waits_for_the_keep_alive(
     told: list[str] = []
 
     def interrupted(keeper: Any) -> None:
-        until(lambda: peer.data[-1] == STOP)  # nothing else would send that now
+        until(lambda: peer.data[-1] == STOP)  # nothing else would send it now
         told.append(peer.data[-1])
         real(keeper)
         raise KeyboardInterrupt
@@ -189,11 +189,11 @@ def test_who_closes_stops_before_he_waits_for_the_keep_alive(
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
 @only_on("udp_multicast", "virtual", because="it is the same everywhere")
-def test_closing_that_is_cancelled_closes_all_the_same(
+def test_a_cancelled_close_still_closes(
     both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The block ends while the driver, which is silent, is being told to stop."""
-    monkeypatch.setattr("orinkit.abh3.api._async.driver._GOODBYE", PATIENCE)  # it is not over before it is cancelled
+    """The block is cancelled while it waits for the reply of a silent driver to the stop."""
+    monkeypatch.setattr("orinkit.abh3.api._async.driver._GOODBYE", PATIENCE)  # longer than until the cancellation
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     turn(both, driver)
@@ -201,7 +201,7 @@ def test_closing_that_is_cancelled_closes_all_the_same(
 
     async def body() -> None:
         task = asyncio.create_task(driver.close())
-        while peer.data[-1] != STOP:  # noqa: ASYNC110 - a thread counts
+        while peer.data[-1] != STOP:  # noqa: ASYNC110 - counted in a thread
             await asyncio.sleep(0.001)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -216,7 +216,7 @@ def test_closing_that_is_cancelled_closes_all_the_same(
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
 def test_stopping_in_a_signal_handler(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """A call of the same thread waits for its answer, which never comes: the handler need not wait for that."""
+    """A call of the same thread waits for a reply that never arrives: the handler does not wait for it."""
     peer.script = obliging
     driver = hosts.connect(bare.near, timeout=PATIENCE)
     turn(both, driver)
@@ -228,7 +228,7 @@ def test_stopping_in_a_signal_handler(both: Both, hosts: Hosts, bare: Place, pee
     def handler(*_arguments: object) -> None:
         began = time.monotonic()
         stopped.extend((driver.stop(), time.monotonic() - began))
-        raise KeyboardInterrupt  # ends the call that waits
+        raise KeyboardInterrupt  # ends the pending call
 
     before = signal.signal(signal.SIGUSR1, handler)
     main = threading.main_thread().ident or 0
@@ -253,7 +253,7 @@ def test_stopping_in_a_signal_handler(both: Both, hosts: Hosts, bare: Place, pee
 
 
 def test_one_object_for_a_driver(both: Both, hosts: Hosts, bare: Place) -> None:
-    """Two would not know what the other one has commanded; a second host is somebody else."""
+    """Two objects would not know each other's commands; a second host address is another driver object."""
     bus = hosts.open_bus(bare.near)
     driver = bus.driver(address=7)
     for tongue, text in (("en", "ABH3 7 already has a driver object on this bus. Try"), ("ja", "アドレス 7 の ABH3")):
@@ -263,7 +263,7 @@ def test_one_object_for_a_driver(both: Both, hosts: Hosts, bare: Place) -> None:
     other = bus.driver(address=8)
     second = bus.driver(address=7, host=3)
     both.run(driver.close())
-    again = bus.driver(address=7)  # it was closed
+    again = bus.driver(address=7)  # the first one is closed
     both.run(again.close())
     del again
     assert not other.closed
@@ -271,7 +271,7 @@ def test_one_object_for_a_driver(both: Both, hosts: Hosts, bare: Place) -> None:
 
 
 @only_on("virtual", "udp_multicast", because="it is the same everywhere")
-def test_objects_that_nobody_has_leave_nothing_behind(both: Both, hosts: Hosts, bare: Place) -> None:
+def test_collected_objects_leave_nothing_behind(both: Both, hosts: Hosts, bare: Place) -> None:
     bus = hosts.open_bus(bare.near)
     kept = bus.driver(address=1)
     for number in range(500):
@@ -282,19 +282,19 @@ def test_objects_that_nobody_has_leave_nothing_behind(both: Both, hosts: Hosts, 
     assert list(bus._members) == [kept]
     gone = bus.driver(address=3)
     del gone
-    bus.driver(address=3)  # nobody has the other one any more
+    bus.driver(address=3)  # the other one was collected
 
 
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
 @only_on("virtual", because="it is the same everywhere")
-def test_an_object_may_go_at_any_moment(both: Both, hosts: Hosts, bare: Place) -> None:
-    """The garbage collector takes it where the line is at work, in the same thread: nobody waits for himself."""
+def test_an_object_may_be_collected_at_any_moment(both: Both, hosts: Hosts, bare: Place) -> None:
+    """The garbage collector may run inside the shared bus, in the same thread, without a deadlock."""
     bus = hosts.open_bus(bare.near)
     done = threading.Event()
 
     def collects() -> None:
         driver = bus.driver()
-        driver.itself = driver  # as the frame of an exception has it
+        driver.itself = driver  # a cycle, as with the frame of an exception
         del driver
         with bus._line._lock:
             gc.collect()
@@ -323,7 +323,7 @@ OURS = (
 @pytest.mark.parametrize("name", ["command", "pulses", "stop"])
 @only_on("udp_multicast", because="the queues of virtual buses are of Python itself, and do not stand that")
 def test_ctrl_c_at_every_point(both: Both, hosts: Hosts, bare: Place, name: str) -> None:
-    """Nothing stays locked, and nobody is taken for one that reads: the next call is carried out."""
+    """No lock stays held, and no thread stays registered as reading: the next call succeeds."""
     with serve_can(Echo(1), at=bare.far):
         driver = hosts.connect(bare.near, timeout=PATIENCE)
         line = driver.bus._line
@@ -346,7 +346,7 @@ async def _sends(driver: Any) -> bool:
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
 @only_on("udp_multicast", because="it is the same everywhere")
 def test_ctrl_c_at_every_point_of_closing(both: Both, hosts: Hosts, bare: Place) -> None:
-    """It can be closed again, by whoever is next."""
+    """It can be closed again afterwards."""
     with serve_can(Echo(1), at=bare.far):
         points = 0
         while True:
@@ -366,7 +366,7 @@ def test_ctrl_c_at_every_point_of_closing(both: Both, hosts: Hosts, bare: Place)
 
 @only_on("virtual", "serial", because="it takes a time-out")
 def test_closing_a_driver_while_a_call_waits(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The call comes to its end first; then the driver is stopped, and closed."""
+    """The call ends first; then the driver is stopped and closed."""
     driver = hosts.connect(bare.near, init=False, timeout=0.2)
 
     async def calls() -> object:
@@ -378,7 +378,7 @@ def test_closing_a_driver_while_a_call_waits(both: Both, hosts: Hosts, bare: Pla
     async def closes() -> None:
         end = time.monotonic() + PATIENCE
         while not peer.heard and time.monotonic() < end:
-            await both.now(asyncio.sleep(0.01) if both.loop else time.sleep(0.01))  # noqa: ASYNC251 - of the thread
+            await both.now(asyncio.sleep(0.01) if both.loop else time.sleep(0.01))  # noqa: ASYNC251 - in the thread
         await both.now(driver.close())
 
     called, _ = both.side_by_side(calls(), closes())
@@ -388,7 +388,7 @@ def test_closing_a_driver_while_a_call_waits(both: Both, hosts: Hosts, bare: Pla
         both.run(driver.command())
 
 
-def test_a_block_that_raises_brings_the_motor_to_rest(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_a_block_that_raises_stops_the_motor(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = obliging
 
     def body(driver: Any) -> None:
@@ -402,7 +402,7 @@ def test_a_block_that_raises_brings_the_motor_to_rest(both: Both, hosts: Hosts, 
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_closing_stops_what_was_asked_for_only(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_closing_stops_commanded_drivers_only(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = obliging
     for calls, frames in [([], 1), (["servo_on"], 2), (["start"], 3)]:
         peer.heard.clear()
@@ -417,7 +417,7 @@ def test_closing_stops_what_was_asked_for_only(both: Both, hosts: Hosts, bare: P
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_closing_waits_little_for_a_driver_that_is_silent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_closing_waits_briefly_for_a_silent_driver(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     turn(both, driver)
@@ -429,8 +429,8 @@ def test_closing_waits_little_for_a_driver_that_is_silent(both: Both, hosts: Hos
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_closing_stops_a_driver_whose_answer_was_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """Commands are forgotten, but what the driver does nobody knows."""
+def test_closing_stops_a_driver_whose_reply_was_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The commands are reset, but the state of the driver is unknown."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     turn(both, driver)
@@ -446,14 +446,14 @@ def test_closing_stops_a_driver_whose_answer_was_lost(both: Both, hosts: Hosts, 
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_opening_where_nobody_answers_leaves_nothing_open(both: Both, hosts: Hosts, bare: Place) -> None:
+def test_opening_without_a_driver_leaves_nothing_open(both: Both, hosts: Hosts, bare: Place) -> None:
     with pytest.raises(DriverTimeout, match="cmd_init"):
         hosts.connect(bare.near, timeout=0.1)
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
 @only_on("virtual", "serial", because="a thread reads for the loop; there is a port to let go of")
-def test_opening_that_is_cancelled_leaves_nothing_open(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_cancelled_opening_leaves_nothing_open(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     async def body() -> None:
         with pytest.raises(TimeoutError):
             async with timeout_when(lambda: peer.served == 1):

@@ -1,4 +1,4 @@
-"""Every function of section 4 over every kind of bus: the very frames, and what a virtual driver does."""
+"""Every function of section 4 over every kind of bus: the exact frames, and the reaction of a virtual driver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from support.abh3_wires import COMMAND, DRIVERS, FEEDBACK, Hosts, Peer, Place, m
 from support.both import Both
 
 PATIENT = {"timeout": 10.0}
-"""Of calls that are to be answered, on a machine with other work to do."""
+"""Time-out of calls that get a reply, on a busy machine, in s."""
 
 
 # --- the frames (sections 2 and 4) ------------------------------------------------------------------------------------
@@ -26,7 +26,7 @@ def test_port_init_sends_nothing_and_init_does(both: Both, hosts: Hosts, bare: P
     """4.1: abh3_can_port_init, then abh3_can_cmd_init."""
     peer.script = obliging
     driver = hosts.connect(bare.near, init=False, **PATIENT)
-    time.sleep(0.15)  # what was sent would be there by now: the next frame that comes is not the first
+    time.sleep(0.15)  # an earlier frame would have arrived by now, before the next one
     assert peer.heard == []
     answer = both.run(driver.init())
     assert peer.data == ["00EF0102#00 00 00 00 00 00 00 00"]
@@ -37,7 +37,7 @@ def test_the_frames_of_every_function(both: Both, hosts: Hosts, bare: Place, pee
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)  # 4.1, abh3_can_init
     assert both.run(driver.command(ay=100.0)).a_velocity == 100.0  # 4.2, abh3_can_cmdAY
-    both.run(driver.command(bx=-50.0))  # 4.2, abh3_can_cmdBX: A/Y stays
+    both.run(driver.command(bx=-50.0))  # 4.2, abh3_can_cmdBX: A/Y is unchanged
     both.run(driver.command(-6553.6, 6553.4))  # 4.3, abh3_can_cmd
     both.run(driver.command())
     both.run(driver.set_inputs(0x10345678))  # 4.4, abh3_can_inSet
@@ -117,7 +117,7 @@ def test_single_packets_without_a_command(both: Both, hosts: Hosts, bare: Place,
 
 
 @only_on("udp_multicast", because="it is the same over every bus")
-def test_what_cannot_be_sent_is_not_sent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+def test_invalid_values_are_not_sent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     both.run(driver.command(10.0, 20.0))
@@ -208,8 +208,8 @@ def test_turning_a_driver_of_2023(both: Both, hosts: Hosts, world: Place) -> Non
     wait(both, lambda: both.run(driver.command()).ay_velocity == 0)
 
 
-def test_a_load_that_is_told_in_another_unit(both: Both, hosts: Hosts, world: Place) -> None:
-    """The wire does not say the unit; the host has to know."""
+def test_a_load_in_another_unit(both: Both, hosts: Hosts, world: Place) -> None:
+    """Frames do not contain the unit; the host has to know it."""
     bus = hosts.open_bus(world.near)
     fine = bus.driver(address=9, dialect="v2", group=3, load_unit=0.1, **PATIENT)
     both.run(fine.set_input("servo_on", 1))
@@ -238,8 +238,8 @@ def test_torque(both: Both, hosts: Hosts, world: Place) -> None:
     wait(both, lambda: both.run(driver.velocities()).ay_velocity == 0)
 
 
-def test_coming_to_rest(both: Both, hosts: Hosts, world: Place) -> None:
-    """stop_and_wait() returns when the motors stand, not before; the servo stays on."""
+def test_stop_and_wait(both: Both, hosts: Hosts, world: Place) -> None:
+    """stop_and_wait() returns at standstill, not before; the servo stays on."""
     driver = hosts.connect(world.near, address=7, **PATIENT)
     both.run(driver.set_input("servo_on", 1))
     both.run(driver.set_input("start", 1))
@@ -255,7 +255,7 @@ def test_coming_to_rest(both: Both, hosts: Hosts, world: Place) -> None:
 
 
 def test_errors_are_reset(both: Both, hosts: Hosts, world: Place) -> None:
-    """Driver 3 has time-outs, short ones: whoever comes later than half a second finds an error."""
+    """Driver 3 has short time-outs: after half a second without a host it reports an error."""
     driver = hosts.connect(world.near, address=3, group=6, init=False, **PATIENT)
     wait(both, lambda: "can_communication" in both.run(driver.errors()).errors)
     both.run(driver.init())
@@ -278,7 +278,7 @@ def test_a_request_of_all(both: Both, hosts: Hosts, world: Place) -> None:
 
     def answering() -> list[int]:
         heard = sorted(both.run(bus.request_all(0x2C, seconds=0.2)))
-        assert set(heard) <= {1, 7}  # those of other groups do not answer
+        assert set(heard) <= {1, 7}  # drivers of other groups do not reply
         return heard
 
     wait(both, lambda: answering() == [1, 7])
@@ -292,8 +292,8 @@ def test_a_request_of_all(both: Both, hosts: Hosts, world: Place) -> None:
         assert type(both.run(driver.analog())) is BR5
 
 
-def test_what_is_withheld_is_not_answered(both: Both, hosts: Hosts, world: Place) -> None:
-    """DP1 (2.2) is no part of the driver."""
+def test_withheld_frames_get_no_reply(both: Both, hosts: Hosts, world: Place) -> None:
+    """The driver does not support DP1 (2.2)."""
     driver = hosts.connect(world.near, **PATIENT)
     with hosts.in_vain(driver, 0.15), pytest.raises(DriverTimeout, match="abh3_can_reqSNG"):
         both.run(driver.request_single(1))
@@ -317,7 +317,7 @@ def test_parameters_monitors_identification(both: Both, hosts: Hosts, world: Pla
 
 
 def test_parameters_beside_commands(both: Both, hosts: Hosts, world: Place) -> None:
-    """A multi-packet message takes many frames; commands go on between them."""
+    """A multi-packet message takes many frames; commands continue between them."""
     driver = hosts.connect(world.near, **PATIENT)
 
     async def reads() -> set[float]:
@@ -330,8 +330,8 @@ def test_parameters_beside_commands(both: Both, hosts: Hosts, world: Place) -> N
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
-def test_messages_that_are_broken_off_leave_nothing_behind(both: Both, hosts: Hosts, world: Place) -> None:
-    """Wherever that is: the next answer is to the next question, and nothing else is written."""
+def test_interrupted_messages_leave_nothing_behind(both: Both, hosts: Hosts, world: Place) -> None:
+    """After an interruption at any point, the next reply matches the next request, and nothing else is written."""
     driver = hosts.connect(world.near, **PATIENT)
 
     async def body() -> None:
@@ -343,14 +343,14 @@ def test_messages_that_are_broken_off_leave_nothing_behind(both: Both, hosts: Ho
             try:
                 assert (await driver.read_parameter(0x4102)).value == 1
                 assert (await driver.read_parameter(0x4107)).value == 5
-            except ProtocolError:  # an answer was on its way that nobody wants any more
+            except ProtocolError:  # the abandoned reply was being sent
                 assert (await driver.read_parameter(0x4102)).value == 1
 
     both.run(body())
 
 
 def test_listening(both: Both, hosts: Hosts, world: Place) -> None:
-    """Frames of others are heard, decoded: here the answers to another host."""
+    """Frames of other nodes are decoded: here the replies to another host."""
     bus = hosts.open_bus(world.near)
     driver = bus.driver(address=1, **PATIENT)
 
@@ -388,7 +388,7 @@ def test_listening(both: Both, hosts: Hosts, world: Place) -> None:
     assert {"DP0R", "BR4"} <= set(names) <= {"DP0R", "BR4", "DP0S", "REQUEST"}
 
 
-def test_listening_ends_by_itself(both: Both, hosts: Hosts, bare: Place) -> None:
+def test_listening_ends_after_its_time(both: Both, hosts: Hosts, bare: Place) -> None:
     bus = hosts.open_bus(bare.near)
     listener = bus.listen(0.05)
     if both.loop is None:
@@ -427,7 +427,7 @@ def test_closing(both: Both, hosts: Hosts, world: Place) -> None:
     assert both.run(again.command()).a_velocity == 0
 
 
-def test_a_driver_that_is_closed_leaves_the_bus_to_others(both: Both, hosts: Hosts, world: Place) -> None:
+def test_a_closed_driver_leaves_the_bus_open_for_others(both: Both, hosts: Hosts, world: Place) -> None:
     bus = hosts.open_bus(world.near)
     one, other = bus.driver(address=1, **PATIENT), bus.driver(address=7, **PATIENT)
     both.run(one.close())
@@ -438,7 +438,7 @@ def test_a_driver_that_is_closed_leaves_the_bus_to_others(both: Both, hosts: Hos
 
 
 def test_two_hosts(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """A driver with any host answers each of them; each gets its own answers."""
+    """A driver that accepts any host replies to each; each host gets its own replies."""
     peer._is_for_me = lambda found: found.arbitration_id & 0xFF in (2, 4)
     peer.script = lambda frame: [message(0x00EF0001 | (frame.arbitration_id & 0xFF) << 8, bytes(frame.data[:2]) * 4)]
     bus = hosts.open_bus(bare.near)
@@ -451,8 +451,8 @@ def test_two_hosts(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
     assert {frame.arbitration_id for frame in peer.heard} == {COMMAND, 0x00EF0104}
 
 
-def test_the_world_is_as_it_is_said(both: Both, hosts: Hosts, world: Place) -> None:
-    """Each driver of the world answers as the parameters say that it has."""
+def test_the_drivers_have_their_parameters(both: Both, hosts: Hosts, world: Place) -> None:
+    """Each driver of the world replies according to its parameters."""
     bus = hosts.open_bus(world.near)
     for address, given in DRIVERS.items():
         driver = bus.driver(address=address, **PATIENT)
@@ -460,7 +460,7 @@ def test_the_world_is_as_it_is_said(both: Both, hosts: Hosts, world: Place) -> N
 
 
 def test_two_drivers_turn_independently(both: Both, hosts: Hosts, world: Place) -> None:
-    """What driver 1 is told changes nothing in driver 7, and the other way round."""
+    """Commands for driver 1 do not affect driver 7, and vice versa."""
     bus = hosts.open_bus(world.near)
 
     async def turns(driver: Any, offset: int) -> tuple[float, float]:

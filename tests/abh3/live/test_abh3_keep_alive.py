@@ -1,4 +1,4 @@
-"""A keep-alive keeps a motor turning as long as somebody wants it, and not a moment longer."""
+"""A keep-alive keeps a motor turning while the program is active, and no longer."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ pytestmark = pytest.mark.slow
 
 PATIENT = {"timeout": PATIENCE}
 HOLDING = {"patience": PATIENCE}
-"""Of keep-alives that are not to end because the machine has other work to do."""
+"""Patience of keep-alives that must not end on a busy machine, in s."""
 GO = 0x3003
 STOP = "00EF0102#00 00 00 00 01 10 00 00"
 """Commands 0, servo on, start off."""
 
 
 def at_rest(frame: can.Message) -> list[can.Message]:
-    """The script of a driver whose motors stand, without errors."""
+    """Reply like a driver at standstill, without errors."""
     return [broadcast(0)] if frame.arbitration_id == REQUEST else obliging(frame)
 
 
 @pytest.fixture
 def device() -> VirtualABH3:
-    """It warns and stops, but has no error that would be latched: whatever comes then has it move again."""
+    """Return a driver that warns and stops without a latched error: any later command would move it again."""
     return VirtualABH3(Parameters(error_timeout=0, **FAST))
 
 
@@ -75,8 +75,8 @@ def turned(device: VirtualABH3) -> int:
     return device.state().a_pulses
 
 
-def stays(device: VirtualABH3, seconds: float, both: Both | None = None) -> None:
-    """Check that the motor stands, and nothing moves it for a while."""
+def stays_at_rest(device: VirtualABH3, seconds: float, both: Both | None = None) -> None:
+    """Check that the motor stands still for a while."""
     until(lambda: not device.state().moving)
     before = turned(device)
     end = time.monotonic() + seconds
@@ -90,8 +90,8 @@ def stays(device: VirtualABH3, seconds: float, both: Both | None = None) -> None
 
 
 @only_on("udp_multicast", because="it is the same everywhere")
-def test_coming_to_rest_takes_longer_than_the_patience(both: Both, hosts: Hosts, bare: Place) -> None:
-    """The driver answers all the time: the keep-alive goes on, and nobody is told that it was silent."""
+def test_stopping_takes_longer_than_the_patience(both: Both, hosts: Hosts, bare: Place) -> None:
+    """The driver replies all the time: the keep-alive continues, and no time-out is raised."""
     device = VirtualABH3(Parameters(error_timeout=0, acceleration_time=0.01, deceleration_time=10.0))
     with serve_can(device, at=bare.far):
         driver = hosts.connect(bare.near, **PATIENT)
@@ -106,7 +106,7 @@ def test_coming_to_rest_takes_longer_than_the_patience(both: Both, hosts: Hosts,
 
 
 @only_on("slcan", "serial", because="the next test is over the network")
-def test_a_motor_goes_on_without_calls(both: Both, device: VirtualABH3, driver: Any) -> None:
+def test_a_motor_turns_without_calls(both: Both, device: VirtualABH3, driver: Any) -> None:
     both.run(driver.keep_alive(**HOLDING))
     assert driver.kept_alive
     both.run(driver.command(100.0))
@@ -129,7 +129,7 @@ def test_three_seconds(both: Both, device: VirtualABH3, driver: Any) -> None:
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
+def test_ending_it(both: Both, device: VirtualABH3, driver: Any) -> None:
     both.run(driver.keep_alive(**HOLDING))
     both.run(driver.command(100.0))
     wait(both, lambda: device.state().moving)
@@ -137,17 +137,17 @@ def test_it_is_ended(both: Both, device: VirtualABH3, driver: Any) -> None:
     driver.end_keep_alive()
     assert not driver.kept_alive
     wait(both, lambda: device.state().warnings)
-    stays(device, 0.2, both)
+    stays_at_rest(device, 0.2, both)
     assert driver.commands == (100.0, 0.0)
-    both.run(driver.keep_alive(0.05, **HOLDING))  # it can be begun anew, which is asking for it
+    both.run(driver.keep_alive(0.05, **HOLDING))  # it can be started again, by calling it
     wait(both, lambda: device.state().moving)
-    both.run(driver.keep_alive(0.2, **HOLDING))  # as another one
+    both.run(driver.keep_alive(0.2, **HOLDING))  # with other times
     rest(both, 0.3)
     assert [thread.name for thread in threading.enumerate()].count("orinkit-abh3-1") == (both.kind == "sync")
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_numbers_that_cannot_be(both: Both, driver: Any) -> None:
+def test_invalid_numbers(both: Both, driver: Any) -> None:
     wrong: list[dict[str, Any]] = [
         {"period": 0},
         {"patience": -1.0},
@@ -155,7 +155,7 @@ def test_numbers_that_cannot_be(both: Both, driver: Any) -> None:
         {"period": float("inf")},
         {"period": "0.1"},
         {"idle": 3601},
-        {"period": 0.5},  # a driver would stop before the second beat
+        {"period": 0.5},  # a driver would stop before the second command
         {"patience": 0.1},
     ]
     for each in wrong:
@@ -165,12 +165,12 @@ def test_numbers_that_cannot_be(both: Both, driver: Any) -> None:
     both.run(driver.keep_alive(Decimal("0.1"), **HOLDING))
     with pytest.raises(InvalidValue):
         both.run(driver.keep_alive(-1))
-    assert driver.kept_alive  # the one before goes on
+    assert driver.kept_alive  # the previous one continues
 
 
 @only_on("udp_multicast", "slcan", because="the bus has no part in it")
-def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """It is told to stop, whether it hears that or not; the next call says so, once; commands are 0 then."""
+def test_a_driver_that_stops_replying(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """A stop is sent anyway; the next call raises, once; the commands are then 0."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     both.run(driver.set_inputs(GO))
@@ -183,7 +183,7 @@ def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer:
     sent = len(peer.heard)
     rest(both, 0.3)
     assert len(peer.heard) == sent  # nothing more is sent
-    peer.script = obliging  # it is back
+    peer.script = obliging  # it replies again
     with pytest.raises(DriverTimeout, match="keep_alive") as caught:
         both.run(driver.command(50.0))
     assert caught.value.seconds == 0.3
@@ -194,10 +194,8 @@ def test_a_driver_that_falls_silent(both: Both, hosts: Hosts, bare: Place, peer:
 
 @only_on("udp_multicast", because="the bus has no part in it")
 @pytest.mark.parametrize("name", ["stop", "rest", "init", "reset_errors"])
-def test_what_moves_nothing_is_carried_out_all_the_same(
-    both: Both, hosts: Hosts, bare: Place, peer: Peer, name: str
-) -> None:
-    """Who stops a motor must not be told that a keep-alive has ended instead."""
+def test_safe_calls_are_carried_out_after_the_end(both: Both, hosts: Hosts, bare: Place, peer: Peer, name: str) -> None:
+    """A call that stops the motor must not raise the time-out of the keep-alive instead."""
     peer.script = obliging
     driver = hosts.connect(bare.near, **PATIENT)
     both.run(driver.set_inputs(GO))
@@ -217,8 +215,8 @@ def test_what_moves_nothing_is_carried_out_all_the_same(
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_a_beat_whose_answer_is_read_late(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The program stands still after a beat was sent: the answer that it reads then is no reason to go on."""
+def test_a_reply_to_a_keep_alive_that_is_read_late(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The program is suspended after a command: the reply that it reads later does not keep the motor going."""
     beats = threading.Semaphore(0)
 
     def slowly(frame: can.Message) -> list[can.Message]:
@@ -237,7 +235,7 @@ def test_a_beat_whose_answer_is_read_late(both: Both, hosts: Hosts, bare: Place,
 
     def late(seconds: float) -> Any:
         if beats.acquire(blocking=False):
-            time.sleep(0.7)  # all of the program, as when it is stopped
+            time.sleep(0.7)  # suspends the whole program, as SIGSTOP does
         return real(seconds)
 
     driver._port.receive = late
@@ -249,7 +247,7 @@ def test_a_beat_whose_answer_is_read_late(both: Both, hosts: Hosts, bare: Place,
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_a_driver_that_comes_back_does_not_move(both: Both, bare: Place, hosts: Hosts, device: VirtualABH3) -> None:
+def test_a_driver_that_replies_again_does_not_move(both: Both, bare: Place, hosts: Hosts, device: VirtualABH3) -> None:
     with serve_can(device, at=bare.far):
         driver = hosts.connect(bare.near, **PATIENT)
         both.run(driver.set_inputs(GO))
@@ -263,7 +261,7 @@ def test_a_driver_that_comes_back_does_not_move(both: Both, bare: Place, hosts: 
         with pytest.raises(DriverTimeout, match="keep_alive"):
             both.run(driver.command(30.0))
         both.run(driver.set_inputs(GO))
-        stays(again, 0.3, both)
+        stays_at_rest(again, 0.3, both)
         both.run(driver.command(30.0))
         wait(both, lambda: again.state().moving)
         both.run(driver.close())
@@ -271,21 +269,21 @@ def test_a_driver_that_comes_back_does_not_move(both: Both, bare: Place, hosts: 
 
 @only_on("virtual", because="the bus has no part in it")
 def test_a_program_that_does_not_call(both: Both, hosts: Hosts, device: VirtualABH3, driver: Any) -> None:
-    """With ``idle`` a program that hangs does not hold the motor at its speed."""
+    """With ``idle``, a program that hangs does not keep the motor turning."""
     both.run(driver.keep_alive(0.05, idle=PATIENCE, **HOLDING))
     both.run(driver.command(100.0))
     wait(both, lambda: device.state().moving)
     hosts.impatient(driver, idle=0.4)
     wait(both, lambda: not driver.kept_alive)
-    wait(both, lambda: int(device.state().inputs) == 0x1001)  # it was told to stop, not by its time-out alone
+    wait(both, lambda: int(device.state().inputs) == 0x1001)  # a stop was sent; it did not stop by its time-out alone
     wait(both, lambda: not device.state().moving)
     assert driver.commands == (0, 0)
     assert list(driver.inputs) == ["ay_servo_on", "bx_servo_on"]
-    assert both.run(driver.command()).a_velocity == 0  # that is no error
+    assert both.run(driver.command()).a_velocity == 0  # not an error
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_calls_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> None:
+def test_calls_restart_the_idle_time(both: Both, device: VirtualABH3, driver: Any) -> None:
     both.run(driver.keep_alive(0.05, idle=1.0, **HOLDING))
     both.run(driver.command(100.0))
     end = time.monotonic() + 1.4
@@ -298,8 +296,8 @@ def test_calls_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> No
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_messages_count_as_life(both: Both, device: VirtualABH3, driver: Any) -> None:
-    """They command nothing, but somebody is there who wants to know."""
+def test_messages_restart_the_idle_time(both: Both, device: VirtualABH3, driver: Any) -> None:
+    """They command nothing, but show that the program is active."""
     both.run(driver.keep_alive(0.05, idle=1.0, **HOLDING))
     both.run(driver.command(100.0))
     for call, address in [(driver.read_monitor, 0x1004), (driver.read_parameter, 0x4102)]:
@@ -322,14 +320,14 @@ def test_closing_ends_it(both: Both, device: VirtualABH3, driver: Any) -> None:
     until(lambda: int(device.state().inputs) == 0x1001)
     assert not driver.kept_alive
     assert "orinkit-abh3-1" not in [thread.name for thread in threading.enumerate()]
-    stays(device, 0.2, both)
+    stays_at_rest(device, 0.2, both)
     with pytest.raises(ConnectionClosed):
         both.run(driver.command())
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_a_driver_that_nobody_has_any_more(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """The keep-alive goes with the object."""
+def test_a_collected_driver(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
+    """The keep-alive ends with the object."""
     peer.script = obliging
     bus = hosts.open_bus(bare.near)
     driver = bus.driver(**PATIENT)
@@ -338,7 +336,9 @@ def test_a_driver_that_nobody_has_any_more(both: Both, hosts: Hosts, bare: Place
     keeper = driver._keep_alive_call
     del driver
     wait(both, lambda: keeper._task.done() if both.loop is not None else not keeper._thread.is_alive())
-    both.run(bus.request_all(0, seconds=PATIENCE, count=1))  # what was sent before has been heard when that is answered
+    both.run(
+        bus.request_all(0, seconds=PATIENCE, count=1)
+    )  # earlier frames have been received once this one gets a reply
     sent = len(peer.heard)
     rest(both, 0.3)
     assert len(peer.heard) == sent
@@ -346,7 +346,7 @@ def test_a_driver_that_nobody_has_any_more(both: Both, hosts: Hosts, bare: Place
 
 @only_on("udp_multicast", because="the bus has no part in it")
 def test_the_bus_is_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """A keep-alive never opens it again."""
+    """A keep-alive never reopens it."""
     peer.script = obliging
     bus = hosts.open_bus(bare.near)
     driver = bus.driver(**PATIENT)
@@ -364,26 +364,26 @@ def test_the_bus_is_lost(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> N
     assert driver.commands == (0, 0)
     with pytest.raises(DriverTimeout, match="keep_alive"):
         both.run(driver.command(50.0))
-    assert both.run(driver.command()).a_velocity == 0  # this call opens it
+    assert both.run(driver.command()).a_velocity == 0  # this call reopens it
     assert peer.data[-1] == STOP
     both.run(bus.close())
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_an_event_loop_that_is_blocked(both: Both, hosts: Hosts, device: VirtualABH3, driver: Any) -> None:
-    """The motor stops, and when the loop goes on it does not start again by itself."""
+def test_a_blocked_event_loop(both: Both, hosts: Hosts, device: VirtualABH3, driver: Any) -> None:
+    """The motor stops, and does not start again when the loop continues."""
     both.run(driver.keep_alive(**HOLDING))
     both.run(driver.command(100.0))
     wait(both, lambda: device.state().moving)
     hosts.impatient(driver, patience=0.5)
-    until(lambda: device.state().warnings and not device.state().moving)  # the loop stands still
-    stays(device, 0.5, both)  # now it goes on
+    until(lambda: device.state().warnings and not device.state().moving)  # the loop is blocked
+    stays_at_rest(device, 0.5, both)  # it continues
     assert not driver.kept_alive
     with pytest.raises(DriverTimeout, match="keep_alive"):
         both.run(driver.command())
     both.run(driver.command())
-    stays(device, 0.1, both)
+    stays_at_rest(device, 0.1, both)
 
 
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
@@ -398,18 +398,18 @@ def test_the_thread_that_began_it_ends(both: Both, device: VirtualABH3, driver: 
     thread.start()
     thread.join()
     until(lambda: device.state().warnings)
-    stays(device, 0.3)
+    stays_at_rest(device, 0.3)
     assert not driver.kept_alive
     assert driver.commands == (0, 0)
-    driver.set_input("correction", 1)  # has nothing to do with moving
-    stays(device, 0.3)
+    driver.set_input("correction", 1)  # does not concern motion
+    stays_at_rest(device, 0.3)
 
 
 @pytest.mark.parametrize("both", ["async"], indirect=True)
 @only_on("udp_multicast", because="the bus has no part in it")
 @pytest.mark.parametrize("begun", [True, False])
 def test_its_task_is_cancelled(both: Both, device: VirtualABH3, driver: Any, begun: bool) -> None:
-    """As a program does that cancels all its tasks, also before it has had its first turn."""
+    """As in a program that cancels all its tasks, also before the task has started."""
 
     async def body() -> None:
         await driver.command(100.0)
@@ -425,12 +425,14 @@ def test_its_task_is_cancelled(both: Both, device: VirtualABH3, driver: Any, beg
     assert driver.commands == (0, 0)
     wait(both, lambda: device.state().warnings)
     both.run(driver.set_input("correction", 1))
-    stays(device, 0.3, both)
+    stays_at_rest(device, 0.3, both)
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-def test_a_beat_that_fails(both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a fault of ours: the keep-alive says that it has ended, and the commands are taken back."""
+def test_a_keep_alive_that_fails(
+    both: Both, hosts: Hosts, bare: Place, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After an internal error, the keep-alive has ended, and the commands are reset."""
     raised: list[object] = []
     monkeypatch.setattr(threading, "excepthook", lambda told: raised.append(told.exc_type))
     if both.loop is not None:
@@ -446,15 +448,15 @@ def test_a_beat_that_fails(both: Both, hosts: Hosts, bare: Place, peer: Peer, mo
     monkeypatch.setattr(driver.host, "repeat", fails)
     both.run(driver.keep_alive(0.02, **HOLDING))
     wait(both, lambda: not driver.kept_alive and driver.commands == (0, 0))
-    until(lambda: raised == ([ZeroDivisionError] if both.loop is None else []))  # a thread tells it last
+    until(lambda: raised == ([ZeroDivisionError] if both.loop is None else []))  # the thread reports it last
     assert both.run(driver.set_input("correction", 1)).a_velocity == 0
-    gc.collect()  # a task says then that its exception was never looked at
+    gc.collect()  # a task then reports that its exception was never retrieved
 
 
 @pytest.mark.parametrize("both", ["sync"], indirect=True)
 @only_on("udp_multicast", because="the bus has no part in it")
 def test_a_call_that_takes_long(both: Both, hosts: Hosts, bare: Place, peer: Peer) -> None:
-    """A call that waits for an answer holds the keep-alive up: nothing is sent late afterwards."""
+    """A call that waits for a reply blocks the keep-alive: nothing is sent late afterwards."""
     peer.script = lambda frame: obliging(frame) if frame.arbitration_id == 0x00EF0102 else []
     driver = hosts.connect(bare.near, **PATIENT)
     driver.set_inputs(GO)
@@ -521,7 +523,7 @@ def begins_to_turn(device: VirtualABH3, child: Any) -> None:
 @only_on("udp_multicast", because="two processes share it")
 @pytest.mark.parametrize("end", ["killed", "raises"])
 def test_a_program_that_ends(bare: Place, device: VirtualABH3, server: CanServer, kind: str, end: str) -> None:
-    """Killed, or its main thread raises while another thread lives on: the motor stops by itself."""
+    """If it is killed, or its main thread raises while another thread continues, the motor stops."""
     with process("-c", PROGRAM, bare.near, kind, end) as child:
         begins_to_turn(device, child)
         began = time.monotonic()
@@ -530,24 +532,24 @@ def test_a_program_that_ends(bare: Place, device: VirtualABH3, server: CanServer
         until(lambda: not device.state().moving)
         assert time.monotonic() - began < PATIENCE
         until(lambda: device.state().warnings)
-        stays(device, 0.3)
+        stays_at_rest(device, 0.3)
         if end == "raises":
-            assert child.poll() is None  # the other thread is still there
+            assert child.poll() is None  # the other thread is still running
 
 
 @only_on("udp_multicast", because="two processes share it")
 def test_a_program_that_is_stopped(bare: Place, device: VirtualABH3, server: CanServer, kind: str) -> None:
-    """The motor stops, and does not start again by itself when the program goes on."""
+    """The motor stops, and does not start again when the program continues."""
     with process("-c", PROGRAM, bare.near, kind, "sleeps") as child:
         begins_to_turn(device, child)
         with stopped(child.pid):
             until(lambda: device.state().warnings and not device.state().moving)
-            stays(device, 0.2)
-        stays(device, 0.7)
+            stays_at_rest(device, 0.2)
+        stays_at_rest(device, 0.7)
 
 
 class Stopping(VirtualABH3):
-    """Stops a process that has sent a command, before it reads the answer."""
+    """Stops a process that has sent a command before it reads the reply."""
 
     pid = 0
 
@@ -563,11 +565,11 @@ class Stopping(VirtualABH3):
 
 
 @only_on("udp_multicast", because="two processes share it")
-def test_a_program_that_is_stopped_between_a_command_and_its_answer(bare: Place, kind: str) -> None:
+def test_a_program_stopped_between_a_command_and_its_reply(bare: Place, kind: str) -> None:
     device = Stopping(Parameters(error_timeout=0, **FAST))
     with serve_can(device, at=bare.far), process("-c", PROGRAM, bare.near, kind, "sleeps") as child:
         begins_to_turn(device, child)
         with device.stack:
             device.pid = child.pid
             until(lambda: device.state().warnings and not device.state().moving)
-        stays(device, 0.7)
+        stays_at_rest(device, 0.7)

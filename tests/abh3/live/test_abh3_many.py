@@ -1,4 +1,4 @@
-"""Several drivers, threads and tasks on one bus: every answer is that of the driver that was asked."""
+"""Several drivers, threads and tasks on one bus: every reply comes from the right driver."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TIMES = {"virtual": 1500, "udp_multicast": 600, "slcan": 150, "serial": 300}
 
 
 async def asks(both: Both, driver: Any, times: int) -> int:
-    """Command one velocity after the other; returns how many answers were the driver's own to the very command."""
+    """Command a series of velocities; return how many replies were those of the driver to the command."""
     right = 0
     for number in range(times):
         ay, bx = number % 6000 + driver.address / 5, -(number % 5000) - driver.address / 5
@@ -57,7 +57,7 @@ def test_ten_drivers_and_a_listener(both: Both, hosts: Hosts, bare: Place) -> No
 
 @pytest.mark.parametrize("bare", ["virtual", "udp_multicast"], indirect=True)
 def test_one_driver_of_several_tasks(both: Both, hosts: Hosts, bare: Place) -> None:
-    """Calls on one driver wait for each other; each gets the answer to its own."""
+    """Calls on one driver run one at a time; each gets its own reply."""
     with serve_can(Echo(1), at=bare.far):
         driver = hosts.connect(bare.near, **PATIENT)
 
@@ -71,7 +71,7 @@ def test_one_driver_of_several_tasks(both: Both, hosts: Hosts, bare: Place) -> N
 
 @pytest.mark.parametrize("bare", ["virtual", "udp_multicast"], indirect=True)
 def test_two_buses_of_one_program(both: Both, hosts: Hosts, bare: Place) -> None:
-    """The bus opened twice: other hosts' answers are passed over."""
+    """The bus is opened twice: replies to the other host are ignored."""
     with serve_can(Echo(1), Echo(7), at=bare.far):
         one = hosts.connect(bare.near, address=1, **PATIENT)
         seven = hosts.connect(bare.near, address=7, host=3, **PATIENT)
@@ -81,7 +81,7 @@ def test_two_buses_of_one_program(both: Both, hosts: Hosts, bare: Place) -> None
 
 
 def test_threads_come_and_go(tmp_path: Path) -> None:
-    """Whoever reads the bus for all may leave at any time; nobody is left waiting."""
+    """The thread that reads for all may leave at any time; no other thread keeps waiting."""
     url = "can://virtual/threads-come-and-go"
     wrong: list[object] = []
     with serve_can(*map(Echo, range(10, 16)), at=url), abh3.open_bus(url) as bus:
@@ -94,7 +94,7 @@ def test_threads_come_and_go(tmp_path: Path) -> None:
                     if answers != {address}:
                         wrong.append(answers)
                     driver.close()
-            except Exception as error:  # noqa: BLE001 - is told below
+            except Exception as error:  # noqa: BLE001 - checked below
                 wrong.append(error)
 
         threads = [threading.Thread(target=comes_and_goes, args=(address,)) for address in range(10, 16)]

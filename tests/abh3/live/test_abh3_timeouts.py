@@ -1,4 +1,4 @@
-"""The time-outs of section 1, exactly, with a clock that is moved by hand; and coarsely in real time."""
+"""The time-outs of section 1: exactly, with a clock that the test moves, and roughly in real time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = only_on("udp_multicast", because="the bus has no part in it")
 
 
 class Bench:
-    """A driver whose time a test moves, and its host."""
+    """A driver whose clock the test moves, and its host."""
 
     def __init__(self, both: Both, hosts: Hosts, bare: Place, **parameters: Any) -> None:
         self.both = both
@@ -39,7 +39,7 @@ class Bench:
 
     @property
     def faults(self) -> tuple[int, int]:
-        """Errors and warnings, as the host is told."""
+        """Return errors and warnings, as the host receives them."""
         found = self.both.run(self.driver.errors())
         return int(found.errors), int(found.warnings)
 
@@ -49,14 +49,14 @@ class Bench:
 
 @pytest.fixture
 def bench(both: Both, hosts: Hosts, bare: Place) -> Iterator[Bench]:
-    """With the parameters of section 1."""
+    """Provide a driver with the parameters of section 1."""
     found = Bench(both, hosts, bare)
     yield found
     found.call(found.driver.close())
     found.server.close()
 
 
-def test_a_host_that_falls_silent(bench: Bench) -> None:
+def test_a_host_that_stops_sending(bench: Bench) -> None:
     driver = bench.driver
     bench.call(driver.set_inputs(GO))
     bench.call(driver.command(1000.0, -1000.0))
@@ -75,7 +75,7 @@ def test_a_host_that_falls_silent(bench: Bench) -> None:
     assert bench.call(driver.request_single()).a_velocity == 0
     bench.at(1400)  # 異常判定: 1000 ms
     assert bench.faults == (COMMUNICATION, COMMUNICATION)
-    assert driver.commands == (1000.0, -1000.0)  # the host knows nothing of it
+    assert driver.commands == (1000.0, -1000.0)  # the host does not know
 
 
 def test_the_error_is_latched_and_reset_by_an_edge(bench: Bench) -> None:
@@ -90,13 +90,13 @@ def test_the_error_is_latched_and_reset_by_an_edge(bench: Bench) -> None:
     assert bench.call(driver.command()).a_velocity == 0  # nothing moves
     bench.call(driver.init())
     bench.call(driver.set_input("error_reset", 1))
-    assert bench.faults == both_words  # right behind it they are still there
+    assert bench.faults == both_words  # immediately after it they are still set
     bench.at(5310)
     assert bench.faults == (0, 0)
     bench.call(driver.command())
     bench.at(6400)
     assert bench.faults == both_words
-    bench.call(driver.set_input("error_reset", 1))  # it was 1 all the time: no edge
+    bench.call(driver.set_input("error_reset", 1))  # it stayed 1: no edge
     bench.at(6410)
     assert bench.faults == both_words
     bench.call(driver.set_input("error_reset", 0))
@@ -118,7 +118,7 @@ def test_a_warning_ends_with_the_next_command(bench: Bench) -> None:
     assert bench.call(driver.command()).a_velocity == 500.0
 
 
-def test_requests_do_not_keep_a_driver_going(bench: Bench) -> None:
+def test_requests_do_not_restart_the_time_out(bench: Bench) -> None:
     driver = bench.driver
     bench.call(driver.set_inputs(GO))
     bench.call(driver.command(100.0))
@@ -132,7 +132,7 @@ def test_requests_do_not_keep_a_driver_going(bench: Bench) -> None:
     assert bench.faults == (0, COMMUNICATION)
 
 
-def test_commands_keep_a_driver_going(bench: Bench) -> None:
+def test_commands_restart_the_time_out(bench: Bench) -> None:
     driver = bench.driver
     bench.call(driver.set_inputs(GO))
     for milliseconds in range(400, 8000, 400):
@@ -142,8 +142,8 @@ def test_commands_keep_a_driver_going(bench: Bench) -> None:
     assert bench.device.state().a_velocity == 100.0
 
 
-def test_a_reset_that_does_not_help(bench: Bench) -> None:
-    """The clock stands still: the driver never gets to it, which is told."""
+def test_a_reset_without_effect(bench: Bench) -> None:
+    """The clock stands still: the driver never resets, and the call raises."""
     bench.at(2000)
     with pytest.raises(DriverFault, match="CAN") as caught:
         bench.call(bench.driver.reset_errors(tries=2))
