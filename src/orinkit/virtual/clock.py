@@ -60,7 +60,7 @@ class Clock:
         if not low <= scale <= high:
             raise ValueError(
                 tr(
-                    "the time scale must be positive, {low:f} to {high:.0f}, not {scale:g}",
+                    "the time scale must be positive, from {low:f} to {high:.0f}, not {scale:g}",
                     low=low,
                     high=high,
                     scale=scale,

@@ -1,29 +1,29 @@
-"""A virtual ABH3: a motor driver for two axes on CAN, as the document has it, without hardware.
+"""A virtual ABH3: a motor driver for two axes on CAN, simulated according to the document.
 
-:class:`VirtualABH3` takes frames and gives frames; it knows no bus. :class:`Parameters` are those of the driver. Below it
-``flags`` makes control flags of inputs and terminals, ``axis`` and ``drive`` move the motors, ``watch`` has time-outs, errors
-and warnings, ``schedule`` the frames that are sent unasked, ``memory`` what TelABH3 commands read and write.
+:class:`VirtualABH3` receives and returns frames; it is not connected to a bus. :class:`Parameters` are the settings of the
+driver. ``flags`` combines inputs and terminals to control flags, ``axis`` and ``drive`` move the motors, ``fault_monitor``
+handles time-outs, errors and warnings, ``schedule`` the periodic frames, ``memory`` the parameters and monitors of TelABH3.
 
-Where the document says nothing, it does this:
+If the document does not specify the behaviour, it is as follows:
 
-- -1 as the way of answering single packets is "when received", as in section 1; the maker's overview calls -1 "no answer",
+- -1 as the answering mode of single packets is "when received", as in section 1. The maker's overview calls -1 "no answer",
   which is ``None`` here.
-- DP1 is withheld by the document (section 2.2): its frame and a request for it are not answered. Nor is a request for
-  broadcast 7, which has no data.
-- Only a command (DP0) of the driver's host, of 8 bytes, restarts the time-outs; they run from power-on. A warning alone
-  ends with the next command, and motion goes on as that command says. An error, and the warning with it, stays until the
-  error is reset.
-- A reset of errors takes effect in 1 ms to 2 ms, and only on what has no cause any more.
-- An error stops the motors with the deceleration of a stop; then the servo is off.
-- The control flags are what the bits make of each other: a time-out or an error does not change ``start`` and ``servo_on``
-  in them. Ready, busy and the brake say what is the case.
-- Error code and alarm code are 3 where nothing but CAN communication is wrong, as has been seen on drivers, otherwise 15.
+- The document does not disclose DP1 (section 2.2): its frame and a request for it are not answered. A request for
+  broadcast 7, which has no data, is not answered either.
+- Only a command (DP0) of 8 bytes from the driver's host restarts the time-outs; they run from power-on. A warning without
+  an error ends with the next command, and the motors follow that command. An error and its warning remain until the error
+  is reset.
+- A reset of errors takes effect after 1 ms to 2 ms, and only on errors without a remaining cause.
+- An error stops the motors with the deceleration of a stop; then the servo is switched off.
+- The control flags are computed from inputs and terminals only: a time-out or an error does not change their ``start`` and
+  ``servo_on``. The flags for ready, busy and brake show the actual state.
+- Error code and alarm code are 3 if CAN communication is the only fault, as observed on real drivers, otherwise 15.
 - Feedback in DP0 is a velocity in torque mode too.
-- The velocity command in broadcast 2 is what the axis is to reach, before acceleration; it is 0 where start is off.
+- The velocity command in broadcast 2 is the target velocity of the axis, before acceleration; it is 0 if start is off.
 
-Not simulated: correction by analog inputs, master and slave, S-curves, gains, the mechanical effect of the brake, what a
-limited current does to acceleration in speed mode, broadcasts that come from other drivers (receiving groups), bit rate,
-and every fault but the time-outs, which :meth:`VirtualABH3.inject` raises. The speed limit is that of each commanded axis.
+Not simulated: correction by analog inputs, master and slave, S-curves, gains, the mechanical effect of the brake, the effect
+of the current limit on acceleration in speed mode, broadcasts from other drivers (receiving groups), bit rate, and all
+faults except time-outs; :meth:`VirtualABH3.inject` raises other faults. The speed limit applies to each commanded axis.
 """
 
 from orinkit.virtual.abh3.device import VirtualABH3 as VirtualABH3

@@ -1,4 +1,4 @@
-"""What a virtual ABH3 says in its frames: from its state to their records."""
+"""Frames of a virtual ABH3, built from its state."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from orinkit.virtual.abh3.state import DriverState
 
 
 class ReportBuilder:
-    """The frames of one dialect.
+    """Builds the frames of one dialect.
 
     Args:
-        dialect: with the unit of its loads.
+        dialect: The dialect, with the unit of loads.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -25,7 +25,7 @@ class ReportBuilder:
         self._load = loads
 
     def data(self, name: str, state: DriverState) -> bytes:
-        """Return the data of a frame, ``"DP0R"`` or ``"BR0"`` to ``"BR6"``; values beyond their codes are held there."""
+        """Return the data of a frame, ``"DP0R"`` or ``"BR0"`` to ``"BR6"``; values are limited to their ranges."""
         return self.codec.encode(self._record(name, state), name)
 
     def _record(self, name: str, s: DriverState) -> Record:
@@ -67,7 +67,7 @@ class ReportBuilder:
 
 
 def _velocity(value: float) -> float:
-    return velocity(round(value * 2 * FINE), 2)  # the mean of two velocities may end in half a fine unit
+    return velocity(round(value * 2 * FINE), 2)  # the mean of two velocities may be a multiple of half a fine unit
 
 
 def _value(quantity: Quantity, value: float) -> float:

@@ -1,7 +1,7 @@
-"""One axis of a virtual ABH3: its servo and its velocity, in whole numbers.
+"""One axis of a virtual ABH3: its servo and its velocity, in integer arithmetic.
 
-All states follow each other in cycles of 1 ms. In each of them the velocity goes towards a goal by a fixed step, so that
-any number of cycles is computed at once, with the very same result as one after the other.
+The state changes in cycles of 1 ms. In each cycle the velocity changes by a fixed step towards a goal. Therefore any number
+of cycles can be computed at once, with exactly the same result as one after the other.
 """
 
 from __future__ import annotations
@@ -12,29 +12,29 @@ from typing import Final
 from orinkit.virtual.abh3.parameters import Parameters
 
 FINE: Final = 1_000_000
-"""Fine units of a velocity in 1 min^-1."""
-_CYCLES: Final = 1000  # in 1 s
-_CODES: Final = 100  # of a current, in 1 %
+"""Fine units of velocity per 1 min^-1."""
+_CYCLES: Final = 1000  # per second
+_CODES: Final = 100  # codes of a current per 1 %
 
 
 class AxisMode(Enum):
-    """What an axis does."""
+    """Mode of an axis."""
 
     OFF = "off"
-    """The servo is off: it coasts until friction has stopped it."""
+    """The servo is off: the axis coasts until friction stops it."""
     STOP = "stop"
-    """It decelerates and then stands with the servo on."""
+    """The axis decelerates to standstill; the servo stays on."""
     SPEED = "speed"
-    """It follows a velocity."""
+    """The axis follows a velocity command."""
     TORQUE = "torque"
-    """It turns by a current."""
+    """The axis is driven by a current command."""
 
 
 class AxisLimits:
-    """What the parameters mean for an axis: velocities in fine units, steps in fine units each cycle.
+    """Limits of an axis, computed from the parameters: velocities in fine units, steps in fine units per cycle.
 
     Args:
-        parameters: of the driver.
+        parameters: Parameters of the driver.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -47,11 +47,11 @@ class AxisLimits:
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
     def step(self, codes: int) -> int:
-        """Return what a current (0.01 %) changes the velocity by in a cycle; 1 at least, unless it is 0."""
+        """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1, unless the current is 0."""
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
     def current(self, step: int) -> int:
-        """Return the current (0.01 %) that changes the velocity so."""
+        """Return the current (0.01 %) that causes a change of velocity."""
         return round(step / self._gain)
 
 
@@ -59,15 +59,15 @@ class MotorAxis:
     """An axis, A/Y or B/X.
 
     Args:
-        limits: of the driver.
+        limits: Limits of the axis.
 
     Attributes:
-        velocity: in fine units.
-        travelled: sum over all cycles of the velocities at their beginning and their end: twice the way.
-        servo: whether the servo is on.
-        mode: what it does.
-        command: velocity in fine units in mode SPEED, current in 0.01 % in mode TORQUE, within the limits.
-        load: current in 0.01 % that a load from outside takes to hold it; acts while the servo is on.
+        velocity: Velocity in fine units.
+        travelled: Sum of the velocities at the beginning and the end of every cycle, that is twice the distance.
+        servo: True if the servo is on.
+        mode: Mode of the axis.
+        command: Velocity in fine units in mode SPEED, current in 0.01 % in mode TORQUE, within the limits.
+        load: Current in 0.01 % that is needed to hold an external load; it acts while the servo is on.
     """
 
     def __init__(self, limits: AxisLimits) -> None:
@@ -80,36 +80,36 @@ class MotorAxis:
         self.load = 0
 
     def order(self, mode: AxisMode, command: int = 0) -> None:
-        """Do something else from the next cycle on."""
-        most = self._limits.strongest if mode is AxisMode.TORQUE else self._limits.fastest
+        """Set mode and command from the next cycle on."""
+        limit = self._limits.strongest if mode is AxisMode.TORQUE else self._limits.fastest
         self.mode = mode
-        self.command = max(-most, min(command, most))
+        self.command = max(-limit, min(command, limit))
 
     def run(self, cycles: int) -> None:
-        """Go on by a number of cycles. Takes a few steps of computing, however many they are."""
+        """Run a number of cycles; the computing time does not depend on it."""
         while cycles > 0:
             goal, step = self._plan()
-            way = goal - self.velocity
-            if way == 0:
+            difference = goal - self.velocity
+            if difference == 0:
                 self.travelled += 2 * self.velocity * cycles
                 return
-            count = min(abs(way) // step, cycles)
+            count = min(abs(difference) // step, cycles)
             if count:
-                change = step * count * _sign(way)
-            else:  # the rest of the way takes less than a cycle
-                count, change = 1, way
+                change = step * count * _sign(difference)
+            else:  # the remaining difference is less than a step
+                count, change = 1, difference
             self.travelled += (2 * self.velocity + change) * count
             self.velocity += change
             cycles -= count
 
     @property
     def velocity_command(self) -> int:
-        """The velocity that it is to reach, in fine units."""
+        """The target velocity in fine units."""
         return self.command if self.mode is AxisMode.SPEED else 0
 
     @property
     def current(self) -> int:
-        """The current that it takes, in 0.01 %."""
+        """The motor current in 0.01 %."""
         if self.mode is AxisMode.OFF:
             return 0
         if self.mode is AxisMode.TORQUE:
@@ -117,27 +117,27 @@ class MotorAxis:
         goal, step = self._plan()
         direction = _sign(goal - self.velocity)
         friction = self._limits.friction * (_sign(self.velocity) or direction)
-        most = self._limits.strongest
-        return max(-most, min(self._limits.current(step) * direction + friction + self.load, most))
+        limit = self._limits.strongest
+        return max(-limit, min(self._limits.current(step) * direction + friction + self.load, limit))
 
     def _plan(self) -> tuple[int, int]:
-        """Return the velocity that it goes to now, and the step; neither changes before that velocity is there."""
+        """Return the velocity to approach now, and the step per cycle; both are constant until it is reached."""
         velocity, limits = self.velocity, self._limits
         if self.mode is AxisMode.OFF:
             return 0, limits.step(limits.friction)
         if self.mode is AxisMode.TORQUE:
-            return self._driven()
+            return self._plan_torque()
         goal = self.command if self.mode is AxisMode.SPEED else 0
         if velocity * goal < 0:
             return 0, limits.decelerate
         return goal, limits.accelerate if abs(goal) > abs(velocity) else limits.decelerate
 
-    def _driven(self) -> tuple[int, int]:
+    def _plan_torque(self) -> tuple[int, int]:
         velocity, limits = self.velocity, self._limits
         torque = self.command - self.load
         direction = _sign(velocity) or _sign(torque)
         net = torque - limits.friction * direction
-        if velocity == 0 and net * direction <= 0:  # it does not break away
+        if velocity == 0 and net * direction <= 0:  # the torque does not overcome friction
             return 0, 1
         if net * direction < 0:
             return 0, abs(limits.step(net))

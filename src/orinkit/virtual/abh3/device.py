@@ -1,4 +1,4 @@
-"""The virtual ABH3: what it takes from a bus and gives to it."""
+"""The virtual ABH3: it receives frames and returns frames."""
 
 from __future__ import annotations
 
@@ -34,24 +34,23 @@ from orinkit.virtual.abh3.schedule import Schedule
 from orinkit.virtual.abh3.state import MONITORS, DriverState
 from orinkit.virtual.clock import Clock
 
-_FULL: Final = 8  # bytes of a command
-_REQUESTED: Final = 3  # bytes of a request
-_EARLY: Final = 1e-3  # of a cycle: a sum of seconds may be a little less than what it should be
-_MOST_LOAD: Final = 327.67
+_COMMAND_SIZE: Final = 8  # bytes
+_REQUEST_SIZE: Final = 3  # bytes
+_ROUNDING: Final = 1e-3  # of a cycle: tolerance for the rounding of sums of seconds
+_MAX_LOAD: Final = 327.67  # %
 
 
 class VirtualABH3:
-    """A motor driver with its two axes, which knows no bus: frames are given to it, and it gives frames.
+    """A motor driver with two axes. It is not connected to a bus: it receives frames and returns frames.
 
-    It moves as its clock does. Whoever has it calls :meth:`advance` when it is :meth:`due`. All methods may be called from
-    any thread.
+    Its time is that of its clock. The user must call :meth:`advance` when it is :meth:`due`. All methods are thread-safe.
 
     Args:
-        parameters: of the driver; by default those of section 1.
-        clock: by default real time.
+        parameters: Parameters of the driver; by default those of section 1.
+        clock: Clock of the driver; by default real time.
 
     Attributes:
-        clock: as given.
+        clock: Clock of the driver.
     """
 
     def __init__(self, parameters: Parameters | None = None, *, clock: Clock | None = None) -> None:
@@ -71,27 +70,27 @@ class VirtualABH3:
 
     @property
     def parameters(self) -> Parameters:
-        """Those in force; a host may have changed some."""
+        """The present parameters, including changes by hosts."""
         with self._lock:
             return self._driver.parameters
 
     @property
     def address(self) -> int:
-        """Its address on the bus."""
+        """Address of the driver on the bus."""
         return self.parameters.address
 
     def close(self) -> None:
-        """Switch it off: it answers nothing from now on, and stays as it is."""
+        """Switch the driver off: it sends nothing any more, and its state does not change."""
         with self._lock:
             self._closed = True
 
-    # --- on the bus ---------------------------------------------------------------------------------------------
+    # --- bus ----------------------------------------------------------------------------------------------------
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
-        """Take a frame from the bus, whatever it is.
+        """Process any frame from the bus.
 
         Returns:
-            What it answers, at once; nothing where the frame is not for it, or cannot be used.
+            The immediate replies; empty if the frame is not for this driver, or is not valid.
         """
         with self._lock:
             if self._closed or not 0 <= frame.id <= MAX_ID or len(frame.data) > MAX_DATA:
@@ -109,9 +108,9 @@ class VirtualABH3:
             return []
 
     def advance(self) -> list[CanFrame]:
-        """Bring it up to the time of its clock; returns what it sends unasked.
+        """Advance the driver to the time of its clock; return frames that are due without a request.
 
-        A frame that it sends every so many ms comes once, however many periods were missed.
+        A periodic frame is returned once, even if several periods were missed.
         """
         with self._lock:
             if self._closed:
@@ -121,7 +120,7 @@ class VirtualABH3:
             return frames + self._multi(self._responder.tick(self.clock.now()))
 
     def due(self) -> float | None:
-        """Return the time of its clock, in s, at which :meth:`advance` has something to send next; ``None`` for never."""
+        """Return the time of the clock, in s, at which :meth:`advance` next returns frames; ``None`` for never."""
         with self._lock:
             if self._closed:
                 return None
@@ -131,24 +130,24 @@ class VirtualABH3:
                 times.append(self._responder.next_time)
             return min(times, default=None)
 
-    # --- for tests and for people -------------------------------------------------------------------------------
+    # --- access from outside the bus ----------------------------------------------------------------------------
 
     def state(self) -> DriverState:
-        """Return what it looks like now."""
+        """Return the present state."""
         with self._lock:
             self._catch_up()
             return self._driver.state()
 
     def set_terminal(self, name: str, on: bool) -> None:
-        """Switch what a terminal asks for.
+        """Switch a terminal on or off.
 
         Args:
-            name: of an input bit, ``"ay_servo_on"``, or of both axes, ``"servo_on"``; also ``"di_0"`` to ``"di_19"``, digital
-                inputs that have no function and are only shown in the I/O flags.
-            on: whether it is on. At first those are that an input is combined with by AND, and the others are not.
+            name: Name of an input bit, ``"ay_servo_on"``, or of both axes, ``"servo_on"``; also ``"di_0"`` to ``"di_19"``,
+                digital inputs without a function, which only appear in the I/O flags.
+            on: True for on. Initially the terminals that are combined with an input by AND are on, the others off.
 
         Raises:
-            InvalidValue: there is no such terminal.
+            InvalidValue: If there is no such terminal.
         """
         with self._lock:
             self._catch_up()
@@ -158,21 +157,21 @@ class VirtualABH3:
         """Apply a voltage to analog input 0 or 1.
 
         Raises:
-            InvalidValue: there is no such input, or the voltage is beyond -327.68 to 327.67 V.
+            InvalidValue: If there is no such input, or the voltage is not -327.68 to 327.67 V.
         """
         with self._lock:
             _check_number(number, tr("analog input"))
             self._driver.analog[number] = ANALOG.decode(ANALOG.encode(volts))
 
     def set_monitor(self, number: int, source: str | float) -> None:
-        """Choose what monitor 0 or 1 shows.
+        """Set the quantity or value that monitor 0 or 1 shows.
 
         Args:
-            number: of the monitor.
-            source: a quantity of :data:`~orinkit.virtual.abh3.state.MONITORS`, or a number.
+            number: Number of the monitor.
+            source: A quantity of :data:`~orinkit.virtual.abh3.state.MONITORS`, or a constant number.
 
         Raises:
-            InvalidValue: there is no such monitor or quantity, or the number is no single float.
+            InvalidValue: If there is no such monitor or quantity, or the number is not finite in single precision.
         """
         with self._lock:
             _check_number(number, tr("monitor"))
@@ -181,30 +180,30 @@ class VirtualABH3:
             self._driver.monitors[number] = source if isinstance(source, str) else _single(source)
 
     def set_load(self, axis: str, percent: float) -> None:
-        """Let something from outside pull at an axis.
+        """Apply an external load to an axis.
 
         Args:
             axis: ``"ay"`` or ``"bx"``.
-            percent: of the rated current that holds it; positive where that current is.
+            percent: Current that holds the load, % of the rated current, with its sign.
 
         Raises:
-            InvalidValue: there is no such axis, or it is more than 327.67 %.
+            InvalidValue: If there is no such axis, or the load is not -327.67 to 327.67 %.
         """
         with self._lock:
             named(dict.fromkeys(self._driver.drive.axes, 0), axis, tr("axis"))
-            check_number("load", percent, -_MOST_LOAD, _MOST_LOAD)
+            check_number("load", percent, -_MAX_LOAD, _MAX_LOAD)
             self._catch_up()
             self._driver.drive.axes[axis].load = round(percent * CURRENT_CODES)
 
     def inject(self, fault: str, *, stays: bool = False) -> None:
-        """Raise an error as if it were a real one: the motors stop, and it is latched until it is reset.
+        """Raise an error like a real one: the motors stop, and the error is latched until it is reset.
 
         Args:
-            fault: bit of the error flags, ``"a_overcurrent"``; ``"overcurrent"`` of both.
-            stays: its cause stays, so that it cannot be reset before :meth:`repair`.
+            fault: Bit of the error flags, ``"a_overcurrent"``; ``"overcurrent"`` for both motors.
+            stays: True if its cause remains, so that it cannot be reset before :meth:`repair`.
 
         Raises:
-            InvalidValue: there is no such fault.
+            InvalidValue: If there is no such fault.
         """
         with self._lock:
             mask = named(FAULTS.masks, fault, tr("fault"))
@@ -212,10 +211,10 @@ class VirtualABH3:
             self._driver.fail(mask, stays=stays)
 
     def repair(self, fault: str) -> None:
-        """Take the cause of an error away; the error stays until it is reset.
+        """Remove the cause of an error; the error remains until it is reset.
 
         Raises:
-            InvalidValue: there is no such fault.
+            InvalidValue: If there is no such fault.
         """
         with self._lock:
             mask = named(FAULTS.masks, fault, tr("fault"))
@@ -225,31 +224,31 @@ class VirtualABH3:
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _catch_up(self) -> int:
-        """Bring the driver up to the time; returns the number of the cycle that has ended last."""
-        cycle = math.floor((self.clock.now() - self._began) * CYCLES + _EARLY)
+        """Advance the driver to the present time; return the number of the last completed cycle."""
+        cycle = math.floor((self.clock.now() - self._began) * CYCLES + _ROUNDING)
         if not self._closed:
             self._driver.run(cycle)
         return cycle
 
     def _next_cycle(self) -> int:
-        """The cycle that begins now, or else next: what takes a time takes no less."""
-        return math.ceil((self.clock.now() - self._began) * CYCLES - _EARLY)
+        """Return the cycle that begins now or next, so that durations are never shortened."""
+        return math.ceil((self.clock.now() - self._began) * CYCLES - _ROUNDING)
 
     def _is_host(self, source: int) -> bool:
         host = self._driver.parameters.host
         return source not in (self.address, EVERYONE) if host is None else source == host
 
     def _command(self, data: bytes, source: int) -> list[CanFrame]:
-        if len(data) < _FULL:
+        if len(data) < _COMMAND_SIZE:
             return []
         command = self._answers.codec.read(DP0S, "DP0S", bytes(data))
         self._driver.command(command, self._next_cycle())
         return self._single(source)
 
     def _request(self, data: bytes, source: int) -> list[CanFrame]:
-        if len(data) < _REQUESTED:
+        if len(data) < _REQUEST_SIZE:
             return []
-        ps, pf, dp = data[:_REQUESTED]
+        ps, pf, dp = data[:_REQUEST_SIZE]
         if (pf, ps, dp) == (SINGLE, 0, 0):
             return self._single(source)
         group, number = divmod(ps, BROADCASTS)
@@ -262,7 +261,7 @@ class VirtualABH3:
     def _frame(self, name: str, destination: int | None) -> CanFrame:
         parameters = self._driver.parameters
         if name == "DP0R":
-            assert destination is not None  # parameters without a fixed host send it only when asked
+            assert destination is not None  # without a fixed host it is only sent on request
             number = single(destination, parameters.address, priority=parameters.single_priority)
         else:
             layout = self._driver.dialect.layouts[name]
@@ -277,7 +276,7 @@ class VirtualABH3:
         return Responder(parameters.address, self._memory.answer, priority=parameters.multi_priority)
 
     def _multi(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Return the frames; what was written takes effect once the answer to it is through."""
+        """Return the frames; apply written parameters once the reply has been sent completely."""
         written = self._memory.written
         if written is not None and self._responder.next_time is None:
             self._memory.written = None
@@ -288,26 +287,26 @@ class VirtualABH3:
 
 
 def _periods(parameters: Parameters) -> dict[str, int]:
-    """Return in how many cycles each frame is sent unasked. Broadcast 7 has no data, and is not."""
+    """Return the period of each frame in cycles; broadcast 7 has no data and is never sent."""
     modes = enumerate(parameters.broadcast_modes[: BROADCASTS - 1])
     return {"DP0R": parameters.single_mode or 0, **{f"BR{number}": period for number, period in modes}}
 
 
 def _check_number(number: int, kind: str) -> None:
     if type(number) is not int or number not in (0, 1):
-        raise InvalidValue(tr("there is {kind} 0 and 1, not {number!r:.40}", kind=kind, number=number))
+        raise InvalidValue(tr("{kind} must be 0 or 1, not {number!r:.40}", kind=kind, number=number))
 
 
 def _single_error(number: object) -> InvalidValue:
-    return InvalidValue(tr("a monitor shows a single float, not {number!r:.40}", number=number))
+    return InvalidValue(tr("a monitor must be a finite single-precision number, not {number!r:.40}", number=number))
 
 
 def _single(number: float) -> float:
-    """Return a number as the single float that it is on the wire."""
+    """Return a number rounded to single precision."""
     try:
-        found = float(struct.unpack("<f", struct.pack("<f", number))[0])
+        rounded = float(struct.unpack("<f", struct.pack("<f", number))[0])
     except (OverflowError, struct.error):
         raise _single_error(number) from None
-    if not math.isfinite(found):
+    if not math.isfinite(rounded):
         raise _single_error(number)
-    return found
+    return rounded

@@ -1,4 +1,4 @@
-"""Both axes of a virtual ABH3, and the motors A and B that they turn."""
+"""Both axes of a virtual ABH3, and the motors A and B driven by them."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from orinkit.virtual.abh3.parameters import Parameters
 AXES: Final = ("ay", "bx")
 MOTORS: Final = ("a", "b")
 MOST_LOAD: Final = 255.0
-"""% of the load on CAN, at most (section 3)."""
+"""Largest load on CAN, % (section 3)."""
 
-_TURN: Final = 2 * 60_000 * FINE  # of the way that an axis counts, in one revolution
-_CODES: Final = 100  # of a current, in 1 %
+_REVOLUTION: Final = 2 * 60_000 * FINE  # one revolution in units of MotorAxis.travelled
+_CODES: Final = 100  # codes of a current per 1 %
 
 
 class Drive:
     """Two axes and two motors.
 
     Args:
-        parameters: of the driver.
+        parameters: Parameters of the driver.
 
     Attributes:
-        axes: A/Y and B/X by ``"ay"`` and ``"bx"``.
+        axes: The axes A/Y and B/X, with the keys ``"ay"`` and ``"bx"``.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -36,32 +36,35 @@ class Drive:
         self._cleared = [0, 0]
 
     def run(self, cycles: int) -> None:
-        """Go on by a number of cycles."""
+        """Run a number of cycles."""
         for axis in self.axes.values():
             axis.run(cycles)
 
     def clear(self, motor: str) -> None:
-        """Begin to count the pulses of a motor (``"a"``, ``"b"``) from 0."""
+        """Reset the pulse count of a motor (``"a"``, ``"b"``) to 0."""
         number = MOTORS.index(motor)
         self._cleared[number] = self._of_motors(*(axis.travelled for axis in self.axes.values()))[number]
 
     def pulses(self) -> tuple[int, int]:
-        """The pulse counts of A and B, signed with 32 bits; they wrap."""
-        ways = self._of_motors(*(axis.travelled for axis in self.axes.values()))
-        a, b = (wrapped((way - start) * self._pulses // _TURN) for way, start in zip(ways, self._cleared, strict=True))
+        """Return the pulse counts of A and B, signed 32 bits, wrapping."""
+        distances = self._of_motors(*(axis.travelled for axis in self.axes.values()))
+        a, b = (
+            wrapped((distance - start) * self._pulses // _REVOLUTION)
+            for distance, start in zip(distances, self._cleared, strict=True)
+        )
         return a, b
 
     def velocities(self) -> tuple[int, int]:
-        """The velocities of A and B in fine units."""
+        """Return the velocities of A and B in fine units."""
         return self._of_motors(*(axis.velocity for axis in self.axes.values()))
 
     def torques(self) -> tuple[float, float]:
-        """The currents of A and B in %."""
+        """Return the currents of A and B in %."""
         a, b = self._of_motors(*(axis.current for axis in self.axes.values()))
         return a / _CODES, b / _CODES
 
     def loads(self) -> tuple[float, float]:
-        """The loads of A and B in %, 0 to 255: how great their currents are."""
+        """Return the loads of A and B in %, 0 to 255: the absolute values of their currents."""
         a, b = self.torques()
         return min(abs(a), MOST_LOAD), min(abs(b), MOST_LOAD)
 
@@ -70,16 +73,16 @@ class Drive:
 
 
 def wrapped(count: int) -> int:
-    """Return what is left of a count in 32 bits, signed."""
+    """Return a count wrapped to signed 32 bits."""
     return (count - PULSES.low) % (1 << 32) + PULSES.low
 
 
 def velocity(fine: int, parts: int = 1) -> float:
-    """Return a velocity in min^-1 as it is on CAN: the nearest code; beyond the last one that one.
+    """Return a velocity in min^-1 with the resolution and range of CAN.
 
     Args:
-        fine: in fine units, times ``parts``.
-        parts: 2 of the mean of two velocities.
+        fine: Velocity in fine units, times ``parts``.
+        parts: Divisor of ``fine``: 2 for the mean of two velocities.
     """
     unit = FINE // VELOCITY.steps * parts
     code = (2 * abs(fine) + unit) // (2 * unit)
@@ -87,10 +90,10 @@ def velocity(fine: int, parts: int = 1) -> float:
 
 
 def held(quantity: Quantity, code: int) -> float:
-    """Return the value of a code; beyond the last one that of the last one."""
+    """Return the value of a code, limited to the range of codes."""
     return max(quantity.low, min(code, quantity.high)) / quantity.steps
 
 
 def load(percent: float, unit: Quantity) -> float:
-    """Return a load in % as it is on CAN."""
+    """Return a load in % with the resolution and range of CAN."""
     return held(unit, math.floor(percent * unit.steps + 0.5))

@@ -1,4 +1,4 @@
-"""The driver itself, without frames: commands and terminals in, motors and flags out. Times are in cycles of 1 ms."""
+"""Model of the driver without frames: commands and terminals in, motors and flags out. Times are in cycles of 1 ms."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from orinkit.virtual.abh3.parameters import Parameters
 from orinkit.virtual.abh3.state import DriverState
 
 CYCLES: Final = 1000
-"""In 1 s."""
+"""Cycles per second."""
 CURRENT_CODES: Final = 100
-"""Of a current, in 1 %."""
+"""Codes of a current per 1 %."""
 OUTPUTS: Final = 8
-"""Digital outputs."""
+"""Number of digital outputs."""
 
 _STEP: Final = FINE // VELOCITY.steps
 
@@ -27,16 +27,16 @@ class DriverModel:
     """A driver and its two axes.
 
     Args:
-        parameters: of the driver.
+        parameters: Parameters of the driver.
 
     Attributes:
-        parameters: those in force.
-        inputs: what host and terminals ask for.
-        drive: the axes and motors.
-        watch: what is wrong.
-        analog: the analog inputs in V.
-        monitors: what is monitored: the name of a quantity of :class:`DriverState`, or a number.
-        outputs: the digital outputs as bits.
+        parameters: The present parameters.
+        inputs: Inputs from host and terminals.
+        drive: The axes and motors.
+        watch: Errors and warnings.
+        analog: The analog inputs, V.
+        monitors: For each monitor the name of a quantity of :class:`DriverState`, or a number.
+        outputs: The digital outputs as bits.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -52,13 +52,13 @@ class DriverModel:
         self._cycle = 0
 
     def set(self, parameters: Parameters) -> None:
-        """Take other parameters of communication, and other data sets."""
+        """Set the parameters of communication and the data sets."""
         self.parameters = parameters
         self.watch.set(parameters)
         self._apply()
 
     def run(self, cycle: int) -> None:
-        """Go on to a cycle; what happens by itself before does."""
+        """Run to a cycle, including time-outs and resets that are due before."""
         event = self.watch.next()
         while event is not None and event <= cycle:
             self._run(event)
@@ -68,37 +68,37 @@ class DriverModel:
         self._run(cycle)
 
     def command(self, given: DP0S, cycle: int) -> None:
-        """Take what the host asks for.
+        """Accept a command of the host.
 
         Args:
-            given: as it was decoded.
-            cycle: the one that begins next.
+            given: The decoded command.
+            cycle: The next cycle.
         """
         self.watch.feed(cycle)
-        for name, code in zip(AXES, given.codes, strict=False):  # the codes of the commands are the first ones
+        for name, code in zip(AXES, given.codes, strict=False):  # the first codes are those of the commands
             self._commands[name] = int(code)
         before = self.inputs.control
         self.inputs.can = given.inputs.value
-        self._take(before, cycle)
+        self._process_edges(before, cycle)
 
     def set_terminal(self, name: str, on: bool, cycle: int) -> None:
-        """Switch what a terminal says.
+        """Switch a terminal on or off.
 
         Raises:
-            InvalidValue: there is none of that name.
+            InvalidValue: If there is no such terminal.
         """
         before = self.inputs.control
         self.inputs.set_terminal(name, on)
-        self._take(before, cycle)
+        self._process_edges(before, cycle)
 
     def fail(self, faults: int, *, stays: bool) -> None:
-        """Be in an error from now on, whose cause stays or not."""
+        """Raise errors; ``stays`` is True if their cause remains."""
         self.watch.errors |= faults
         self.watch.causes |= faults if stays else 0
         self._apply()
 
-    def _take(self, before: int, cycle: int) -> None:
-        """Do what the edges of control flags ask for, then what the flags do."""
+    def _process_edges(self, before: int, cycle: int) -> None:
+        """Process rising edges of the control flags, then apply the flags."""
         rising = self.inputs.control & ~before
         masks = self.dialect.inputs.masks
         for motor in MOTORS:
@@ -111,16 +111,16 @@ class DriverModel:
     def _run(self, cycle: int) -> None:
         self.drive.run(cycle - self._cycle)
         self._cycle = max(cycle, self._cycle)
-        if self.watch.errors:  # the servo of an axis that stands now is off
+        if self.watch.errors:  # switch off the servo of an axis that has come to rest
             self._apply()
 
     def _apply(self) -> None:
-        """Have the axes do what flags, errors and warnings say now."""
+        """Apply flags, errors and warnings to the axes."""
         held_off = self.inputs.has("error_reset")
         for name, axis in self.drive.axes.items():
-            wanted = self.inputs.has(f"{name}_servo_on") and not held_off
+            enabled = self.inputs.has(f"{name}_servo_on") and not held_off
             stopping = axis.servo and axis.velocity != 0
-            axis.servo = wanted and (stopping or not self.watch.errors)
+            axis.servo = enabled and (stopping or not self.watch.errors)
             axis.order(*self._order(name, axis))
 
     def _order(self, name: str, axis: MotorAxis) -> tuple[AxisMode, int]:
@@ -135,10 +135,10 @@ class DriverModel:
             return AxisMode.TORQUE, sign * (code if chosen.source == "can" else round(chosen.current * CURRENT_CODES))
         return AxisMode.SPEED, sign * (code * _STEP if chosen.source == "can" else round(chosen.velocity * FINE))
 
-    # --- what it shows ------------------------------------------------------------------------------------------
+    # --- state --------------------------------------------------------------------------------------------------
 
     def state(self) -> DriverState:
-        """Return what it looks like now."""
+        """Return the present state."""
         dialect, parameters = self.dialect, self.parameters
         ay, bx = self.drive.axes["ay"], self.drive.axes["bx"]
         a, b = self.drive.velocities()
@@ -187,7 +187,7 @@ class DriverModel:
         )
 
     def _states(self) -> dict[str, bool]:
-        """Return the states that flag words show, by the names of their bits."""
+        """Return the states contained in flag words, by the names of their bits."""
         axes = self.drive.axes
         return {
             **{f"{name}_ready": axis.servo for name, axis in axes.items()},

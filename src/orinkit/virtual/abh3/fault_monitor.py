@@ -1,4 +1,4 @@
-"""Errors and warnings of a virtual ABH3: time-outs, faults that are raised, and the reset. Times are in cycles of 1 ms."""
+"""Errors and warnings of a virtual ABH3: time-outs, injected faults, and the reset. Times are in cycles of 1 ms."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from orinkit.virtual.abh3.flags import COMMUNICATION
 from orinkit.virtual.abh3.parameters import Parameters
 
 RESET_CYCLES: Final = 1
-"""Cycles between the edge that resets errors and the reset."""
+"""Cycles from the edge of the reset input to the reset."""
 
 
 class FaultMonitor:
-    """What is wrong with a driver.
+    """Tracks the errors and warnings of a driver.
 
     Args:
-        parameters: its time-outs.
+        parameters: Parameters of the driver, with the time-outs.
 
     Attributes:
-        errors: latched.
-        warnings: those of now.
-        causes: errors whose cause stays, so that they cannot be reset.
+        errors: Latched errors.
+        warnings: Present warnings.
+        causes: Errors whose cause remains, so that they cannot be reset.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -32,28 +32,28 @@ class FaultMonitor:
         self.set(parameters)
 
     def set(self, parameters: Parameters) -> None:
-        """Take other time-outs."""
+        """Set the time-outs."""
         self._command_timeout = parameters.command_timeout
         self._error_timeout = parameters.error_timeout
 
     @property
     def late(self) -> bool:
-        """Whether the host was silent for too long: start is as good as off."""
+        """True if the command time-out has expired, so that start has no effect."""
         return self.warnings & COMMUNICATION != 0
 
     def feed(self, cycle: int) -> None:
-        """The host has sent a command. A warning ends with it, unless it has become an error."""
+        """Restart the time-outs after a command of the host; this clears a warning that has not become an error."""
         self._fed = cycle
         if not self.errors & COMMUNICATION:
             self.warnings &= ~COMMUNICATION
 
     def reset(self, cycle: int) -> None:
-        """Errors and warnings are to be reset; that takes a cycle, so that a request right behind still sees them."""
+        """Reset errors and warnings a cycle later, so that an immediately following request still reports them."""
         if self._reset_at is None:
             self._reset_at = cycle + RESET_CYCLES
 
     def next(self) -> int | None:
-        """Return the cycle in which something happens by itself, ``None`` for never; it may be over already."""
+        """Return the cycle of the next time-out or reset, which may be in the past; ``None`` for never."""
         times = [self._reset_at] if self._reset_at is not None else []
         if self._command_timeout and not self.warnings & COMMUNICATION:
             times.append(self._fed + self._command_timeout)
@@ -62,7 +62,7 @@ class FaultMonitor:
         return min(times, default=None)
 
     def at(self, cycle: int) -> None:
-        """Let happen what does in a cycle."""
+        """Process time-outs and the reset that are due in a cycle."""
         warn = self._is_over(self._command_timeout, cycle)
         fail = self._is_over(self._error_timeout, cycle)
         if self._reset_at is not None and cycle >= self._reset_at:

@@ -1,4 +1,4 @@
-"""The flag words of a virtual ABH3, made of the table: control flags of inputs and terminals, and what the driver shows."""
+"""Flag words of a virtual ABH3, according to the table: control flags from inputs and terminals, and state flags."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 FAULTS: Final = V1.errors
-"""The faults; both dialects number them alike."""
+"""The faults, which have the same numbers in both dialects."""
 COMMUNICATION: Final = FAULTS.mask("can_communication")
 
-_SEEN: Final = 3  # the code that drivers have been seen to show when nothing but CAN communication is wrong
-_UNKNOWN: Final = 15
+_COMMUNICATION_CODE: Final = 3  # observed on real drivers if CAN communication is the only fault
+_OTHER_CODE: Final = 15
 
 
 class Inputs:
-    """What the host asks for and what the terminals say, and what control flags that makes.
+    """Inputs from the host and the terminals, and the resulting control flags.
 
-    Terminals have at first what CAN alone needs: those combined by AND are on, those by OR off.
+    Initially the terminals are set so that CAN alone controls the driver: on if they are combined by AND, off if by OR.
 
     Args:
-        dialect: of the driver.
+        dialect: Dialect of the driver.
 
     Attributes:
-        can: inputs as the host has sent them last.
-        external: terminals, numbered like the inputs.
-        terminals: digital inputs, as bits of the I/O flags.
+        can: Inputs as last sent by the host.
+        external: Terminals, numbered like the inputs.
+        terminals: Digital inputs, as bits of the I/O flags.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -45,24 +45,24 @@ class Inputs:
 
     @property
     def control(self) -> int:
-        """The control flags, without those of a state."""
+        """The control flags, without state flags."""
         both = self.can & self.external
         return both & self._and | ~both & self._not_and | (self.can | self.external) & self._or
 
     def has(self, name: str) -> bool:
-        """Return whether a control flag is set."""
+        """Return True if a control flag is set."""
         return self.control & self._word.masks[name] != 0
 
     def data_set(self, axis: str) -> int:
-        """Return the number of the data set that is chosen for an axis, ``"ay"`` or ``"bx"``."""
+        """Return the number of the selected data set of an axis, ``"ay"`` or ``"bx"``."""
         control = self.control
         return sum(1 << n for n, mask in enumerate(self._selects[axis]) if control & mask)
 
     def set_terminal(self, name: str, on: bool) -> None:
-        """Switch what a terminal says.
+        """Switch a terminal on or off.
 
         Raises:
-            InvalidValue: there is none of that name.
+            InvalidValue: If there is no such terminal.
         """
         digital = {key: mask for key, mask in self._io.masks.items() if key.startswith("di_")}
         known = {**self._word.masks, **digital}
@@ -74,42 +74,44 @@ class Inputs:
 
 
 def named(known: Mapping[str, int], name: object, kind: str) -> int:
-    """Return what has a name.
+    """Return the value of a name.
 
     Raises:
-        InvalidValue: nothing has; the text lists the names.
+        InvalidValue: If the name is unknown; the message lists the valid names.
     """
     if not isinstance(name, str) or name not in known:
         names = ", ".join(known)
-        raise InvalidValue(tr("there is no {kind} {name!r:.40}; there are {names}", kind=kind, name=name, names=names))
+        raise InvalidValue(
+            tr("there is no {kind} {name!r:.40}; valid names: {names}", kind=kind, name=name, names=names)
+        )
     return known[name]
 
 
 def code_of(faults: int) -> int:
-    """Return the error code or the alarm code: 0 without faults."""
+    """Return the error code or alarm code; 0 without faults."""
     if not faults:
         return 0
-    return _SEEN if faults == COMMUNICATION else _UNKNOWN
+    return _COMMUNICATION_CODE if faults == COMMUNICATION else _OTHER_CODE
 
 
 def with_code(word: Word, name: str, faults: int) -> int:
-    """Return errors or warnings with their code, where the word has bits for it.
+    """Return errors or warnings with their code, if the word has bits for it.
 
     Args:
-        word: of the dialect.
-        name: of those bits, without their number.
-        faults: what is wrong.
+        word: Flag word of the dialect.
+        name: Name of the bits of the code, without their number.
+        faults: Errors or warnings.
     """
     return faults | bits_of(word, name, code_of(faults))
 
 
 def bits_of(word: Word, name: str, code: int) -> int:
-    """Return a code in the four bits of a name that a word has; 0 where it has none."""
+    """Return a code in the four bits of a word with the given name; 0 if it has no such bits."""
     return sum(word.masks.get(f"{name}_{n}", 0) for n in range(4) if code >> n & 1)
 
 
 def of_states(word: Word, states: Mapping[str, bool]) -> int:
-    """Return those bits of a word whose state is true; names that the word has not are passed over."""
+    """Return the bits of a word whose state is True; states without a bit in the word are ignored."""
     return sum(word.masks.get(name, 0) for name, on in states.items() if on)
 
 

@@ -1,11 +1,12 @@
-"""What TelABH3 commands read and write in a virtual ABH3: parameters, monitors, identifications.
+"""TelABH3 access to a virtual ABH3: parameters, monitors, identifications.
 
-What is not here is refused. Fixed parameters may be written with the value that they have. A written parameter takes effect
-once the answer is through: the driver may have another address afterwards. ``single_mode`` ``None`` is read as -1.
+Unknown addresses are refused. Fixed parameters can only be written with their present value. A written parameter takes
+effect after the reply has been sent, because the driver may then have another address. ``single_mode`` ``None`` is read
+as -1.
 
-The switches for servo, start and data select are the terminals that an input from CAN is combined with. The digital inputs
-are bits by their numbers, "input control" are the control flags, and "output control" the I/O flags; the document knows
-nothing of their layout.
+The switches for servo, start and data select are the terminals that are combined with the inputs from CAN. The digital
+inputs are bits in the order of their numbers, "input control" contains the control flags and "output control" the I/O
+flags; the document does not specify their layout.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from orinkit.virtual.abh3.driver import OUTPUTS, DriverModel
 from orinkit.virtual.abh3.parameters import SETS, Parameters
 
 IDENTIFICATIONS: Final = {0: "ABH3", telabh3.VERSION: "orinkit virtual ABH3"}
-"""Texts of the identifications that it has."""
+"""Texts of the supported identifications."""
 
-_NOBODY: Final = -1  # host address that means any
+_ANY_HOST: Final = -1
 _FUNCTION: Final = 0x4100
 _HOST: Final = 0x4103
 _SINGLE_MODE: Final = 0x4105
@@ -47,7 +48,7 @@ _ENABLED: Final = 2  # the CAN function
 _FIXED: Final = {_FUNCTION: _ENABLED, **dict.fromkeys(_RECEPTIONS, 0), 0x4119: 0, 0x411A: 0, 0x6180: SINGLE}
 _TIMES: Final = {0x5020: "acceleration_time", 0x5040: "deceleration_time"}  # of the first data set of A/Y
 _S_CURVES: Final = (0x5030, 0x5050)
-_BX_TIMES: Final = 0x60  # how much further those of B/X are
+_BX_TIMES: Final = 0x60  # offset of the times of B/X
 _SOURCES: Final = {"internal": 0, "can": 2}
 _OUTPUT: Final = 0x5180
 _CLOSED: Final = 0xFFFFFFFF
@@ -55,7 +56,7 @@ _SWITCHES: Final = {0: "servo_on", 1: "start", 7: "select_0", 8: "select_1", 9: 
 
 
 def _sets() -> dict[int, tuple[str, int, str]]:
-    """Return by address the row of data sets, the number in it, and which value of the set."""
+    """Return by address: the field with the data sets, the number of the set, and the name of the value."""
     firsts = {
         "velocity": (0x5000, 0x5008),
         "current": (0x5010, 0x5018),
@@ -78,7 +79,7 @@ def _terminals() -> dict[int, str]:
 
 
 def _times() -> dict[int, str]:
-    """Return by address the field that a time of a data set has its value from; ``""`` of the S-curves, which are 0."""
+    """Return by address the field of a time of a data set; ``""`` for S-curves, which are 0."""
     rows = {**_TIMES, **dict.fromkeys(_S_CURVES, "")}
     return {
         first + bx + number: name for first, name in rows.items() for bx in (0, _BX_TIMES) for number in range(SETS)
@@ -109,14 +110,14 @@ _TIMES_AT: Final = _times()
 
 
 class ParameterMemory:
-    """The parameters and monitors of a driver by their addresses.
+    """Parameters and monitors of a driver, by address.
 
     Args:
-        driver: whose.
-        switch: switches a terminal.
+        driver: The driver.
+        switch: Function that switches a terminal on or off.
 
     Attributes:
-        written: parameters that a host has written and that are to take effect; ``None`` for none.
+        written: Parameters written by a host that have not taken effect yet; ``None`` for none.
     """
 
     def __init__(self, driver: DriverModel, switch: Callable[[str, bool], None]) -> None:
@@ -125,27 +126,27 @@ class ParameterMemory:
         self._switch = switch
 
     def answer(self, message: bytes, host: int) -> bytes:  # noqa: ARG002 - every host may read and write
-        """Return the answer to a message: a refusal where it is no request, or asks for what is not here."""
+        """Return the reply to a message: a refusal if it is not a valid request or the address is unknown."""
         try:
-            asked = telabh3.parse_request(message)
-            return telabh3.reply(self._done(asked))
+            request = telabh3.parse_request(message)
+            return telabh3.reply(self._execute(request))
         except (InvalidValue, ProtocolError, LookupError):
             return telabh3.refusal()
 
-    def _done(self, asked: telabh3.TelRequest) -> int | str:
-        """Do what is asked for, and return what is to be answered.
+    def _execute(self, request: telabh3.TelRequest) -> int | str:
+        """Execute a request and return the content of the reply.
 
         Raises:
-            InvalidValue: a value cannot be written.
-            LookupError: there is no such address.
+            InvalidValue: If a value cannot be written.
+            LookupError: If there is no such address.
         """
-        if asked.command == telabh3.IDENTIFICATION:
-            return IDENTIFICATIONS[asked.address]
-        if asked.command == telabh3.MONITOR:
-            return self._monitor(asked.address)
-        if asked.value is None:
-            return self._parameter(asked.address)
-        self._write(asked.address, asked.value)
+        if request.command == telabh3.IDENTIFICATION:
+            return IDENTIFICATIONS[request.address]
+        if request.command == telabh3.MONITOR:
+            return self._monitor(request.address)
+        if request.value is None:
+            return self._parameter(request.address)
+        self._write(request.address, request.value)
         return ""
 
     @property
@@ -180,7 +181,7 @@ class ParameterMemory:
             return _FIXED[address]
         if address in _FIELDS:
             value: int | None = getattr(parameters, _FIELDS[address])
-            return _NOBODY if value is None else value
+            return _ANY_HOST if value is None else value
         if _MODES <= address < _MODES + BROADCASTS:
             return parameters.broadcast_modes[address - _MODES]
         if address in _TERMINALS_AT:
@@ -198,31 +199,31 @@ class ParameterMemory:
             return
         value = PARAMETERS[address].decode(word)
         if address in _TERMINALS_AT:
-            self._switch(_TERMINALS_AT[address], _found({telabh3.OFF: False, telabh3.ON: True}, value))
+            self._switch(_TERMINALS_AT[address], _lookup({telabh3.OFF: False, telabh3.ON: True}, value))
         elif address in _FIXED or address in _TIMES_AT:
-            _found({self._parameter(address): None}, word)
+            _lookup({self._parameter(address): None}, word)
         else:
-            self.written = self._changed(address, value)
+            self.written = self._with_value(address, value)
 
     def _write_output(self, number: int, word: int) -> None:
-        mask = _found({0: 0, _CLOSED: 1 << number}, word)
+        mask = _lookup({0: 0, _CLOSED: 1 << number}, word)
         self._driver.outputs = self._driver.outputs & ~(1 << number) | mask
 
-    def _changed(self, address: int, value: Any) -> Parameters:
-        """Return the parameters with another value.
+    def _with_value(self, address: int, value: Any) -> Parameters:
+        """Return the parameters with one changed value.
 
         Raises:
-            InvalidValue: there is no such value.
+            InvalidValue: If the value is not valid.
         """
         parameters = self._latest
         if address in _FIELDS:
-            value = None if address == _HOST and value == _NOBODY else value
+            value = None if address == _HOST and value == _ANY_HOST else value
             return replace(parameters, **{_FIELDS[address]: value})
         if _MODES <= address < _MODES + BROADCASTS:
             return replace(parameters, broadcast_modes=_with(parameters.broadcast_modes, address - _MODES, value))
         row, number, name = _SETS_AT[address]
         if name == "source":
-            value = _found({code: source for source, code in _SOURCES.items()}, value)
+            value = _lookup({code: source for source, code in _SOURCES.items()}, value)
         sets = getattr(parameters, row)
         changed = replace(sets[number], **{name: value})
         changes: dict[str, Any] = {row: _with(sets, number, changed)}
@@ -233,10 +234,10 @@ def _with(row: Any, number: int, value: Any) -> tuple[Any, ...]:
     return (*row[:number], value, *row[number + 1 :])
 
 
-def _found(known: dict[int, Any], value: float) -> Any:
-    """Return what a value stands for.
+def _lookup(known: dict[int, Any], value: float) -> Any:
+    """Return the meaning of a value.
 
     Raises:
-        LookupError: it stands for nothing.
+        LookupError: If the value has no meaning.
     """
     return known[int(value)]

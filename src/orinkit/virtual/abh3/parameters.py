@@ -1,4 +1,4 @@
-"""The parameters of a virtual ABH3 (section 1), and of the motors that it drives."""
+"""Parameters of a virtual ABH3 (section 1) and of its motors."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 SETS: Final = 8
-"""Data sets of an axis, chosen by its select bits."""
+"""Number of data sets of an axis; its select bits choose one."""
 LONGEST_PERIOD: Final = 1000
-"""ms between two frames that are sent unasked, at most."""
+"""Longest period of a periodic frame, ms."""
 LONGEST_TIMEOUT: Final = 10_000
-"""ms."""
+"""Longest time-out, ms."""
 
 _FASTEST: Final = VELOCITY.high / VELOCITY.steps
 _STRONGEST: Final = CURRENT.high / CURRENT.steps
-_MOST_VOLTS: Final = VOLTAGE.high / VOLTAGE.steps
+_MAX_VOLTS: Final = VOLTAGE.high / VOLTAGE.steps
 _PRIORITY: Final = 7
 _RANGES: Final[dict[str, tuple[float, float]]] = {
     "address": (0, LAST_ADDRESS),
@@ -38,8 +38,8 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
     "current_limit": (0.0, _STRONGEST),
     "inertia": (0.001, 100.0),
     "friction": (0.1, 100.0),
-    "main_voltage": (0.0, _MOST_VOLTS),
-    "control_voltage": (0.0, _MOST_VOLTS),
+    "main_voltage": (0.0, _MAX_VOLTS),
+    "control_voltage": (0.0, _MAX_VOLTS),
 }
 
 
@@ -50,14 +50,14 @@ def _choice(name: str, value: object, known: tuple[Any, ...]) -> None:
 
 def _whole(name: str, value: object, low: float, high: float) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise _unusable(name, value, tr("a whole number of {low} to {high}", low=low, high=high))
+        raise _unusable(name, value, tr("a whole number from {low} to {high}", low=low, high=high))
 
 
 def check_number(name: str, value: object, low: float, high: float) -> None:
     """Check a number.
 
     Raises:
-        InvalidValue: it is none, or out of range.
+        InvalidValue: If it is not a number, or out of range.
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise _unusable(name, value, tr("{low:g} to {high:g}", low=low, high=high))
@@ -69,15 +69,15 @@ def _unusable(name: str, value: object, known: str) -> InvalidValue:
 
 @dataclass(frozen=True, slots=True)
 class DataSet:
-    """Where the command of an axis comes from while its select bits choose this set.
+    """A data set: the source of the command of an axis while its select bits choose this set.
 
     Attributes:
         source: ``"can"`` or ``"internal"``.
-        velocity: internal command in min^-1.
-        current: internal command in torque mode, %.
+        velocity: Internal velocity command, min^-1.
+        current: Internal current command in torque mode, %.
 
     Raises:
-        InvalidValue: a value is out of range.
+        InvalidValue: If a value is out of range.
     """
 
     source: Literal["can", "internal"] = "can"
@@ -95,39 +95,39 @@ _ALL_FROM_CAN: Final = (DataSet(),) * SETS
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """What a driver is set to. All have the values of section 1 unless they are given.
+    """Parameters of a driver; the defaults are those of section 1.
 
     Attributes:
-        dialect: ``"v1"``, the document's, or ``"v2"`` of 2023.
-        address: of the driver, 0 to 253.
-        host: address of its host, 0 to 253; ``None`` for any: each one is answered that asks.
-        group: of its broadcasts, 0 to 31.
-        single_priority: of single packets, 0 (first) to 7.
-        multi_priority: of multi-packet messages.
-        broadcast_priority: of broadcasts.
-        single_mode: when it sends single packets: -1 or 0 when asked; 1 to 1000 also every so many ms, to a fixed host
-            only; ``None`` never.
-        broadcast_modes: the same of broadcasts 0 to 7: 0 when asked, 1 to 1000 also every so many ms.
-        command_timeout: ms without a command after which start is off; 0 for never.
-        error_timeout: ms without a command after which that is an error; 0 for never.
-        load_unit: of loads on CAN: 1 or 0.1 %.
-        model: ``"motor"``: commands are those of A and B; ``"travel"``: of Y, which moves, and X, which turns: A = Y + X and
-            B = Y - X.
-        rated_speed: min^-1.
-        acceleration_time: s from 0 to the rated speed.
-        deceleration_time: s from the rated speed to 0.
-        speed_limit: of each commanded axis, min^-1.
-        current_limit: % of the rated current.
-        pulses_per_revolution: of the counts.
-        inertia: s that the rated current takes from 0 to the rated speed.
-        friction: % of the rated current that keeps a motor turning.
-        ay_sets: the eight data sets of A/Y.
-        bx_sets: those of B/X.
-        main_voltage: of the main supply, V.
-        control_voltage: of the control supply, V.
+        dialect: ``"v1"`` (the document) or ``"v2"`` (of 2023).
+        address: Address of the driver, 0 to 253.
+        host: Address of its host, 0 to 253; ``None`` to answer every host.
+        group: Group of its broadcasts, 0 to 31.
+        single_priority: Priority of single packets, 0 (highest) to 7.
+        multi_priority: Priority of multi-packet messages, 0 (highest) to 7.
+        broadcast_priority: Priority of broadcasts, 0 (highest) to 7.
+        single_mode: Answering mode of single packets: -1 or 0: on request; 1 to 1000: also with this period in ms, to a fixed
+            host only; ``None``: never.
+        broadcast_modes: Answering modes of broadcasts 0 to 7: 0: on request; 1 to 1000: also with this period in ms.
+        command_timeout: Time without a command after which start is off, ms; 0 for never.
+        error_timeout: Time without a command after which an error is raised, ms; 0 for never.
+        load_unit: Unit of loads on CAN: 1 or 0.1 %.
+        model: ``"motor"``: commands are for A and B; ``"travel"``: commands are for Y, which moves, and X, which turns:
+            A = Y + X and B = Y - X.
+        rated_speed: Rated speed, min^-1.
+        acceleration_time: Time from 0 to the rated speed, s.
+        deceleration_time: Time from the rated speed to 0, s.
+        speed_limit: Speed limit of each commanded axis, min^-1.
+        current_limit: Current limit, % of the rated current.
+        pulses_per_revolution: Resolution of the pulse counts.
+        inertia: Time in which the rated current accelerates from 0 to the rated speed, s.
+        friction: Current that keeps a motor turning, % of the rated current.
+        ay_sets: The eight data sets of A/Y.
+        bx_sets: The eight data sets of B/X.
+        main_voltage: Voltage of the main supply, V.
+        control_voltage: Voltage of the control supply, V.
 
     Raises:
-        InvalidValue: one is out of range; it says which and what there is.
+        InvalidValue: If a value is out of range; the message names the parameter and its range.
     """
 
     dialect: Literal["v1", "v2"] = "v1"
@@ -166,7 +166,7 @@ class Parameters:
         if self.host is not None:
             _whole("host", self.host, 0, LAST_ADDRESS)
         if self.host == self.address:
-            raise _unusable("host", self.host, tr("another one than address"))
+            raise _unusable("host", self.host, tr("different from address"))
         if self.single_mode is not None:
             _whole("single_mode", self.single_mode, -1, LONGEST_PERIOD)
             if self.single_mode > 0 and self.host is None:
@@ -178,7 +178,7 @@ class Parameters:
             row = getattr(self, name)
             eight = isinstance(row, Sequence) and len(row) == BROADCASTS
             if not eight or not all(isinstance(item, kind) for item in row):
-                raise _unusable(name, row, tr("8 x {type}", type=kind.__name__))
+                raise _unusable(name, row, tr("a sequence of 8 {type}", type=kind.__name__))
             object.__setattr__(self, name, tuple(row))  # a list could change later
         for mode in self.broadcast_modes:
             _whole("broadcast_modes", mode, 0, LONGEST_PERIOD)

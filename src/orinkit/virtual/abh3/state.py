@@ -1,4 +1,4 @@
-"""What a virtual ABH3 looks like at one moment."""
+"""State of a virtual ABH3 at one moment."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from orinkit.abh3.table.records import Flags
 
 @dataclass(frozen=True, slots=True)
 class DriverState:
-    """A driver at one moment. Velocities are finer than on CAN.
+    """State of a driver at one moment. Velocities have a higher resolution than on CAN.
 
     Attributes:
-        time: of the driver's clock, s.
-        ay_velocity_command: what A/Y is to reach, min^-1; 0 in torque mode, and where start is off.
-        bx_velocity_command: B/X.
-        ay_velocity: min^-1.
-        bx_velocity: min^-1.
-        a_velocity: of motor A, min^-1.
-        b_velocity: of motor B.
-        y_velocity: (A + B) / 2.
-        x_velocity: (A - B) / 2.
-        ay_current_command: %.
-        bx_current_command: %.
-        a_load: %, 0 to 255.
-        b_load: %, 0 to 255.
-        a_pulses: signed, 32 bits.
-        b_pulses: signed, 32 bits.
-        analog_0: V.
-        analog_1: V.
-        main_voltage: V.
-        control_voltage: V.
-        monitor_0: what was chosen by ``set_monitor``.
-        monitor_1: the same.
-        inputs: as the host has sent them.
-        external: terminals, numbered like the inputs.
-        control: control flags.
+        time: Time of the driver's clock, s.
+        ay_velocity_command: Target velocity of A/Y, min^-1; 0 in torque mode, or if start is off.
+        bx_velocity_command: Target velocity of B/X, min^-1; 0 in torque mode, or if start is off.
+        ay_velocity: Velocity of A/Y, min^-1.
+        bx_velocity: Velocity of B/X, min^-1.
+        a_velocity: Velocity of motor A, min^-1.
+        b_velocity: Velocity of motor B, min^-1.
+        y_velocity: Velocity (A + B) / 2, min^-1.
+        x_velocity: Velocity (A - B) / 2, min^-1.
+        ay_current_command: Current command of A/Y, %.
+        bx_current_command: Current command of B/X, %.
+        a_load: Load of motor A, %, 0 to 255.
+        b_load: Load of motor B, %, 0 to 255.
+        a_pulses: Pulse count of motor A, signed 32 bits.
+        b_pulses: Pulse count of motor B, signed 32 bits.
+        analog_0: Analog input 0, V.
+        analog_1: Analog input 1, V.
+        main_voltage: Main supply, V.
+        control_voltage: Control supply, V.
+        monitor_0: Value of monitor 0, see :meth:`VirtualABH3.set_monitor`.
+        monitor_1: Value of monitor 1.
+        inputs: Inputs as last sent by the host.
+        external: Terminals, numbered like the inputs.
+        control: Control flags.
         io: I/O flags.
-        errors: error flags.
-        warnings: warning flags.
-        ay_servo: whether the servo of A/Y is on in fact.
-        bx_servo: the same of B/X.
-        ay_set: number of the data set of A/Y, 0 to 7.
-        bx_set: the same of B/X.
+        errors: Error flags.
+        warnings: Warning flags.
+        ay_servo: True if the servo of A/Y is actually on.
+        bx_servo: True if the servo of B/X is actually on.
+        ay_set: Number of the data set of A/Y, 0 to 7.
+        bx_set: Number of the data set of B/X, 0 to 7.
     """
 
     time: float
@@ -80,7 +80,7 @@ class DriverState:
 
     @property
     def moving(self) -> bool:
-        """Whether a motor turns."""
+        """True if a motor turns."""
         return bool(self.ay_velocity or self.bx_velocity)
 
 
@@ -104,4 +104,4 @@ MONITORS: Final = (
     "main_voltage",
     "control_voltage",
 )
-"""What a monitor can show."""
+"""Quantities that a monitor can show."""
