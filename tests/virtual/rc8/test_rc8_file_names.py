@@ -57,13 +57,13 @@ def test_a_folders_name_may_end_in_a_separator(name, parts):
 
 
 BAD = {
-    "//": "without a separator",
-    "\\\\": "without a separator",
-    "/x": "without a separator",
-    "\\x": "without a separator",
-    "\\\\server\\share": "without a separator",
-    "//server/share": "without a separator",
-    "\\\\?\\C:\\x": "without a separator",
+    "//": "begins with a separator",
+    "\\\\": "begins with a separator",
+    "/x": "begins with a separator",
+    "\\x": "begins with a separator",
+    "\\\\server\\share": "begins with a separator",
+    "//server/share": "begins with a separator",
+    "\\\\?\\C:\\x": "begins with a separator",
     "a\\\\b": "empty",
     "a//b": "empty",
     "a\\/b": "empty",
@@ -118,8 +118,8 @@ BAD = {
     "\\".join(["d"] * 17): "16 parts",
     "\ud800": "surrogate",
     "a\udc80.pcs": "surrogate",
-    ".orinkit-tmp-0": "half-written",
-    "a\\.ORINKIT-TMP-0": "half-written",
+    ".orinkit-tmp-0": "temporary files",
+    "a\\.ORINKIT-TMP-0": "temporary files",
 }
 
 

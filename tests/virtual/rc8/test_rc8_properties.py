@@ -1,4 +1,4 @@
-"""Whatever a client sends, the controller takes it or refuses it with a code; what it takes can be read back."""
+"""For any input of a client, the controller accepts it or returns an error code; accepted values can be read back."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_write_is_taken_or_refused(name, value):
         assert after.type == before.type
         encode(after)
         if name.endswith("*"):
-            one.put_value(after)  # what a variable gives it also takes
+            one.put_value(after)  # a value that can be read can be written
             assert repr(one.get_value()) == repr(after)
 
 
