@@ -35,8 +35,8 @@ class FrameId(NamedTuple):
     Attributes:
         pf: PDU format.
         ps: PDU specific: the destination, or group and number of a broadcast.
-        sa: source address.
-        dp: data page.
+        sa: Source address.
+        dp: Data page.
         priority: 0 (first) to 7.
         reserved: The bit R; 0 in every frame of an ABH3.
     """

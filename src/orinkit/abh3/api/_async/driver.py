@@ -46,7 +46,6 @@ class AsyncDriver(Generic[F, S]):
         bus: The bus that the driver is on.
         host: The host of this driver: its settings and the commands sent last.
         owner: Closing the driver closes the bus too.
-        owner: closing the driver closes the bus too.
 
     Attributes:
         bus: The bus that the driver is on.
