@@ -137,7 +137,7 @@ class RC8Arm:
         return deferred
 
     def give(self) -> None:
-        """Release the arm; it must be at standstill."""
+        """Release the arm semaphore; running motions are not affected."""
         self.holder = None
 
     def enter(self, operator: Operator) -> None:
@@ -244,7 +244,7 @@ class RC8Arm:
         return done
 
     def lock(self, on: bool) -> None:
-        """Set or clear the machine lock: commands change, the arm does not move. Clearing it resets them to the arm."""
+        """Set or clear the machine lock, which stops the arm but not the commands; clearing it resets them to the arm."""
         self.switches.machine_lock = on
         self.servo.frozen = on
         if not on:
