@@ -363,7 +363,7 @@ def broadcasts_of_all(
     Args:
         codec: Codec of their dialect.
         host: Address of this host.
-        ps: group * 8 + number.
+        ps: PS of the broadcast, group * 8 + number.
         seconds: Seconds to wait for replies.
         count: Number of drivers; the wait ends early once this many have replied.
         priority: Priority of the request.

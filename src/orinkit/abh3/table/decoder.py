@@ -186,9 +186,7 @@ class Decoder:
         from_host = self._from_host(parts)
         if from_host is None:
             data = frame.data.hex(" ").upper() or "-"
-            fault = FrameFault(
-                N_("single packet with unknown host: {data}"), (("data", data),)
-            )
+            fault = FrameFault(N_("single packet with unknown host: {data}"), (("data", data),))
             return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
         if parts.dp and from_host:
             values = (DecodedValue("wanted", _REQUESTED, DP1R),)
