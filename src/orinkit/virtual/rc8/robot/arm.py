@@ -244,7 +244,7 @@ class RC8Arm:
         return done
 
     def lock(self, on: bool) -> None:
-        """Set or clear the machine lock, which keeps the arm in place; clearing it resets the command position to it."""
+        """Set or clear the machine lock, which holds the arm; clearing it resets the command position to the arm."""
         self.switches.machine_lock = on
         self.servo.frozen = on
         if not on:
