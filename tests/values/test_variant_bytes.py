@@ -235,7 +235,7 @@ def test_any_bits_of_a_date_are_given_back_by_exact():
 
 @pytest.mark.parametrize("size", range(10))
 def test_an_argument_has_ten_bytes_at_least(size):
-    refused(b"\6\0\0\0\0\0\1\0\0\0"[:size], hresult.E_INVALIDRCVPACKET, f"needs 10 bytes or more, {size} are left")
+    refused(b"\6\0\0\0\0\0\1\0\0\0"[:size], hresult.E_INVALIDRCVPACKET, f"requires 10 bytes or more, {size} are left")
 
 
 def test_the_message_says_where():

@@ -210,7 +210,7 @@ def test_there_is_room_for_ten():
 def test_a_motion_starts_where_the_one_before_it_ends():
     run = recorder()
     run.queue.add(ptp(run.queue, (10, *HOME[1:])))
-    with pytest.raises(ValueError, match="starts at"):
+    with pytest.raises(ValueError, match="must start at"):
         run.queue.add(plan_ptp(ARM, HOME, HOME, Rates()))
     assert run.queue.end_joints == (10, *HOME[1:])
 
