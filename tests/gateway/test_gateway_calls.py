@@ -552,7 +552,7 @@ def post(url: str, body: str, seconds: float = PATIENCE) -> str:
 
 def test_the_same_host_for_two_is_none() -> None:
     provider = RemoteProvider({"a": "tcp://10.0.0.1:5007", "b": "tcp://10.0.0.1:5008"})
-    with pytest.raises(InvalidArgument, match=r"none of those behind this gateway: a, b"):
+    with pytest.raises(InvalidArgument, match=r"machines behind this gateway: a, b"):
         provider._choose("10.0.0.1")
 
 

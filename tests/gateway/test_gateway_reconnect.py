@@ -209,7 +209,7 @@ def test_what_it_says(caplog: pytest.LogCaptureFixture) -> None:
                     variable.put_value(1)
     first, second = [record.getMessage() for record in caplog.records if record.name == "orinkit.session"]
     assert place in first
-    assert "Whether Variable_PutValue was carried out is not known, and it is not repeated" in first
+    assert "Variable_PutValue may or may not have been executed; it is not repeated" in first
     assert "The call was not sent" in second
     assert "connection" in second
 

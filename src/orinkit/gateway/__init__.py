@@ -1,4 +1,4 @@
-"""The gateway: a provider that is another controller, so that any client protocol reaches any controller.
+"""The gateway: a provider that forwards calls to another controller, so that clients of any protocol can reach it.
 
 ::
 

@@ -1,11 +1,11 @@
 """A provider that forwards every call to another controller: :class:`RemoteProvider`.
 
-The methods of its objects are made of THE TABLE, so a function that is entered there is forwarded. Nothing is kept here
-but handles: names, tags, IDs are asked for where they are.
+The methods of its objects are generated from the table of functions, so that each function of the table is forwarded. The
+gateway stores only handles; names, tags and IDs are always read from the controller.
 
-A connection carries one call at a time, as a controller itself has it: a client that calls several things at once (e-CAP)
-has them carried out one after the other. A Halt that is to stop a Move of the same client waits behind it; it has to come
-from a second client, which has a connection of its own, as with every controller.
+A connection carries one call at a time, as with the controller itself. Concurrent calls of one client (e-CAP) are executed
+one after the other: a Halt waits for a Move of the same client. To stop a motion, send Halt from a second client, which has
+its own connection, as with any controller.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ AnyUpstream: TypeAlias = str | Upstream
 _PUT: Final = "put_"
 _KEPT_BY_CONTROLLER: Final = "put_value"
 _OF_CLIENT: Final = ("get_tag", "get_id")
-_OTHER_FILE: Final = ("move", "delete")  # afterwards its name is that of another one, or of none
+_OTHER_FILE: Final = ("move", "delete")  # afterwards, the name belongs to another file or to none
 
 
 class _Origin(NamedTuple):
-    """How an object was connected to."""
+    """The call by which a client connected to an object."""
 
     parent: RemoteObject
     function: Function[..., Any]
@@ -57,14 +57,14 @@ class RemoteObject(CaoObject):
     """An object of another controller.
 
     Args:
-        connection: to that controller.
-        origin: how it was connected to; ``None`` for the controller itself.
-        handle: there.
+        connection: Connection to that controller.
+        origin: Call by which the client connected to the object; ``None`` for the controller itself.
+        handle: Handle of the object on the controller.
 
     Attributes:
-        origin: as it was given.
-        handle: there, in this generation of the connection.
-        generation: of the connection when the handle was given.
+        origin: Call by which the client connected to the object; ``None`` for the controller itself.
+        handle: Handle of the object on the controller, valid in one generation of the connection.
+        generation: Generation of the connection in which the handle is valid.
     """
 
     interface = ""
@@ -75,10 +75,10 @@ class RemoteObject(CaoObject):
         self.handle = handle
         self.generation = connection.generation
         self._connection = connection
-        self._marked = False  # the client has put something into it that is gone with the connection
+        self._has_local_state = False  # the client has set something that is lost with the connection
 
     def release(self) -> None:
-        """Let go: release the object there; with the controller the connection ends."""
+        """Release the object on the controller; for the controller itself, close the connection."""
         if self.origin is None:
             self._connection.close()
         else:
@@ -88,10 +88,10 @@ class RemoteObject(CaoObject):
         connection = self._connection
         async with connection.turn:
             await connection.ready()
-            self._check_kept(function)
-            handle = await self._reach()
-            if client_gave_up():  # it has waited behind another call, or for the connection
-                raise error_for(hresult.E_ABORT, _too_late(connection.url, function))
+            self._check_state(function)
+            handle = await self._valid_handle()
+            if client_gave_up():  # while waiting for another call or for the connection
+                raise error_for(hresult.E_ABORT, _not_sent(connection.url, function))
             reply = await connection.ask(function, handle, *arguments)
             value = reply.value
             if function.creates:
@@ -101,22 +101,22 @@ class RemoteObject(CaoObject):
                 value = None if value.type == VarType.EMPTY else value
             elif value is not None:
                 value = value.value
-            if _leaves_mark(function, arguments):
-                self._marked = True
+            if _sets_local_state(function, arguments):
+                self._has_local_state = True
         return value if reply.code == hresult.S_OK else ResultWithCode(reply.code, value)
 
     def is_moving(self) -> bool:
-        """Whether a motion that was passed on may still run."""
+        """Return True if a forwarded motion may still be executing."""
         return self._connection.may_move
 
     def stop_moving(self) -> None:
-        """Give up the connection: the controller stops the arm. The next call connects again, without the arm."""
+        """Close the connection, so that the controller stops the arm. The next call reconnects, without the arm semaphore."""
         self._connection.give_up()
 
-    def _check_kept(self, function: Function[..., Any]) -> None:
-        """Refuse to tell tag and ID of a controller where they went with a lost connection."""
+    def _check_state(self, function: Function[..., Any]) -> None:
+        """Refuse to return the tag and ID of a controller if they were lost with the connection."""
         connection = self._connection
-        if self.origin is None and self._marked and self.generation != connection.generation:
+        if self.origin is None and self._has_local_state and self.generation != connection.generation:
             if function.method in _OF_CLIENT:
                 raise self._lost()
         elif self.origin is None:
@@ -127,18 +127,18 @@ class RemoteObject(CaoObject):
         return error_for(
             hresult.E_HANDLE,
             tr(
-                "gateway to {url}: the connection was lost meanwhile, and with it what the client had "
-                "put into this {kind}, done with it, or fetched. Get it anew",
+                "gateway to {url}: the connection was lost, and with it the state of this {kind}. Try: get the object "
+                "again",
                 url=url,
                 kind=kind,
             ),
         )
 
-    async def _reach(self) -> int:
-        """Return the handle; after a lost connection the objects on the way here are connected to again.
+    async def _valid_handle(self) -> int:
+        """Return the handle; after a reconnection, first connect to the object and its parents again.
 
         Raises:
-            CallError: one cannot be; E_HANDLE, for it would not be the same.
+            CallError: If the controller refuses; E_HANDLE, if an object cannot be restored from its name.
         """
         connection = self._connection
         path: list[tuple[RemoteObject, _Origin]] = []
@@ -151,16 +151,18 @@ class RemoteObject(CaoObject):
         return connection.handle if self.origin is None else self.handle
 
     async def connect_again(self, origin: _Origin) -> None:
-        """Connect to the same object in a new connection, by its name; for who has the turn, and has reached its parent.
+        """Connect to the same object by name, over a new connection.
+
+        The caller must hold :attr:`UpstreamConnection.turn`, and the parent must already be connected.
 
         Args:
-            origin: how it was connected to.
+            origin: Call by which the client connected to the object.
 
         Raises:
-            CallError: the controller refuses; E_HANDLE, a name does not tell all about the object.
+            CallError: If the controller refuses; E_HANDLE, if the object cannot be restored from its name.
         """
         connection = self._connection
-        if self._marked or len(origin.arguments) < 2:
+        if self._has_local_state or len(origin.arguments) < 2:
             raise self._lost()
         name, option = origin.arguments
         parent = connection.handle if origin.parent.origin is None else origin.parent.handle
@@ -169,8 +171,8 @@ class RemoteObject(CaoObject):
         connection.hold(_RELEASES[self.interface], self.handle)
 
 
-def _leaves_mark(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
-    """Whether an object is not the one any more that its name tells, or knows something that only this connection has."""
+def _sets_local_state(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
+    """Return True if, after a call, an object cannot be restored from its name over a new connection."""
     method = function.method
     if method.startswith(_PUT):
         return method != _KEPT_BY_CONTROLLER
@@ -182,12 +184,12 @@ def _leaves_mark(function: Function[..., Any], arguments: tuple[Any, ...]) -> bo
     return function.interface == "Command" or (command.startswith("slv") and command.endswith("format"))
 
 
-def _too_late(url: str, function: Function[..., Any]) -> str:
-    return tr("gateway to {url}: {name} was not sent, as its client waits for it no more", url=url, name=function.name)
+def _not_sent(url: str, function: Function[..., Any]) -> str:
+    return tr("gateway to {url}: {name} was not sent because its client no longer waits", url=url, name=function.name)
 
 
 def _without_create(option: str) -> str:
-    """Return the option of a file without the wish that it be made: the client has not said so a second time."""
+    """Return the option of a file without ``@Create``: the client has requested its creation only once."""
     if "@Create" not in Options(option):
         return option
     return ",".join(part for part in option.split(",") if part.partition("=")[0].strip().lower() != "@create")
@@ -231,22 +233,22 @@ _CLASSES: Final[dict[str, Callable[..., Any]]] = {
 
 
 class RemoteProvider(Provider):
-    """Another controller, or several, as a provider.
+    """A provider that forwards calls to one or several controllers.
 
-    Each Controller_Connect of a client opens a connection of its own, so that handles, the arm, and the end of the
-    client are the same there as here. Controller_Connect itself goes there with all its arguments.
+    Each Controller_Connect of a client opens its own connection to the controller, so that handles, the arm semaphore and the
+    end of the client have the same effect as without the gateway. Controller_Connect is forwarded with all its arguments.
 
-    With several controllers the machine name of Controller_Connect says which one is meant: by the name that it has
-    here, in upper or lower case, or by host, or host and port, of its address.
+    With several controllers, the machine name in Controller_Connect selects one: by its name in ``upstream``, in upper or
+    lower case, or by the host, or host and port, of its address.
 
     Args:
-        upstream: URL of a controller, or :class:`~orinkit.gateway.upstream.Upstream`; several in a mapping, by name.
-        names: provider names that are forwarded; all that no other provider of the server has, unless told otherwise.
+        upstream: URL of a controller, or :class:`~orinkit.gateway.upstream.Upstream`; several as a mapping by name.
+        names: Provider names to forward; by default all names that no other provider of the server has.
 
     Raises:
-        ValueError: none, or controllers of different dialects.
-        InvalidAddress: a URL cannot be used.
-        InvalidValue: something else of an upstream cannot be used.
+        ValueError: If there is no controller, the names are ambiguous, or the controllers have different dialects.
+        InvalidAddress: If a URL is invalid.
+        InvalidValue: If another setting of an upstream is invalid.
     """
 
     def __init__(self, upstream: AnyUpstream | Mapping[str, AnyUpstream], *, names: Sequence[str] = ("*",)) -> None:
@@ -260,11 +262,11 @@ class RemoteProvider(Provider):
         self._connections: set[UpstreamConnection] = set()
 
     async def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
-        """Connect for one client, and return its controller object.
+        """Connect to a controller for one client; return the client's controller object.
 
         Raises:
-            CallError: E_INVALIDARG, the machine is none of those that are there; what the controller refuses with;
-                E_CAO_REMOTE_PROVIDER, it cannot be reached.
+            CallError: E_INVALIDARG, if the machine name matches no controller; E_CAO_REMOTE_PROVIDER, if the controller is
+                unreachable; the controller's error code, if it refuses.
         """
         upstream, machine = self._choose(machine)
         wanted = ConnectRequest(name, client.provider, machine, option)
@@ -280,28 +282,28 @@ class RemoteProvider(Provider):
         return made
 
     async def close(self) -> None:
-        """A server has stopped, and its clients have been let go: wait until their connections have ended.
+        """Wait until the connections of a stopped server have been closed.
 
-        Other servers may serve this provider too, in other event loops.
+        Other servers, in other event loops, may still serve this provider.
         """
         await asyncio.gather(*(connection.ended() for connection in list(self._connections)))
 
     def _choose(self, machine: str) -> tuple[Upstream, str]:
-        """Return the controller that is meant, and the machine name that it is to be told."""
+        """Return the controller that a machine name selects, and the machine name to forward to it."""
         wanted = machine.strip().lower()
         for name, upstream in self._upstreams.items():
             if name.lower() == wanted != "":
                 return upstream, upstream.machine or LOCAL
-        meant = [upstream for upstream in self._upstreams.values() if wanted in upstream.places]
+        found = [upstream for upstream in self._upstreams.values() if wanted in upstream.places]
         if len(self._upstreams) == 1 and ("" in self._upstreams or wanted in ("", LOCAL)):
-            meant = list(self._upstreams.values())  # there is no other that could be meant
-        if len(meant) == 1:
-            return meant[0], meant[0].machine or machine
+            found = list(self._upstreams.values())  # unambiguous
+        if len(found) == 1:
+            return found[0], found[0].machine or machine
         names = ", ".join(self._upstreams)
         raise error_for(
             hresult.E_INVALIDARG,
             tr(
-                "the machine {machine} is none of those behind this gateway: {names}",
+                "unknown machine {machine}; machines behind this gateway: {names}",
                 machine=quoted(machine, 80),
                 names=names,
             ),
@@ -309,15 +311,15 @@ class RemoteProvider(Provider):
 
 
 def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
-    """Refuse names by which a client could reach another controller than it means."""
+    """Refuse ambiguous names, with which a client could reach an unintended controller."""
     names = [name.lower() for name in upstreams]
     hosts = {place for upstream in upstreams.values() for place in upstream.places}
     wrong = [name for name in names if given > 1 and (not name or name == LOCAL or name in hosts)]
     if wrong or len(set(names)) < given:
         raise ValueError(
             tr(
-                "each of several controllers needs a name of its own, which is neither localhost nor the "
-                "host of one: {names}",
+                "each of several controllers needs a unique name, other than localhost and the hosts of their "
+                "addresses: {names}",
                 names=", ".join(map(repr, names)),
             )
         )
@@ -328,8 +330,8 @@ def _common_dialect(upstreams: Mapping[str, Upstream]) -> Any:
     if len({name.lower() for name in upstreams}) < len(upstreams) or len(dialects) != 1:
         raise ValueError(
             tr(
-                "a gateway needs at least one controller, names that differ in more than upper and lower "
-                "case, and one dialect for all: {upstreams}; {dialects}",
+                "a gateway needs at least one controller, unique names (ignoring case), and the same dialect for all "
+                "controllers: {upstreams}; {dialects}",
                 upstreams=", ".join(upstreams) or "-",
                 dialects=", ".join(dialects) or "-",
             )

@@ -1,8 +1,8 @@
-"""What a client may call: read-only, or only what is on a list. :class:`RestrictedProvider` puts rules around any provider.
+"""Access rules: read-only access, or lists of allowed calls. :class:`RestrictedProvider` applies rules to any provider.
 
-What is not allowed is E_ACCESSDENIED, and does not reach the provider. Lists are of shell patterns (``*``, ``?``,
-``[12]``), upper and lower case do not matter. Connecting, disconnecting and releasing are always allowed.
-A name with letters beyond ASCII is allowed only where it is under every way in which another side may fold its case.
+A forbidden call returns E_ACCESSDENIED and does not reach the provider. Lists contain shell patterns (``*``, ``?``, ``[12]``)
+and ignore case. Connecting, disconnecting and releasing are always allowed. A name with non-ASCII letters is allowed only if
+it matches under every case folding that a controller may use.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 READING: Final[Mapping[str, frozenset[str]]] = {
     interface: frozenset(name.lower() for name in names.split())
     for interface, names in {
-        # RC8 3.3.6, and what clients of controllers use: docs/howto/virtual-rc8.md
+        # RC8 3.3.6, and commands in use by clients: docs/howto/virtual-rc8.md
         "Controller": """
             GetErrorDescription GetCurErrorCount GetCurErrorInfo GetErrorLogCount GetErrorLog GetOprLogCount GetOprLog
             SysInfo SysState StoState GetAutoMode
             HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandMotorState
         """,
-        # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual ones; the second half are those of real controllers only
+        # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual controllers; the second half: real controllers only
         "Robot": """
             TakeArmState CurSpd CurAcc CurDec CurJSpd CurJAcc CurJDec CurExtSpd CurExtAcc CurExtDec CurTool CurWork
             CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
@@ -60,14 +60,14 @@ READING: Final[Mapping[str, frozenset[str]]] = {
         "File": "",
     }.items()
 }
-"""Commands of Execute that change nothing and need no right but that to read, by interface, in lower case.
+"""Commands of Execute that change nothing and require only read permission, by interface, in lower case.
 
-No documented command of a VE026A is among them: Motor, slvChangeMode, slvMove and ClearError all do something (VE026A 5.3).
+No documented command of a VE026A is included: Motor, slvChangeMode, slvMove and ClearError all have effects (VE026A 5.3).
 """
 
 _COMMAND: Final = "execute"
-_LONGEST: Final = 1000  # characters of a name that is on a list
-_ANY: Final = "*"  # in the name of a variable: the client chooses the number afterwards
+_MAX_LENGTH: Final = 1000  # characters of a name that can be allowed
+_ANY: Final = "*"  # in the name of a variable: the client chooses the number later
 _LEADING_ZEROS: Final = re.compile(r"([a-z]|io[a-z]?)0+([0-9]+)")
 _LIKE_ASCII: Final = str.maketrans({"\u0130": "i", "\u0131": "i", "\u017f": "s", "\u212a": "k"})
 _FOLDINGS: Final[tuple[Callable[[str], str], ...]] = (
@@ -83,7 +83,7 @@ _REFERENCE: Final = re.compile(r"(?<![a-z0-9_])(io[bwdf]?|[ifdvpjts])\s*+(?:\[?+
 _TAKING_POSES: Final = frozenset(
     {"p2j", "p2t", "j2p", "j2t", "t2p", "t2j", "dev", "devh", "outrange", "convertposwork"}
     | {"approach", "addpathpoint", "settooldef", "setworkdef", "setbasedef"}
-)  # commands of the robot that read [5, "P"] as P5; for others it is two parameters
+)  # commands of the robot that interpret [5, "P"] as P5; for other commands, these are two parameters
 _TEXTS: Final = VarType.BSTR | ARRAY
 _MOTIONS: Final = ("move", "rotate", "drive")
 _CREATE: Final = "@create"
@@ -97,26 +97,25 @@ _ALWAYS: Final = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class AccessRules:
-    """What is allowed; without any of these, everything.
+    """Access rules. Without any restriction, everything is allowed.
 
-    A list of variables is about what a client names in a call. Programs of the controller use what they like, so a
-    client that may write a file and start it reaches every variable: have ``read_only`` too, or a list of functions
-    without ``File_*`` and ``Task_*``.
+    A list of variables restricts the variables that a client names in calls. Programs of the controller are not restricted: a
+    client that may write and start a program can reach all variables. To prevent this, also set ``read_only``, or a list of
+    functions without ``File_*`` and ``Task_*``.
 
     Attributes:
-        read_only: only what reads: functions whose names say Get, and the commands of :data:`READING`.
-        functions: patterns for the documents' names: ``Robot_*``.
-        variables: patterns for the names of variables, of whatever object: ``IO1[0-9]``. Numbers are compared without
-            leading zeros: ``I015`` is ``I15``. A variable whose name has a ``*``, of which a client chooses the number
-            afterwards, is allowed only by a pattern that is this very name, or by ``*``: ``I*`` by ``I*``, not by
-            ``I??*`` or ``I[!0]*``. Variables that a call names otherwise have to be on the list too: in any text of the
-            parameters of Execute and of Command objects (``"@P P1"``), in poses (``[5, "P"]``) and options
-            (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. A Command object does not tell which numbers are
-            a pose: all that can be one count.
-        commands: patterns for the commands of Execute and for Command objects, ``CurPos`` or ``Robot.CurPos`` too.
+        read_only: Allow only reading: functions named Get..., and the commands of :data:`READING`.
+        functions: Patterns of function names as in the specification: ``Robot_*``.
+        variables: Patterns of variable names, for variables of all objects: ``IO1[0-9]``. Leading zeros of numbers are
+            ignored: ``I015`` is ``I15``. A variable whose name contains ``*``, so that the client chooses the number later, is
+            allowed only by the identical pattern or by ``*``: ``I*`` by ``I*``, not by ``I??*`` or ``I[!0]*``. The rule also
+            applies to variables in any text of the parameters of Execute and Command objects (``"@P P1"``), and in the poses
+            (``[5, "P"]``) and options (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. Because the poses among the
+            parameters of a Command object are unknown, the rule applies to all numbers that may be one.
+        commands: Patterns of commands of Execute and of Command objects, ``CurPos`` or ``Robot.CurPos``.
 
     Raises:
-        TypeError: a text where several are wanted.
+        TypeError: If a list of patterns is a single text, or contains something else than texts.
     """
 
     read_only: bool = False
@@ -132,18 +131,18 @@ class AccessRules:
         ):
             if isinstance(patterns, str) or not all(isinstance(each, str) for each in patterns):
                 raise TypeError(
-                    tr("{name}: a list of patterns is needed, not {patterns}", name=name, patterns=brief(patterns))
+                    tr("{name} must be a list of patterns, not {patterns}", name=name, patterns=brief(patterns))
                 )
 
     def check(self, function: Function[..., Any], arguments: Sequence[Any]) -> None:
-        """Let a call pass, or refuse it.
+        """Check that a call is allowed.
 
         Args:
-            function: an entry of the table.
-            arguments: as a provider's method gets them: those behind the handle.
+            function: Function of CAO.
+            arguments: Arguments of the provider's method, that is, without the handle.
 
         Raises:
-            CallError: E_ACCESSDENIED.
+            CallError: E_ACCESSDENIED, if the call is forbidden.
         """
         if function.id in _ALWAYS:
             return
@@ -160,11 +159,11 @@ class AccessRules:
 
 
 class RestrictedProvider(Provider):
-    """A provider of which only some of what it has may be used.
+    """A provider that applies access rules to another provider.
 
     Args:
-        provider: any.
-        rules: what is allowed.
+        provider: Provider to restrict.
+        rules: Access rules.
     """
 
     def __init__(self, provider: Provider, rules: AccessRules) -> None:
@@ -177,23 +176,23 @@ class RestrictedProvider(Provider):
         self.fixed_handles = provider.fixed_handles
 
     def handle_of(self, interface: str, name: str) -> int:
-        """Return the handle of an object, where these are fixed."""
+        """Return the handle of an object of a provider with fixed handles."""
         return self._provider.handle_of(interface, name)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
         """Return the controller object for one client."""
-        made: Result[ControllerObject] = _covered(
+        made: Result[ControllerObject] = _restricted(
             "Controller", self._provider.connect(name, machine, option, client), self._rules
         )
         return made
 
     def close(self) -> Awaitable[None] | None:
-        """The server has stopped."""
+        """Close the provider after the server has stopped."""
         return self._provider.close()
 
 
 class _RestrictedObject(CaoObject):
-    """An object of which only some of what it has may be used."""
+    """An object that applies access rules to another object."""
 
     def __init__(self, served: CaoObject, rules: AccessRules) -> None:
         super().__init__()
@@ -204,21 +203,21 @@ class _RestrictedObject(CaoObject):
         self._served.release()
 
     def is_moving(self) -> bool:
-        """Ask the controller itself."""
+        """Return True if the restricted controller may be moving."""
         return isinstance(self._served, ControllerObject) and self._served.is_moving()
 
     def stop_moving(self) -> None:
-        """Stop what it moves: that is always allowed."""
+        """Stop the motions of the client; always allowed."""
         if isinstance(self._served, ControllerObject):
             self._served.stop_moving()
 
     def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
         self._rules.check(function, arguments)
         result = getattr(self._served, function.method)(*arguments)
-        return _covered(function.creates, result, self._rules) if function.creates else result
+        return _restricted(function.creates, result, self._rules) if function.creates else result
 
 
-def _passed_on(function: Function[..., Any]) -> Callable[..., Any]:
+def _checked(function: Function[..., Any]) -> Callable[..., Any]:
     def method(self: _RestrictedObject, *arguments: Any) -> Any:
         return self._call(function, arguments)
 
@@ -230,51 +229,51 @@ _CLASSES: Final[dict[str, Callable[[CaoObject, AccessRules], Any]]] = {
     interface: type(
         f"_Restricted{interface}",
         (_RestrictedObject,),
-        {e.method: _passed_on(e) for e in FUNCTIONS.values() if e.interface == interface and e.id not in _ALWAYS},
+        {e.method: _checked(e) for e in FUNCTIONS.values() if e.interface == interface and e.id not in _ALWAYS},
     )
     for interface in dict.fromkeys(entry.creates for entry in FUNCTIONS.values() if entry.creates)
 }
 
 
-def _covered(interface: str, result: Any, rules: AccessRules) -> Any:
-    """Return what a method has returned, whenever it comes, with the object in it restricted."""
+def _restricted(interface: str, result: Any, rules: AccessRules) -> Any:
+    """Return the result of a method, immediate or deferred, with rules applied to the object that it contains."""
     if isinstance(result, CaoObject):
         return _CLASSES[interface](result, rules)
     if type(result) is ResultWithCode:
-        return ResultWithCode(result.code, _covered(interface, result.value, rules))
+        return ResultWithCode(result.code, _restricted(interface, result.value, rules))
     if type(result) is BlockingCall:
-        return BlockingCall(lambda: _covered(interface, result.run(), rules))
+        return BlockingCall(lambda: _restricted(interface, result.run(), rules))
     if type(result) is Deferred:
-        return _covered_later(interface, result, rules)
-    return _covered_soon(interface, result, rules) if isawaitable(result) else result
+        return _restricted_deferred(interface, result, rules)
+    return _restricted_awaitable(interface, result, rules) if isawaitable(result) else result
 
 
-async def _covered_soon(interface: str, result: Awaitable[Any], rules: AccessRules) -> Any:
-    return _covered(interface, await result, rules)
+async def _restricted_awaitable(interface: str, result: Awaitable[Any], rules: AccessRules) -> Any:
+    return _restricted(interface, await result, rules)
 
 
-def _covered_later(interface: str, result: Deferred[Any], rules: AccessRules) -> Deferred[Any]:
-    promise = Deferred[Any]()
+def _restricted_deferred(interface: str, result: Deferred[Any], rules: AccessRules) -> Deferred[Any]:
+    deferred = Deferred[Any]()
 
     def settle() -> None:
         try:
-            promise.set_result(_covered(interface, result.result(), rules))
-        except BaseException as error:  # noqa: BLE001 - whatever the device has failed with
-            promise.set_exception(error)
+            deferred.set_result(_restricted(interface, result.result(), rules))
+        except BaseException as error:  # noqa: BLE001 - any exception of the device
+            deferred.set_exception(error)
 
     result.add_done_callback(settle)
-    return promise
+    return deferred
 
 
 def _command_of(function: Function[..., Any], arguments: Sequence[Any]) -> str | None:
-    """Return the command that is executed, or of which an object is made."""
+    """Return the command of a call of Execute, or of a call that creates a Command object; otherwise ``None``."""
     if function.creates == "Command" or (function.method == _COMMAND and isinstance(arguments[0], str)):
         return str(arguments[0])
     return None
 
 
 def _allows(patterns: Sequence[str], function: Function[..., Any], command: str) -> bool:
-    """Whether a command is on the list; the name of a Command object may have its owner in front: ``Robot.Motor``."""
+    """Return True if a command is on the list; the name of a Command object may contain its owner: ``Robot.Motor``."""
     return _matches(command, patterns) or (bool(function.creates) and _matches(command.rpartition(".")[2], patterns))
 
 
@@ -287,7 +286,7 @@ def _only_reads(function: Function[..., Any], arguments: Sequence[Any]) -> bool:
 
 
 def _creates_file(option: str) -> bool:
-    """Whether a file may be made; where it cannot be told how another side reads the option, it may."""
+    """Return True if the option may create a file, under any interpretation by a controller."""
     if _CREATE not in option.lower():
         return False
     options = Options(option)
@@ -299,17 +298,17 @@ def _matches(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _covers(name: str, patterns: Iterable[str]) -> bool:
-    """Whether a variable is on the list; see :attr:`AccessRules.variables`."""
+    """Return True if a variable is on the list; see :attr:`AccessRules.variables`."""
     return _passes(name, patterns, _covers_folded, _without_zeros)
 
 
 def _passes(name: str, patterns: Iterable[str], match: Callable[[str, str], bool], tidy: Callable[[str], str]) -> bool:
-    """Whether a name is on the list under every folding that another side may use."""
-    if len(name) > _LONGEST:
+    """Return True if a name is on the list under every case folding that a controller may use."""
+    if len(name) > _MAX_LENGTH:
         return False
     for fold in _FOLDINGS[:1] if name.isascii() else _FOLDINGS:
         plain = tidy(fold(name).strip())
-        if len(plain) > _LONGEST or not any(match(plain, tidy(fold(pattern).strip())) for pattern in patterns):
+        if len(plain) > _MAX_LENGTH or not any(match(plain, tidy(fold(pattern).strip())) for pattern in patterns):
             return False
     return True
 
@@ -319,13 +318,13 @@ def _covers_folded(name: str, pattern: str) -> bool:
 
 
 def _without_zeros(name: str) -> str:
-    """Return ``i15`` for ``i015``; names of other forms, and patterns with signs, as they are."""
+    """Return ``i15`` for ``i015``; names of other forms, and patterns with wildcards, unchanged."""
     found = _LEADING_ZEROS.fullmatch(name)
     return f"{found[1]}{found[2]}" if found else name
 
 
 def _variables_in(function: Function[..., Any], arguments: Sequence[Any]) -> Iterator[str]:
-    """Name the variables that a call is about."""
+    """Yield the names of the variables that a call refers to."""
     if function.creates == "Variable":
         yield str(arguments[0])
     elif function.method == _COMMAND and function.interface != "Command":
@@ -339,15 +338,15 @@ def _variables_in(function: Function[..., Any], arguments: Sequence[Any]) -> Ite
 
 
 def _takes_poses(command: str) -> bool:
-    """Whether a command reads arrays as poses; where it cannot be told how another side folds its name, it does."""
+    """Return True if a command may interpret arrays as poses, under any case folding of its name."""
     return not command.isascii() or command.strip().lower() in _TAKING_POSES
 
 
 def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
-    """Name the variables that an argument refers to, in texts and, where that is asked for, as ``[5, "P"]``."""
-    waiting = [argument]
-    while waiting:
-        given = waiting.pop()
+    """Yield the names of the variables in an argument, in texts and, with ``arrays``, in arrays such as ``[5, "P"]``."""
+    pending = [argument]
+    while pending:
+        given = pending.pop()
         value = given.value if isinstance(given, Variant) else given
         if isinstance(value, str):
             yield from _named_in_text(value)
@@ -355,11 +354,11 @@ def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
             if arrays:
                 yield from _named_in_array(given)
             if given.type in (VARIANT_ARRAY, _TEXTS):
-                waiting += given.value
+                pending += given.value
 
 
 def _named_in_text(text: str) -> Iterator[str]:
-    """Name ``P1``, ``P[1]``, ``@PP 1``; an index that is no number is any: ``P*``."""
+    """Yield the variables in a text: ``P1``, ``P[1]``, ``@PP 1``; an index that is not a number may be any: ``P*``."""
     for fold in _FOLDINGS[:1] if text.isascii() else (_FOLDINGS[0], _FOLDINGS[-1]):
         for found in _REFERENCE.finditer(_MARK.sub(" ", fold(text))):
             digits = found[2]
@@ -370,12 +369,12 @@ def _named_in_array(given: Variant) -> Iterator[str]:
     try:
         targets = read_targets(given)
     except CallError:
-        return  # no pose
+        return  # not a pose
     for target in targets:
         if isinstance(target.value, int):
             yield f"{target.kind or 'P'}{target.value}"
 
 
 def _denied(what: str, *, read_only: bool = False) -> CallError:
-    reason = tr("only reading is allowed here") if read_only else tr("not on the list of what is allowed here")
+    reason = tr("only reading is allowed") if read_only else tr("not on the list of allowed calls")
     return error_for(hresult.E_ACCESSDENIED, f"{what}: {reason}")

@@ -1,13 +1,14 @@
-"""The side of a gateway that calls: where a controller is, and one client's connection to it.
+"""The client side of a gateway: the address of a controller, and the connection of one client to it.
 
-An error code of the controller goes to the client as it is. What goes wrong on the way there has codes of its own:
+Error codes of the controller are returned to the client unchanged. Errors between gateway and controller have these codes:
 
-* E_CAO_REMOTE_PROVIDER (0x80000209): it cannot be reached, or has forgotten the client; the call was not carried out.
-* E_NOT_CONNECTED (0x80000902): the connection was lost while the call was under way; whether it was carried out is
-  not known. It is never repeated.
-* E_TIMEOUT (0x80000900): no answer in time; not known either.
-* E_INVALIDARG: an argument cannot travel there, such as one that is too long for UDP; the call was not sent.
-* E_TOO_MUCH_DATA, E_FAIL: the call was answered, but the answer is beyond the limits, or cannot be read.
+* E_CAO_REMOTE_PROVIDER (0x80000209): the controller is unreachable or has forgotten the client; the call was not executed.
+* E_NOT_CONNECTED (0x80000902): the connection was lost during the call; it may or may not have been executed. It is never
+  repeated.
+* E_TIMEOUT (0x80000900): no reply in time; the call may or may not have been executed.
+* E_INVALIDARG: an argument cannot be sent to the controller, for example because it is too long for UDP; the call was not
+  sent.
+* E_TOO_MUCH_DATA, E_FAIL: the call was executed, but the reply exceeds the limits or is invalid.
 """
 
 from __future__ import annotations
@@ -51,13 +52,13 @@ from orinkit.values.pose_numbers import brief
 logger = logging.getLogger("orinkit.gateway")
 
 LOCAL: Final = "localhost"
-"""The machine name that clients give who name none (RC8 3.1.2)."""
+"""The default machine name of clients (RC8 3.1.2)."""
 
-_SLOWEST: Final = 10  # the longest time between two attempts, as a multiple of the first
-_GOODBYE: Final = 1.0  # s that Service_Stop may take
-_SILENT: Final = 2  # calls without any answer, one after the other, after which a connection counts as dead
-_SIGNS: Final = 3  # signs of life in the time after which a controller forgets a client
-_MOST_SECONDS: Final = 1e6
+_MAX_DELAY: Final = 10  # maximum delay between two attempts, as a multiple of the first
+_CLOSE_TIMEOUT: Final = 1.0  # s for Service_Stop
+_MAX_TIMEOUTS: Final = 2  # successive calls without a reply, after which a connection is considered lost
+_SIGNS: Final = 3  # signs of life within the time after which a controller forgets a client
+_MAX_SECONDS: Final = 1e6
 
 
 class ConnectRequest(NamedTuple):
@@ -71,31 +72,31 @@ class ConnectRequest(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Upstream:
-    """Where a controller is, and how it is called.
+    """The address of a controller behind a gateway, and the settings for connecting to it.
 
     Attributes:
         url: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0?baudrate=38400``, ``http://...``.
-        timeout: seconds that a call waits for its answer, on UDP and serial lines in each try; by default what is usual
-            there. S_EXECUTING from the controller starts it anew.
-        tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
-        service: option of Service_Start; by default as :func:`orinkit.connect` has it.
+        timeout: Time-out of a call in s, on UDP and serial lines of each attempt; the default depends on the transport.
+            S_EXECUTING from the controller restarts it.
+        tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
+        service: Option string of Service_Start; the default is that of :func:`orinkit.connect`.
         dialect: ``"rc8"`` or ``"ve026a"``.
-        machine: machine name that the controller is told; by default that of the client's Controller_Connect, or
-            ``localhost`` where that was the name by which the gateway chose this upstream.
-        token: for HTTP, what lets a client in.
-        cafile: for https, certificates (PEM) that the server's is to be signed by.
-        retry: least seconds between two attempts to connect; after each that fails twice as many, up to ten times.
-        keep_alive: seconds of silence after which a harmless call (Controller_GetName) is made, so that the controller
-            does not forget a client that is still there; 0 for never. By default a third of what the wire allows (UDP,
-            HTTP), never with TCP and on serial lines.
-        dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as lost:
-            2 to 7,200.
-        limits: bounds on what is received.
+        machine: Machine name to send to the controller. The default is the machine name in the client's Controller_Connect,
+            or ``localhost`` if the gateway selected this upstream by its name.
+        token: Access token for HTTP.
+        cafile: PEM file of CA certificates for verifying an https server.
+        retry: Minimum time in s between two attempts to connect; it doubles after each failure, up to ten times the value.
+        keep_alive: Idle time in s after which a keep-alive (Controller_GetName) is sent, so that the controller does not
+            forget the client; 0 for never. The default is a third of the time after which a controller forgets a client
+            (UDP, HTTP), and never on TCP and serial lines.
+        dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
+            considered lost: 2 to 7,200.
+        limits: Limits on received data.
 
     Raises:
-        InvalidAddress: the URL cannot be used.
-        InvalidValue: another value cannot be used.
-        MissingExtra: HTTP needs httpx2.
+        InvalidAddress: If the URL is invalid.
+        InvalidValue: If another setting is invalid.
+        MissingExtra: If httpx2 is not installed (HTTP).
     """
 
     url: str
@@ -114,7 +115,7 @@ class Upstream:
     def __post_init__(self) -> None:
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         access_to(address, self.token, self.cafile)
-        resolve(row_of(address).aio_link)  # importing HTTP takes long; later other clients would wait for it
+        resolve(row_of(address).aio_link)  # import HTTP now: it is slow and would delay clients later
         dialect_of(self.dialect, self.url)
         _check_seconds("retry", self.retry)
         check_dead_after(self.dead_after)
@@ -123,25 +124,27 @@ class Upstream:
 
     @property
     def spoken(self) -> Dialect:
-        """The dialect itself."""
+        """The dialect as an object."""
         return DIALECTS[self.dialect.lower()]
 
     @property
     def places(self) -> tuple[str, ...]:
-        """What a machine name may be that means this controller: host, and host with port; none on a serial line."""
+        """The machine names that select this controller: host, and host with port; none on a serial line."""
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
         if not host:
             return ()
         if ":" in host:
             return host, f"[{host}]", f"{host}:{port}", f"[{host}]:{port}"
-        return (f"{host}:{port}",) if host == LOCAL else (host, f"{host}:{port}")  # every client says localhost
+        return (
+            (f"{host}:{port}",) if host == LOCAL else (host, f"{host}:{port}")
+        )  # localhost is the default machine name
 
     async def open(self, wanted: ConnectRequest) -> tuple[AsyncClient, int]:
-        """Connect for one client: Service_Start, Controller_Connect; returns the connection and the handle.
+        """Connect for one client (Service_Start, Controller_Connect); return the connection and the controller's handle.
 
         Raises:
-            OrinError: as :func:`orinkit.connect`.
+            OrinError: As for :func:`orinkit.connect`.
         """
         client = await AsyncClient.open(
             self.url,
@@ -164,22 +167,22 @@ class Upstream:
 
 
 class UpstreamConnection:
-    """One client's connection to a controller: opened anew by the next call after it was lost.
+    """The connection of one client to a controller. After a loss, the next call opens it again.
 
-    Everything happens in one event loop. Who calls takes :attr:`turn` first, then :meth:`ready`, then :meth:`ask`, as
-    often as is needed; a connection carries one call at a time.
+    It belongs to one event loop and carries one call at a time. A caller acquires :attr:`turn`, calls :meth:`ready` once, and
+    then :meth:`ask` as often as required.
 
     Args:
-        upstream: the controller.
-        wanted: what the client said with Controller_Connect.
-        ended: is called when it has been closed.
+        upstream: Address of the controller.
+        wanted: Arguments of the client's Controller_Connect.
+        ended: Callback invoked after the connection has been closed.
 
     Attributes:
-        turn: is held by who calls.
-        generation: how often it has been opened; handles of an earlier generation mean nothing any more.
-        handle: of the controller object, in this generation.
-        url: of the controller, for people.
-        may_move: whether a motion that was passed on may still run.
+        turn: Lock that serializes calls.
+        generation: Number of times that the connection has been opened; handles of earlier generations are invalid.
+        handle: Handle of the controller object in this generation.
+        url: URL of the controller, for messages.
+        may_move: True if a forwarded motion may still be executing.
     """
 
     def __init__(self, upstream: Upstream, wanted: ConnectRequest, ended: Callable[[UpstreamConnection], None]) -> None:
@@ -193,40 +196,40 @@ class UpstreamConnection:
         self._loop = asyncio.get_running_loop()
         self._client: AsyncClient | None = None
         self._closed = False
-        self._lossy = False  # nobody there now does not say that nobody was when it was sent first
+        self._lossy = False  # ConnectFailed does not exclude that an earlier attempt arrived
         self.may_move = False
-        self._at_work = False  # a call has been sent, and neither was answered nor has its time passed
-        self._silent = 0
-        self._heard = 0.0
+        self._executing = False  # a call was sent, without a reply or a time-out yet
+        self._timeouts = 0
+        self._last_reply = 0.0
         self._next_try = -math.inf
         self._delay = upstream.retry
         self._refusal: tuple[int, str] = (hresult.E_CAO_REMOTE_PROVIDER, "")
         self._released: deque[tuple[Function[[int], None], int]] = deque()
-        self._alarm: asyncio.TimerHandle | None = None
+        self._keep_alive_timer: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # --- calls: for who has the turn ------------------------------------------------------------------------------
+    # --- calls; the caller holds ``turn`` -------------------------------------------------------------------------
 
     async def ready(self) -> None:
-        """Connect if it is not connected, and send what was released before.
+        """Connect if necessary, and send pending releases.
 
         Raises:
-            CallError: it cannot be connected; nothing was sent.
+            CallError: If the connection cannot be opened; nothing was sent.
         """
         if self._closed:
-            raise _gone(self.url)
+            raise _disconnected(self.url)
         if self._client is None:
             await self._open()
         try:
-            await self._let_go()
+            await self._send_pending()
         except OrinError:
             raise error_for(*self._refusal) from None
 
     async def ask(self, function: Function[..., Any], handle: int, *arguments: Any) -> Reply:
-        """Make one call; returns the return code, and the result with its exact type.
+        """Make a call; return the return code and the result with its exact type.
 
         Raises:
-            CallError: the controller's error code, or one of those of the module's docstring.
+            CallError: With the controller's error code, or one of the codes in the module's docstring.
         """
         after = leaves_moving(function, arguments)
         if after is not None:
@@ -242,14 +245,14 @@ class UpstreamConnection:
         return reply
 
     def hold(self, release: Function[[int], None], handle: int) -> None:
-        """One more object has this handle: controllers may give several the same."""
+        """Count one more object with this handle; a controller may return the same handle for several objects."""
         if self._client is not None:
             self._client.handles.hold(release, handle)
 
-    # --- for anybody ----------------------------------------------------------------------------------------------
+    # --- for any caller -------------------------------------------------------------------------------------------
 
     def release(self, release: Function[[int], None], handle: int, generation: int) -> None:
-        """Release an object of the controller in the background, ahead of what is called from now on."""
+        """Release an object of the controller in the background, before any further call."""
         if self._closed or self._client is None or generation != self.generation:
             return
         if self._client.handles.is_last(release, handle):
@@ -258,26 +261,26 @@ class UpstreamConnection:
                 self._spawn(self._send_releases())
 
     def close(self) -> None:
-        """End it in the background: Service_Stop, with which the controller releases everything, then close.
+        """Close the connection in the background, after Service_Stop, with which the controller releases all objects.
 
-        Where a call is under way the end of the connection has to say the same, as a controller takes no second call.
+        During a call, Service_Stop is omitted, because a controller accepts no second call; closing has the same effect.
         """
         if not self._closed:
             self._closed = True
             self._released.clear()
-            self._stop_alarm()
-            self._spawn(self._part())
+            self._stop_keep_alive()
+            self._spawn(self._shut_down())
 
     def give_up(self) -> None:
-        """Close the connection to the controller in the background; the next call opens another one."""
-        self._spawn(self._lose(ConnectionClosed(tr("its client is silent"))))
+        """Close the connection to the controller in the background; the next call opens it again."""
+        self._spawn(self._lose(ConnectionClosed(tr("no signs of life from its client"))))
 
     async def ended(self) -> None:
-        """Wait until it has been closed, if it is being closed, in this event loop; not for long."""
+        """Wait until a closing connection of this event loop is closed, at most 2 s."""
         if self._closed and self._tasks and self._loop is asyncio.get_running_loop():
-            await asyncio.wait(self._tasks, timeout=2 * _GOODBYE)
+            await asyncio.wait(self._tasks, timeout=2 * _CLOSE_TIMEOUT)
 
-    # --- inside ---------------------------------------------------------------------------------------------------
+    # --- internals ------------------------------------------------------------------------------------------------
 
     async def _open(self) -> None:
         if self._loop.time() < self._next_try:
@@ -288,50 +291,53 @@ class UpstreamConnection:
             self._refusal = _refusal(self.url, error)
             logger.warning("%s: %s", self.url, error)
             self._next_try = self._loop.time() + self._delay
-            self._delay = min(2 * self._delay, _SLOWEST * self._upstream.retry)
+            self._delay = min(2 * self._delay, _MAX_DELAY * self._upstream.retry)
             raise error_for(*self._refusal) from error
         if self._closed:
             await client.close()
-            raise _gone(self.url)
+            raise _disconnected(self.url)
         logger.info("%s: connected%s", self.url, " again" if self.generation else "")
         self._client = client
         self._lossy = client.profile.lossy
         self.generation += 1
         self._delay = self._upstream.retry
         self._next_try = self._loop.time() + self._delay
-        self._answered()
-        self._stay(client)
+        self._note_reply()
+        self._start_keep_alive(client)
 
     async def _exchange(self, function: Function[..., Any], handle: int, *arguments: Any) -> Reply:
         client = self._client
         if client is None:
             raise ConnectionClosed(self.url)
         patience = client.patience(arguments[0]) if function.method == "execute" and arguments else None
-        self._at_work = True  # and it stays so where this is cancelled: the controller is still at it
+        self._executing = True  # remains True if this is cancelled: the controller is still executing the call
         try:
             reply = await client.request(function, handle, *arguments, timeout=patience, exact=True)
         except CallError as error:
-            self._answered()
+            self._note_reply()
             if error.code == hresult.E_HANDLE and await self._is_forgotten(client):
                 await self._lose(error)
                 raise error_for(hresult.E_CAO_REMOTE_PROVIDER, _forgotten(self.url)) from error
             raise
         except CallTimeout as error:
-            self._at_work = False
-            self._silent += 1
-            if self._silent >= _SILENT:
+            self._executing = False
+            self._timeouts += 1
+            if self._timeouts >= _MAX_TIMEOUTS:
                 await self._lose(error)
             raise
         except OrinError as error:
-            self._at_work = False
+            self._executing = False
             if isinstance(error, TransportError) or (isinstance(error, ProtocolError) and error.fatal):
                 await self._lose(error)
             raise
-        self._answered()
+        self._note_reply()
         return reply
 
     async def _is_forgotten(self, client: AsyncClient) -> bool:
-        """Whether the controller has forgotten this client, of which only its handles tell: restarted, or silent too long."""
+        """Return True if the controller has forgotten this client, after a restart or a long idle period.
+
+        On transports without connections, only invalid handles show this.
+        """
         if not (client.profile.memory or client.profile.shared):
             return False
         try:
@@ -340,17 +346,17 @@ class UpstreamConnection:
             return error.code == hresult.E_HANDLE
         return False
 
-    def _answered(self) -> None:
-        self._at_work = False
-        self._silent = 0
-        self._heard = self._loop.time()
+    def _note_reply(self) -> None:
+        self._executing = False
+        self._timeouts = 0
+        self._last_reply = self._loop.time()
 
     async def _lose(self, error: OrinError) -> None:
-        """The connection is not there any more."""
+        """Close a connection that is lost or unusable."""
         client, self._client = self._client, None
         self.may_move = False
         self._released.clear()
-        self._stop_alarm()
+        self._stop_keep_alive()
         self._refusal = _refusal(self.url, error)
         if client is not None:
             if not self._closed:
@@ -358,9 +364,9 @@ class UpstreamConnection:
             await client.close()
 
     def _failure(self, function: Function[..., Any], error: OrinError) -> CallError:
-        """Return what a client is told of a call that went wrong on the way."""
+        """Return the error for the client if a call failed between gateway and controller."""
         if isinstance(error, ConnectionClosed) and self._closed:
-            return _gone(self.url)
+            return _disconnected(self.url)
         if isinstance(error, InvalidValue):
             return error_for(hresult.E_INVALIDARG, _never_sent(self.url, error))
         if (
@@ -373,9 +379,9 @@ class UpstreamConnection:
             code = hresult.E_TOO_MUCH_DATA if isinstance(error, LimitExceeded) else hresult.E_FAIL
             return error_for(code, f"{self.url}: {error}")
         code = hresult.E_TIMEOUT if isinstance(error, CallTimeout) else hresult.E_NOT_CONNECTED
-        return error_for(code, _under_way(self.url, function, error))
+        return error_for(code, _uncertain(self.url, function, error))
 
-    async def _let_go(self) -> None:
+    async def _send_pending(self) -> None:
         while self._released:
             release, handle = self._released[0]
             try:
@@ -384,30 +390,30 @@ class UpstreamConnection:
                 logger.debug("%s: %s", self.url, error)
                 if self._client is None:
                     raise
-            if self._released:  # those of a connection that is lost are forgotten
+            if self._released:  # a lost connection clears them
                 self._released.popleft()
 
     async def _send_releases(self) -> None:
         async with self.turn:
             try:
-                await self._let_go()
+                await self._send_pending()
             except OrinError as error:
                 logger.debug("%s: %s", self.url, error)
 
-    # --- its end --------------------------------------------------------------------------------------------------
+    # --- closing --------------------------------------------------------------------------------------------------
 
-    async def _part(self) -> None:
+    async def _shut_down(self) -> None:
         client = self._client
         if client is not None:
-            if not self._at_work:
-                await self._say_stop(client)
-            await client.close()  # says Service_Stop by itself where the end of a connection does not tell
+            if not self._executing:
+                await self._stop_service(client)
+            await client.close()  # sends Service_Stop on transports without connections
             self._client = None
         self._ended(self)
 
-    async def _say_stop(self, client: AsyncClient) -> None:
+    async def _stop_service(self, client: AsyncClient) -> None:
         try:
-            async with asyncio.timeout(_GOODBYE), self.turn:
+            async with asyncio.timeout(_CLOSE_TIMEOUT), self.turn:
                 await client.call(f.service_stop)
         except (OrinError, TimeoutError) as error:
             logger.debug("%s: %s", self.url, error)
@@ -417,48 +423,48 @@ class UpstreamConnection:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    # --- signs of life --------------------------------------------------------------------------------------------
+    # --- keep-alive -----------------------------------------------------------------------------------------------
 
-    def _stay(self, client: AsyncClient) -> None:
+    def _start_keep_alive(self, client: AsyncClient) -> None:
         wanted = self._upstream.keep_alive
-        every = client.profile.memory / _SIGNS if wanted is None else wanted
-        if every:
-            self._alarm = self._loop.call_later(every, self._look, every)
+        interval = client.profile.memory / _SIGNS if wanted is None else wanted
+        if interval:
+            self._keep_alive_timer = self._loop.call_later(interval, self._check_idle, interval)
 
-    def _look(self, every: float) -> None:
-        if self._loop.time() - self._heard >= every / 2 and not self.turn.locked():
-            self._spawn(self._make_sign())
-        self._alarm = self._loop.call_later(every, self._look, every)
+    def _check_idle(self, interval: float) -> None:
+        if self._loop.time() - self._last_reply >= interval / 2 and not self.turn.locked():
+            self._spawn(self._send_keep_alive())
+        self._keep_alive_timer = self._loop.call_later(interval, self._check_idle, interval)
 
-    async def _make_sign(self) -> None:
+    async def _send_keep_alive(self) -> None:
         async with self.turn:
             try:
                 await self._exchange(f.controller_get_name, self.handle)
-            except OrinError as error:  # whatever it answers, it has heard of this client
+            except OrinError as error:  # any reply shows that the controller has received the call
                 logger.debug("%s: %s", self.url, error)
 
-    def _stop_alarm(self) -> None:
-        if self._alarm is not None:
-            self._alarm.cancel()
-            self._alarm = None
+    def _stop_keep_alive(self) -> None:
+        if self._keep_alive_timer is not None:
+            self._keep_alive_timer.cancel()
+            self._keep_alive_timer = None
 
 
 def _check_seconds(name: str, seconds: float) -> None:
     given: object = seconds
-    if not isinstance(given, int | float) or not 0 <= given <= _MOST_SECONDS:
+    if not isinstance(given, int | float) or not 0 <= given <= _MAX_SECONDS:
         raise InvalidValue(
             tr(
-                "{name} must be a number of seconds from 0 to {most_seconds:.0e}, not {seconds}",
+                "{name} must be 0 to {most_seconds:.0e} s, not {seconds}",
                 name=name,
-                most_seconds=_MOST_SECONDS,
+                most_seconds=_MAX_SECONDS,
                 seconds=brief(seconds),
             )
         )
 
 
 def _refusal(url: str, error: OrinError) -> tuple[int, str]:
-    """Return code and detail for calls that are not sent, because there is no connection."""
-    if isinstance(error, CallError) and error.code != hresult.E_HANDLE:  # the controller itself refuses
+    """Return the code and the detail for calls that are not sent because there is no connection."""
+    if isinstance(error, CallError) and error.code != hresult.E_HANDLE:  # refused by the controller itself
         return error.code, error.detail
     return hresult.E_CAO_REMOTE_PROVIDER, _never_sent(url, error)
 
@@ -470,24 +476,23 @@ def _never_sent(url: str, error: OrinError) -> str:
 def _forgotten(url: str) -> str:
     return tr(
         "gateway to {url}: the controller has forgotten this client, as after a restart. The "
-        "call was not carried out; the next one connects again",
+        "call was not executed; the next call reconnects",
         url=url,
     )
 
 
-def _under_way(url: str, function: Function[..., Any], error: OrinError) -> str:
+def _uncertain(url: str, function: Function[..., Any], error: OrinError) -> str:
     return tr(
-        "gateway to {url}: {error}. Whether {name} was carried out is not known, and it is not "
-        "repeated. After a lost connection the next call connects again; the arm is not taken "
-        "again",
+        "gateway to {url}: {error}. {name} may or may not have been executed; it is not repeated. If the connection "
+        "was lost, the next call reconnects, without taking the arm",
         url=url,
         error=error,
         name=function.name,
     )
 
 
-def _gone(url: str) -> CallError:
+def _disconnected(url: str) -> CallError:
     return error_for(
         hresult.E_ABORT,
-        tr("gateway to {url}: the client has gone", url=url),
+        tr("gateway to {url}: the client has disconnected", url=url),
     )
