@@ -97,11 +97,11 @@ def test_one_that_cannot_be_loaded_is_a_warning(serve, site):
         assert rc8.variable("@TYPE").value == "RC8"
     log = stop(process)
     assert (
-        "WARNING orinkit.providers: Test.Bad (zz-bad 1.0) is left out: Test.Bad = zz_bad:Bad: ModuleNotFoundError: "
+        "WARNING orinkit.providers: Test.Bad (zz-bad 1.0) was not loaded: Test.Bad = zz_bad:Bad: ModuleNotFoundError: "
         in log
     )
     assert "No module named 'no_such_module_at_all' (zz_bad.py:1)" in log
-    assert "Test.Gone (zz-bad 1.0) is left out" in log
+    assert "Test.Gone (zz-bad 1.0) was not loaded" in log
     assert "Traceback" not in log
 
 
@@ -112,8 +112,8 @@ def test_one_that_is_named_comes_first(serve, site, tmp_path):
     assert (width(url), width(url, "Test.Own")) == (1.0, 30.0)
     log = stop(process)
     assert (
-        f"WARNING orinkit.providers: the provider name {GRIPPER} is claimed by gripper.Gripper and by "
-        f"{GRIPPER} = my_gripper:Gripper (my-gripper 1.0): the first has it\n" in log
+        f"WARNING orinkit.providers: provider name {GRIPPER} is used by gripper.Gripper and by "
+        f"{GRIPPER} = my_gripper:Gripper (my-gripper 1.0): the first one takes precedence\n" in log
     )
     assert f"serving {GRIPPER} (gripper.Gripper)\n" in log
     assert "serving Test.Own (my-gripper 1.0)\n" in log
@@ -133,7 +133,7 @@ def test_several_are_named_with_and_without_those_that_are_installed(serve, site
 
 def test_one_that_is_named_and_cannot_be_served_ends_the_command(refused, tmp_path):
     said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--provider", str(tmp_path / "none.py"), code=2)
-    assert said.endswith("none.py: there is no such file")
+    assert said.endswith("none.py: the file does not exist")
     said = refused("serve", "rc8", "--provider", "orinkit.virtual.ve026a:VirtualVE026A", code=2)
     assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in said
 
@@ -196,12 +196,12 @@ def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_p
 @pytest.mark.parametrize(
     ("target", "said"),
     [
-        ("none.py:Gripper", "none.py:Gripper: there is no such file"),
-        ("gripper.py:Grip", "gripper.py:Grip: it has no Grip, but Gripper"),
+        ("none.py:Gripper", "none.py:Gripper: the file does not exist"),
+        ("gripper.py:Grip", "gripper.py:Grip: it has no attribute Grip. Try: Gripper"),
         ("gripper.py:device", "gripper.py:device: device(name: "),
         ("json:loads", "json:loads: loads(s, *, cls=None"),
         ("broken.py", "broken.py: ZeroDivisionError: division by zero (broken.py:2)"),
-        ("Nobody", "Nobody: there is no module Nobody, and no such provider"),
+        ("Nobody", "Nobody: neither a module nor a provider Nobody exists"),
     ],
 )
 def test_a_wrong_target_is_one_clear_line(refused, monkeypatch, tmp_path, target, said):

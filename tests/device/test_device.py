@@ -664,7 +664,9 @@ def make(name: str, member: object, *bases: type) -> type:
 @pytest.mark.parametrize("name", [*RESERVED, "__init__"])
 def test_a_declared_member_cannot_have_a_name_that_is_needed(name, decorator):
     declared = DECLARATIONS[decorator]("X")(lambda self: 1)
-    with pytest.raises(TypeError, match=rf"^Mine\.{name} cannot be declared: .* needs {name} itself\. Try: ") as caught:
+    with pytest.raises(
+        TypeError, match=rf"^Mine\.{name} cannot be declared: {name} is reserved for .*\. Try: "
+    ) as caught:
         make(name, declared)
     other = {"close": "as close_fingers;", "connect": "as open_port;"}.get(name, f"as my_{name.strip('_')};")
     assert other in str(caught.value)
@@ -701,7 +703,7 @@ def test_every_needed_name_is_looked_at():
 
 @pytest.mark.parametrize(("name", "member"), [(name, member) for name, members in WRONG.items() for member in members])
 def test_a_plain_member_that_the_server_cannot_use_is_refused(name, member):
-    with pytest.raises(TypeError, match=rf"^Mine\.{name} must be .*: the server uses it\. Try: "):
+    with pytest.raises(TypeError, match=rf"^Mine\.{name} must be .*: it is reserved for the server\. Try: "):
         make(name, member)
     i18n.use("ja")
     with pytest.raises(TypeError, match=rf"^Mine\.{name} はサーバが"):

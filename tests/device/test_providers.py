@@ -110,9 +110,9 @@ def test_those_that_cannot_be_loaded_are_left_out(site, caplog):
     said = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
     assert len(said) == 5
     text = "\n".join(said)
-    assert "Test.Bad (a-bad 1.0) is left out: Test.Bad = pkg_bad:Bad: ZeroDivisionError: " in text
+    assert "Test.Bad (a-bad 1.0) was not loaded: Test.Bad = pkg_bad:Bad: ZeroDivisionError: " in text
     assert "(pkg_bad.py:3)" in text
-    assert "there is no module pkg_gone" in text
+    assert "neither a module nor a provider pkg_gone exists" in text
     assert "Test.Odd = !" in text
     assert "Test.Exit = pkg_exit: SystemExit: 3" in text
     assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in text
@@ -150,9 +150,9 @@ def test_the_first_has_a_name_that_two_claim_and_the_log_says_so(site, caplog):
     warn_of_clashes(providers)
     first = f"{GRIPPER} = pkg_a:Gripper (a-first 1.0)"
     second = f"{GRIPPER.upper()} = pkg_b:Gripper (b-second 1.0)"
-    assert f"name {GRIPPER} is claimed by {first} and by {second}: the first has it" in caplog.text
+    assert f"name {GRIPPER} is used by {first} and by {second}: the first one takes precedence" in caplog.text
     assert (
-        "name CaoProv.DENSO.VRC is claimed by orinkit.virtual.rc8.provider.VirtualRC8 and by "
+        "name CaoProv.DENSO.VRC is used by orinkit.virtual.rc8.provider.VirtualRC8 and by "
         "CaoProv.DENSO.VRC = pkg_c:Gripper (c-third 1.0)" in caplog.text
     )
     with orinkit.serve(providers, "tcp://127.0.0.1:0") as server:
@@ -177,17 +177,15 @@ def test_the_name_of_an_entry_is_its_own_whoever_else_lists_it(site, caplog):
                     assert controller.variable("WIDTH").value == width
     one, other = "Aaa.Greedy = pkg_a:Gripper (a-first 1.0)", f"{GRIPPER} = pkg_b:Gripper (b-second 1.0)"
     assert [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING] == [
-        f"the provider name {GRIPPER.lower()} is claimed by {one} and by {other}: the entry of that name has it",
-        f"the provider name Aaa.Greedy is claimed by {other} and by {one}: the entry of that name has it",
+        f"provider name {GRIPPER.lower()} is used by {one} and by {other}: the entry point of that name takes precedence",
+        f"provider name Aaa.Greedy is used by {other} and by {one}: the entry point of that name takes precedence",
     ]
 
 
 def test_one_class_in_two_entries_is_told_by_entry(site, caplog):
     install(site, "my-gripper", "Test.A = pkg_g:Gripper\nTest.B = pkg_g:Gripper", pkg_g=device("Test.Own"))
     warn_of_clashes(load_installed())
-    said = (
-        "Test.Own is claimed by Test.A = pkg_g:Gripper (my-gripper 1.0) and by Test.B = pkg_g:Gripper (my-gripper 1.0)"
-    )
+    said = "Test.Own is used by Test.A = pkg_g:Gripper (my-gripper 1.0) and by Test.B = pkg_g:Gripper (my-gripper 1.0)"
     assert said in caplog.text
 
 
@@ -200,7 +198,7 @@ def test_names_that_cannot_be_taken_away_stay(site, caplog):
     providers = load_installed()
     assert [names(each) for each in providers] == [["Test.A", "Test.B"], ["Test.B"]]
     warn_of_clashes(providers)
-    assert "Test.B is claimed by Test.A = pkg_a (a-first 1.0) and by Test.B = pkg_b (b-second 1.0)" in caplog.text
+    assert "Test.B is used by Test.A = pkg_a (a-first 1.0) and by Test.B = pkg_b (b-second 1.0)" in caplog.text
 
 
 def test_what_is_served_is_told(site, tmp_path, caplog):
@@ -287,37 +285,37 @@ def test_a_file_may_have_dataclasses(tmp_path):
 
 
 CLASS = "import orinkit\nclass G(orinkit.Device):\n    "
-NO_KIND = "neither the name of an installed provider, nor module:Class, nor file.py:Class"
+NO_KIND = "not the name of an installed provider. Try: module:Class or file.py:Class"
 WRONG = {
     "nothing": ("", None, f"'': {NO_KIND}"),
     "blanks": ("  ", None, NO_KIND),
     "a path": ("a/b", None, f"a/b: {NO_KIND}"),
     "a relative module": (".mod", None, NO_KIND),
-    "no name and no module": ("CaoProv.Nobody", None, "there is no module CaoProv.Nobody, and no such provider"),
-    "no module": ("nobody_has_this:Gripper", None, "there is no module nobody_has_this"),
-    "no inner module": ("json.nobody:Gripper", None, "there is no module json.nobody"),
-    "no file": ("not_there.py", None, "not_there.py: there is no such file"),
-    "a name that no file can have": ("x" * 100_000 + ".py", None, "xxx.py: there is no such file"),
-    "a name with a nul": ("a\0b.py", None, "there is no such file"),
-    "no such attribute": ("{}:Grip", device("T.T"), "it has no Grip, but Gripper"),
-    "no such inner attribute": ("{}:Gripper.x.y", device("T.T"), "it has no Gripper.x.y, but Gripper"),
-    "nothing at all in it": ("{}:Gripper", "width = 1\n", "it has no Gripper"),
+    "no name and no module": ("CaoProv.Nobody", None, "neither a module nor a provider CaoProv.Nobody exists"),
+    "no module": ("nobody_has_this:Gripper", None, "neither a module nor a provider nobody_has_this exists"),
+    "no inner module": ("json.nobody:Gripper", None, "neither a module nor a provider json.nobody exists"),
+    "no file": ("not_there.py", None, "not_there.py: the file does not exist"),
+    "a name that no file can have": ("x" * 100_000 + ".py", None, "xxx.py: the file does not exist"),
+    "a name with a nul": ("a\0b.py", None, "the file does not exist"),
+    "no such attribute": ("{}:Grip", device("T.T"), "it has no attribute Grip. Try: Gripper"),
+    "no such inner attribute": ("{}:Gripper.x.y", device("T.T"), "it has no attribute Gripper.x.y. Try: Gripper"),
+    "nothing at all in it": ("{}:Gripper", "width = 1\n", "it has no attribute Gripper"),
     "a module that breaks": ("{}:Gripper", "x = 1\nraise OSError('no port')\n", "OSError: no port (mod_wrong.py:2)"),
     "a module that ends": ("{}", "import sys\nsys.exit('bye')\n", "SystemExit: bye (mod_wrong.py:2)"),
     "no Python": ("{}", "class Gripper(:\n", "SyntaxError: invalid syntax (mod_wrong.py:1)"),
     "no text": ("{}", "\0", "null bytes"),
     "a module that needs another": ("{}", "import nobody_has_this\n", "No module named 'nobody_has_this' (mod_wrong.py:1)"),
-    "another class": ("{}:Lamp", "class Lamp:\n    pass\n", "a Device or Provider is needed, not <class 'mod_wrong.Lamp'>"),
-    "a value": ("{}:width", "width = 3.5\n", "a Device or Provider is needed, not 3.5"),
-    "a function of something else": ("{}:make", "def make():\n    return 'x' * 9999\n", "a Device or Provider is needed, not 'xxx"),
-    "a coroutine": ("{}:make", "async def make():\n    pass\n", "a Device or Provider is needed, not <function make"),
-    "a class with arguments": ("{}", CLASS + "def __init__(self, port, speed=1): pass\n", "G(port, speed=1) needs arguments. Try: a function"),
-    "a function with arguments": ("{}:make", "def make(port: str) -> None:\n    pass\n", "needs arguments"),
+    "another class": ("{}:Lamp", "class Lamp:\n    pass\n", "not a Device or Provider: <class 'mod_wrong.Lamp'>"),
+    "a value": ("{}:width", "width = 3.5\n", "not a Device or Provider: 3.5"),
+    "a function of something else": ("{}:make", "def make():\n    return 'x' * 9999\n", "not a Device or Provider: 'xxx"),
+    "a coroutine": ("{}:make", "async def make():\n    pass\n", "not a Device or Provider: <function make"),
+    "a class with arguments": ("{}", CLASS + "def __init__(self, port, speed=1): pass\n", "G(port, speed=1) requires arguments. Try: a function"),
+    "a function with arguments": ("{}:make", "def make(port: str) -> None:\n    pass\n", "requires arguments"),
     "a class that breaks": ("{}", CLASS + "def __init__(self): raise OSError('no port')\n", "OSError: no port (mod_wrong.py:3)"),
     "an attribute that breaks": ("{}:x", "def __getattr__(name): return 1 / 0\n", "ZeroDivisionError: division by zero (mod_wrong.py:1)"),
-    "several classes": ("{}", device("T.T") + device("T.U", kind="Pump"), "say which class of it: Gripper, Pump"),
-    "no class of its own": ("{}", "from orinkit import Device, Provider\n", "it has no class of a Device or Provider of its own"),
-    "no name": ("{}", CLASS + "pass\n", "it has no provider_names, so nobody could connect"),
+    "several classes": ("{}", device("T.T") + device("T.U", kind="Pump"), "it defines several classes. Try: one of Gripper, Pump"),
+    "no class of its own": ("{}", "from orinkit import Device, Provider\n", "it defines no subclass of Device or Provider"),
+    "no name": ("{}", CLASS + "pass\n", "it has no provider_names, so clients could not connect"),
     "a name that is no tuple": ("{}", CLASS + "provider_names = 'T.T'\n", "provider_names must be a tuple of names"),
     "names that are none": ("{}", CLASS + "provider_names = 5\n", "not iterable"),
     "names that break": ("{}", CLASS + "provider_names = property(lambda self: 1 / 0)\n", "ZeroDivisionError: division by zero"),
@@ -348,7 +346,7 @@ def test_a_module_that_breaks_is_tried_again(tmp_path):
 
 def test_a_directory_is_no_file(tmp_path):
     (tmp_path / "dir.py").mkdir()
-    with pytest.raises(LoadFailed, match="there is no such file"):
+    with pytest.raises(LoadFailed, match="the file does not exist"):
         load(str(tmp_path / "dir.py"))
 
 
@@ -360,7 +358,7 @@ def test_ctrl_c_in_a_module_is_not_held_up(tmp_path):
 def test_a_file_that_is_named_as_a_module_is_pointed_at(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mod_here.py", device("Test.Here"))
-    with pytest.raises(LoadFailed, match=r"there is no module mod_here, .* Try: mod_here.py:Class"):
+    with pytest.raises(LoadFailed, match=r"neither a module nor a provider mod_here exists; .* Try: mod_here.py:Class"):
         load("mod_here:Gripper")
 
 

@@ -1,4 +1,4 @@
-"""Devices of your own: a class whose decorated methods are served over every protocol.
+"""User-written devices: classes whose decorated methods are served over all protocols.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What the decorators of :mod:`orinkit.device` make of a method: a declaration, with its name and how it is run."""
+"""The decorators of :mod:`orinkit.device`, and the declarations that they create from methods."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from orinkit.values.variant import variant as to_variant
 D = TypeVar("D", bound="Declared")
 T = TypeVar("T")
 
-# A value annotated as Decimal is left as it is: few clients can send VT_CY.
+# Values annotated as Decimal are not converted, because few clients can send VT_CY.
 _BY_ANNOTATION: Final[dict[object, int]] = {
     annotation: vt
     for python, vt in BY_PYTHON.items()
@@ -30,7 +30,7 @@ _BY_ANNOTATION: Final[dict[object, int]] = {
 
 def _check_name(decorator: str, name: object) -> None:
     if not isinstance(name, str) or not name:
-        raise TypeError(tr('a name in the controller is needed: @{decorator}("NAME")', decorator=decorator))
+        raise TypeError(tr('a name is required. Try: @{decorator}("NAME")', decorator=decorator))
 
 
 def _check_type(name: str, vt: object) -> None:
@@ -39,7 +39,7 @@ def _check_type(name: str, vt: object) -> None:
 
 
 class Declared:
-    """Something that a decorator declares: its name in the controller, and how its method is run."""
+    """A declared member of a device: its name in the controller, and its method."""
 
     kind = ""
 
@@ -50,14 +50,14 @@ class Declared:
         self.quick = quick
 
     def run(self, method: Callable[..., Any], *args: Any) -> Any:
-        """Call a method the way it is to be run: at once, awaited, or in a thread."""
+        """Call a method directly if it is quick or a coroutine function; otherwise return a call for a worker thread."""
         if self.quick or inspect.iscoroutinefunction(method):
             return method(*args)
         return BlockingCall(lambda: method(*args))
 
 
 class DeclaredVariable(Declared, Generic[T]):
-    """A variable: a getter and, if it is writable, a setter. In the device's own code it behaves like a property."""
+    """A declared variable: a getter and, if writable, a setter. In the device's own code, it behaves like a property."""
 
     kind = "Variable"
 
@@ -83,18 +83,18 @@ class DeclaredVariable(Declared, Generic[T]):
         self.set(part, value)
 
     def setter(self, method: Callable[[Any, T], Any]) -> DeclaredVariable[T]:
-        """Make the variable writable: the method gets the new value as plain Python.
+        """Declare the setter, which makes the variable writable. The method receives the new value as a Python type.
 
-        Type checkers want another name for the method than that of the getter: ``def set_width(self, width: float)``.
+        Type checkers require a method name other than the getter's: ``def set_width(self, width: float)``.
         """
         self.set = method
         return self
 
     def accept(self, value: Variant) -> Any:
-        """Return a written value as the variable's type.
+        """Convert a written value to the type of the variable.
 
         Raises:
-            CallError: DISP_E_TYPEMISMATCH where it does not fit.
+            CallError: DISP_E_TYPEMISMATCH, if the value does not fit the type.
         """
         if self.type is None:
             return value.plain
@@ -107,15 +107,15 @@ class DeclaredVariable(Declared, Generic[T]):
 
 
 class DeclaredCommand(Declared):
-    """An Execute command."""
+    """A declared command of Execute."""
 
     kind = "Command"
 
     def arguments(self, parameter: Variant) -> list[Any]:
-        """Return the method's arguments: a parameter array is spread over them, a method with one gets it whole.
+        """Return the arguments of the method. An array is spread over them, or passed as a whole to a method with one.
 
         Raises:
-            CallError: E_INVALIDARG where there are too many or too few.
+            CallError: E_INVALIDARG, if there are too many or too few values, or a value does not fit.
         """
         parameters = list(inspect.signature(self.method).parameters.values())[1:]
         values = coerce.to_values(parameter)
@@ -127,17 +127,17 @@ class DeclaredCommand(Declared):
             wanted = ", ".join(str(p) for p in parameters)
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("{name}({wanted}) was given {count} values", name=self.name, wanted=wanted, count=len(values)),
+                tr("{name}({wanted}) received {count} values", name=self.name, wanted=wanted, count=len(values)),
             ) from None
         converted = [_converted(*pair) for pair in zip(parameters, values, strict=False)]
         return converted + values[len(converted) :]
 
 
 def _converted(parameter: inspect.Parameter, value: Any) -> Any:
-    """Return an argument of a command as its annotation says: bool, int, float or str; another one as it came.
+    """Convert an argument of a command to its annotation (bool, int, float or str); other arguments are unchanged.
 
     Raises:
-        CallError: E_INVALIDARG where it cannot be that.
+        CallError: E_INVALIDARG, if the value does not fit.
     """
     vt = _BY_ANNOTATION.get(parameter.annotation)
     if vt is None or vt == VarType.DATE or parameter.kind is inspect.Parameter.VAR_POSITIONAL:
@@ -158,7 +158,7 @@ def _as_type(vt: int, value: Variant) -> Variant:
 
 
 class DeclaredChild(Declared):
-    """An object below: the method returns it, once for every client that connects to it."""
+    """A declared child object; the method returns it and is called for each client that connects to it."""
 
     def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
         super().__init__(method, name, help, quick=True)
@@ -188,25 +188,30 @@ def variable(
     help: str = "",  # noqa: A002
     quick: bool = False,
 ) -> _VariableDecorator:
-    """Declare a variable; the method is its getter, ``@method.setter`` makes it writable.
+    """Declare a variable. The method is its getter; ``@method.setter`` makes it writable.
 
-    In the device's own code, ``self.width`` calls the getter, and ``self.width = 5.0`` the setter.
+    In the device's own code, ``self.width`` calls the getter and ``self.width = 5.0`` the setter.
 
     Args:
-        name: name in the controller; upper and lower case do not matter.
-        type: VARIANT type, ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``; by default what the annotation of the
-            getter's result says (bool, int, float, str), else whatever the getter returns.
-        help: help text; by default the docstring.
-        quick: the methods return at once.
+        name: Name in the controller; case is ignored.
+        type: VARIANT type, ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``. The default follows from the annotation of the
+            getter's result (bool, int, float, str), otherwise from each returned value.
+        help: Help text; the default is the docstring.
+        quick: True if the methods return immediately; they are then called in the event loop.
     """
     _check_name("variable", name)
     return _VariableDecorator(name, type, help, quick)
 
 
 def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002
-    """Declare an Execute command; what the method returns is the result.
+    """Declare a command of Execute. The return value of the method is the result.
 
-    The parameter is spread over the method's arguments, so ``Execute("Close", [10.0, 1])`` calls ``close(10.0, 1)``.
+    The parameter is spread over the method's arguments: ``Execute("Close", [10.0, 1])`` calls ``close(10.0, 1)``.
+
+    Args:
+        name: Name in the controller; case is ignored.
+        help: Help text; the default is the docstring.
+        quick: True if the method returns immediately; it is then called in the event loop.
     """
     _check_name("command", name)
     return _Decorator(lambda method: DeclaredCommand(method, name, help, quick))
@@ -218,7 +223,7 @@ def _child(kind: str, decorator: str) -> Callable[..., _Decorator[DeclaredChild]
         return _Decorator(lambda method: DeclaredChild(method, name, help, kind))
 
     declare.__doc__ = (
-        f"Declare an object below of the kind {kind}; the method returns a :class:`Part` or an object of cao.provider."
+        f"Declare a child object of type {kind}; the method returns a :class:`Part` or an object of cao.provider."
     )
     return declare
 
@@ -231,13 +236,17 @@ command_object = _child("Command object", "command_object")
 
 
 def declared_in(kind: type) -> dict[tuple[str, str], Declared]:
-    """Return what one class declares by itself; two members of one kind and name would hide each other."""
+    """Return the declarations in a class, without its bases.
+
+    Raises:
+        TypeError: If two members have the same type and name, because one would hide the other.
+    """
     found: dict[tuple[str, str], Declared] = {}
     for member in vars(kind).values():
         if isinstance(member, Declared) and found.setdefault((member.kind, member.name.lower()), member) is not member:
             raise TypeError(
                 tr(
-                    "{device} declares the {kind} {name!r} twice; upper and lower case are the same",
+                    "{device} declares {kind} {name!r} twice (case is ignored)",
                     device=kind.__name__,
                     kind=member.kind,
                     name=member.name,

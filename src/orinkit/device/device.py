@@ -1,4 +1,4 @@
-"""A device of your own, by decorators: what it serves is what its methods say.
+"""User-written devices: decorated methods are served as variables, commands and objects.
 
 ::
 
@@ -21,12 +21,12 @@
     with serve(Gripper(), "tcp://127.0.0.1:5007") as server:
         server.wait()
 
-A plain method runs in a worker thread, so it may take its time without holding up other clients; two clients may be in
-it at once, so guard what must not be shared. An ``async def`` method runs in the server's event loop. ``quick=True``
-says that a plain method returns at once: it then runs in the event loop too, which is faster.
+A plain method runs in a worker thread, so it may block without delaying other clients. Calls of several clients may run
+concurrently, so protect shared state. An ``async def`` method runs in the server's event loop. With ``quick=True``, a plain
+method also runs in the event loop, which is faster; it must return immediately.
 
-To answer with an error code raise :func:`orinkit.core.errors.error_for`; any other exception is logged and is E_FAIL. What went
-wrong is told in words to the client that asks for it: ``controller.error_description(error.code)``, which is the command
+To return an error code, raise :func:`orinkit.core.errors.error_for`; any other exception is logged and returned as E_FAIL.
+Clients can read the text of the error with ``controller.error_description(error.code)``, that is, with the command
 GetErrorDescription. A device may declare that command itself.
 """
 
@@ -68,17 +68,17 @@ from orinkit.device.declarations import declared_in
 from orinkit.values.variant import Value, Variant
 
 _DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
-"""By class, what it and its bases declare; not kept in the class, where every name is its author's."""
+"""Declarations of each class and its bases; not stored in the class, to avoid conflicts with the names of its author."""
 
 
 class Part:
-    """Something with declared variables, commands and objects below; one instance serves all clients."""
+    """Base class of objects with declared variables, commands and child objects; one instance serves all clients."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Collect what the class and its bases declare.
+        """Collect the declarations of the class and its bases.
 
         Raises:
-            TypeError: something is declared twice, or as a method that Python or the server itself calls.
+            TypeError: If a name is declared twice, or a declared method is reserved for Python.
         """
         super().__init_subclass__(**kwargs)
         found: dict[tuple[str, str], Declared] = {}
@@ -91,18 +91,19 @@ class Part:
 
 
 class Device(Part, Provider):
-    """A device that clients reach with Controller_Connect; declare what it has with the decorators of this module.
+    """Base class of user-written devices. Declare variables, commands and objects with the decorators of this module.
 
-    The names of :class:`~orinkit.cao.provider.Provider` are the server's: ``close``, ``connect``, ``dialect``,
-    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``. To use one for something else is a
-    TypeError; as they are meant they may be overridden, ``close()`` to clean up when the server has stopped.
+    Clients connect to a device with Controller_Connect. The names of :class:`~orinkit.cao.provider.Provider` are reserved for
+    the server: ``close``, ``connect``, ``dialect``, ``fixed_handles``, ``functions``, ``guard``, ``handle_of``,
+    ``provider_names``. They may be overridden with the same meaning, for example ``close()`` to clean up after the server has
+    stopped; any other use raises TypeError.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Make sure that the server finds what it needs.
+        """Check the names that are reserved for the server.
 
         Raises:
-            TypeError: one of its names is used for something else.
+            TypeError: If a reserved name is used for another purpose.
         """
         super().__init_subclass__(**kwargs)
         for name in _NEEDED:
@@ -112,18 +113,18 @@ class Device(Part, Provider):
         """Set an attribute.
 
         Raises:
-            TypeError: the server needs it for something else.
+            TypeError: If the name is reserved for the server and the value does not fit.
         """
         if name in _NEEDED and not _fits(name, value):
             raise _misused(type(self), name)
         super().__setattr__(name, value)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
-        """Every client gets its own view of the one device."""
+        """Return a controller object for one client; all clients share the device."""
         return _PartController(self, name, client.reason)
 
 
-# --- names that the server needs --------------------------------------------------------------------------------------
+# --- reserved names ---------------------------------------------------------------------------------------------------
 
 _NEEDED: Final = {
     "close": "close(self)",
@@ -135,16 +136,16 @@ _NEEDED: Final = {
     "handle_of": "handle_of(self, interface, name)",
     "provider_names": "Sequence[str]",
 }
-"""What it needs of a provider, and as what."""
+"""Names that the server uses, and the required type or signature of each."""
 _ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2}
 _OTHERWISE: Final = {"close": "close_fingers", "connect": "open_port"}
 
 
 def _check_member(cls: type, name: str, member: object) -> None:
-    """Refuse a member of a class that is not what the server needs; what a property gives is not looked at.
+    """Check a member with a reserved name; the value of a property is not checked.
 
     Raises:
-        TypeError: it is not.
+        TypeError: If the member does not fit the server's use.
     """
     if isinstance(member, Declared):
         raise _reserved(cls, name)
@@ -157,7 +158,7 @@ def _check_member(cls: type, name: str, member: object) -> None:
 
 
 def _fits(name: str, value: object) -> bool:
-    """Whether a value, a method as its object has it, is what the server needs under a name."""
+    """Return True if a value, or a bound method, fits the server's use of a reserved name."""
     if name in _ARGUMENTS:
         return callable(value) and _takes(value, _ARGUMENTS[name])
     if name == "dialect":
@@ -174,7 +175,7 @@ def _fits(name: str, value: object) -> bool:
 def _takes(method: Callable[..., Any], count: int) -> bool:
     try:
         signature = inspect.signature(method)
-    except (TypeError, ValueError):  # of a compiled one nothing is known
+    except (TypeError, ValueError):  # a compiled function has no signature
         return True
     try:
         signature.bind(*range(count))
@@ -188,9 +189,8 @@ def _reserved(cls: type, name: str) -> TypeError:
     by = "Python" if name.startswith("__") else tr("the server")
     return TypeError(
         tr(
-            "{device}.{method} cannot be declared: {by} needs {method} itself. Try: call the method "
-            "something else, as {other}; the name in the controller is free, as in "
-            '@command("{name}")',
+            "{device}.{method} cannot be declared: {method} is reserved for {by}. Try: another method name, such as "
+            '{other}; the name in the controller may be the same: @command("{name}")',
             device=cls.__name__,
             method=name,
             by=by,
@@ -204,7 +204,7 @@ def _misused(cls: type, name: str) -> TypeError:
     other = _OTHERWISE.get(name, f"my_{name}")
     return TypeError(
         tr(
-            "{device}.{method} must be {needed}: the server uses it. Try: call yours something else, as {other}",
+            "{device}.{method} must be {needed}: it is reserved for the server. Try: another name, such as {other}",
             device=cls.__name__,
             method=name,
             needed=_NEEDED[name],
@@ -213,27 +213,27 @@ def _misused(cls: type, name: str) -> TypeError:
     )
 
 
-# --- what a client sees -----------------------------------------------------------------------------------------------
+# --- objects of a client ----------------------------------------------------------------------------------------------
 
 
 def _declared(part: Part, kind: str, name: str) -> Declared | None:
-    """Return what is declared under a name: kind is Variable, Command, Extension, Robot, Task, File, Command object."""
+    """Return the declaration with a name. Kinds: Variable, Command, Extension, Robot, Task, File, Command object."""
     return _DECLARED.get(type(part), {}).get((kind, name.lower()))
 
 
 def _names(part: Part, kind: str) -> list[str]:
-    """Return the names of everything declared of a kind, in order."""
+    """Return the declared names of a kind, in the order of declaration."""
     return [member.name for (of, _), member in _DECLARED.get(type(part), {}).items() if of == kind]
 
 
 class _PartVariable(VariableObject):
-    """One client's handle of a declared variable."""
+    """A client's object for a declared variable."""
 
     def __init__(self, part: Part, declared: DeclaredVariable[Any]) -> None:
         super().__init__(declared.name, attribute=READABLE | (WRITABLE if declared.set else 0), help=declared.help)
         self._part = part
         self._variable = declared
-        self._taken: datetime | None = None
+        self._accessed: datetime | None = None
 
     def get_value(self) -> Any:
         """Call the getter."""
@@ -247,7 +247,7 @@ class _PartVariable(VariableObject):
         return self._typed(await method(self._part))
 
     def _typed(self, value: Value) -> Value:
-        self._taken = datetime.now()
+        self._accessed = datetime.now()
         if self._variable.type is None or isinstance(value, Variant):
             return value
         return Variant(self._variable.type, value)
@@ -257,20 +257,20 @@ class _PartVariable(VariableObject):
         declared = self._variable
         if declared.set is None:
             raise error_for(hresult.E_CAO_NOT_WRITABLE, declared.name)
-        self._taken = datetime.now()
+        self._accessed = datetime.now()
         return declared.run(declared.set, self._part, declared.accept(value))
 
     def get_date_time(self) -> datetime:
-        """When the value was last read or written by this client."""
-        return (self._taken or datetime.now()).replace(microsecond=0)
+        """Return the time of the last read or write by this client."""
+        return (self._accessed or datetime.now()).replace(microsecond=0)
 
     def get_microsecond(self) -> int:
-        """The microseconds of that time."""
-        return (self._taken or datetime.now()).microsecond
+        """Return the microseconds of the time of the last read or write."""
+        return (self._accessed or datetime.now()).microsecond
 
 
 class _PartObject(OwnerObject):
-    """One client's handle of a part: variables, commands, objects below."""
+    """A client's object for a part: its variables, commands and child objects."""
 
     def __init__(self, part: Part, name: str, help: str = "") -> None:  # noqa: A002 - the documents' word
         super().__init__(name, help=help or inspect.getdoc(type(part)) or "")
@@ -292,7 +292,7 @@ class _PartObject(OwnerObject):
         return declared.run(declared.method, self.part, *declared.arguments(parameter))
 
     def child(self, kind: str, name: str) -> Any:
-        """Return the declared object below of that name, for one more client."""
+        """Create a client's object for a declared child object."""
         declared = _declared(self.part, kind, name)
         if not isinstance(declared, DeclaredChild):
             raise not_found(_among(name, _names(self.part, kind)))
@@ -309,7 +309,7 @@ class _PartObject(OwnerObject):
 
 
 def _among(name: str, names: Sequence[str]) -> str:
-    return tr("{name}; there are: {names}", name=quoted(name), names=", ".join(names) or tr("none"))
+    return tr("{name}; available: {names}", name=quoted(name), names=", ".join(names) or tr("none"))
 
 
 class _PartExtension(_PartObject, ExtensionObject):

@@ -1,14 +1,14 @@
-"""Providers from elsewhere: of packages that are installed, of modules, of single files.
+"""Loading of providers from installed packages, modules and single files.
 
-A package offers its provider with an entry point of the group ``orinkit.providers``. The entry's name is the provider's
-name, its value is where it is found::
+A package registers its provider with an entry point of the group ``orinkit.providers``. The name of the entry point is the
+provider name, its value the location of the provider::
 
     [project.entry-points."orinkit.providers"]
     "CaoProv.Example.Gripper" = "my_gripper:Gripper"
 
-What is found there is a class that can be made without arguments, :class:`orinkit.Device` or another
-:class:`~orinkit.cao.provider.Provider`; or a function without arguments that returns a provider; or a provider. It answers
-to its own provider names and to the entry's name, which no other entry's provider takes from it.
+The value names a subclass of :class:`orinkit.Device` or another :class:`~orinkit.cao.provider.Provider` that can be
+instantiated without arguments, a function without arguments that returns a provider, or a provider. The provider is served
+under its own provider names and the name of the entry point, which takes precedence over the names of other providers.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ from orinkit.core.i18n import tr
 logger = logging.getLogger("orinkit.providers")
 
 GROUP: Final = "orinkit.providers"
-"""The entry points' group."""
+"""Group of the entry points."""
 
 _FILE: Final = re.compile(r"(?P<path>.+\.py)(:(?P<attribute>[^:/\\]*))?", re.IGNORECASE | re.DOTALL)
 _ENTRIES: Final = "_orinkit_entries"  # attribute of a provider
 _PACKAGE: Final = str(Path(__file__).parent) + os.sep
 _SHOWN: Final = 100  # characters of a target in a message
-_LONGEST: Final = 500  # characters of an exception in a message
+_MAX_REASON: Final = 500  # characters of an exception in a message
 _REPR: Final = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _SHOWN
 
 
 BUILT_IN: Final = {"CaoProv.Waco.ABH3": "orinkit.abh3.provider.provider:ABH3Provider"}
-"""Providers of orinkit that are served where they are named only."""
+"""Providers of orinkit that are served only if they are named explicitly."""
 
 
 class Installed(NamedTuple):
     """An entry point of an installed package.
 
     Attributes:
-        name: the provider's name.
-        distribution: the package's name and version, ``"my-gripper 1.0"``; ``""`` where it does not say.
-        value: where the provider is found, ``"my_gripper:Gripper"``.
+        name: Provider name.
+        distribution: Name and version of the package, ``"my-gripper 1.0"``; ``""`` if unknown.
+        value: Location of the provider, ``"my_gripper:Gripper"``.
     """
 
     name: str
@@ -67,20 +67,20 @@ class Installed(NamedTuple):
 
 
 def installed() -> list[Installed]:
-    """Return what installed packages offer, sorted by name; nothing of it is imported."""
+    """Return the entry points of installed packages, sorted by name, without importing them."""
     return [_installed(entry) for entry in _entries()]
 
 
 def load(target: str) -> Provider:
-    """Return a provider, made anew unless an object is named.
+    """Load a provider; return a new instance, unless the target is an object.
 
     Args:
-        target: ``"CaoProv.Example.Gripper"``, the name of an installed one, in upper or lower case;
-            ``"my_gripper:Gripper"`` in a module; ``"path/to/gripper.py:Gripper"`` in a file, which may import its
-            neighbours while it is loaded. Module and file alone will do where they have exactly one class of a device.
+        target: ``"CaoProv.Example.Gripper"``, the name of an installed provider (case is ignored); ``"my_gripper:Gripper"``
+            in a module; or ``"path/to/gripper.py:Gripper"`` in a file, which may import modules from its directory while it
+            is loaded. The class may be omitted if the module or file defines exactly one provider class.
 
     Raises:
-        LoadFailed: it is not there, raises an exception, or is no provider.
+        LoadFailed: If the target does not exist, raises an exception, or is not a provider.
     """
     target = target.strip()
     file = _FILE.fullmatch(target)
@@ -93,15 +93,15 @@ def load(target: str) -> Provider:
         known = {name.lower(): place for name, place in BUILT_IN.items()}
         name, _, attribute = known.get(target.lower(), target).partition(":")
         module = _import(target, name)
-    return _reachable(target, _made(target, _find(target, module, attribute)))
+    return _with_names(target, _create(target, _find(target, module, attribute)))
 
 
 def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()) -> list[Provider]:
-    """Return all that installed packages offer, as far as it can be loaded; the log tells of each that cannot, and why.
+    """Load the providers of all installed packages; log each that cannot be loaded, with the reason.
 
     Args:
-        beside: those that are served by the same server.
-        but: names of those that are left out.
+        beside: Other providers of the same server.
+        but: Names of providers to omit.
     """
     unwanted = {name.strip().lower() for name in but}
     found: list[Provider] = []
@@ -112,19 +112,19 @@ def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()
             provider = _load_entry(entry)
             others = [*beside, *found]
             if not any(provider is other for other in others):
-                ProviderRegistry([*others, provider])  # it may speak another dialect
+                ProviderRegistry([*others, provider])  # fails if the provider has another dialect
                 found.append(provider)
         except (LoadFailed, ValueError) as error:
-            text = tr("%s (%s) is left out: %s")
+            text = tr("%s (%s) was not loaded: %s")
             logger.warning(text, entry.name, _distribution(entry) or entry.value, error)
     settle_names(found)
     return found
 
 
 def settle_names(providers: Sequence[Provider]) -> None:
-    """Give every entry its own name: another entry's provider that lists it among its provider names goes without.
+    """Reserve the name of each entry point for its provider: remove it from the provider names of other entry points.
 
-    The log tells of it. A provider that came from no entry keeps its names; so does one that has no setter for them.
+    Each removal is logged. Providers without an entry point, or with read-only provider names, keep their names.
     """
     owners: dict[str, Provider] = {}
     for provider in providers:
@@ -141,18 +141,18 @@ def _take_away(provider: Provider, lost: Collection[str], owners: Mapping[str, P
     try:
         provider.provider_names = tuple(name for name in provider.provider_names if name not in lost)
     except AttributeError:
-        return  # a property: the first has the name then
+        return  # a read-only property: the first provider gets the name
     for name in lost:
-        text = tr("the provider name %s is claimed by %s and by %s: the entry of that name has it")
+        text = tr("provider name %s is used by %s and by %s: the entry point of that name takes precedence")
         logger.warning(text, name, _origin(provider), _origin(owners[name.lower()]))
 
 
 def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -> None:
-    """Tell the log what is served, by the names that it really has: ``serving CaoProv.Example.Gripper (my-gripper 1.0)``.
+    """Log the served providers with their effective names: ``serving CaoProv.Example.Gripper (my-gripper 1.0)``.
 
     Args:
-        providers: in the order in which they are served.
-        beside: those of them that are not worth telling.
+        providers: Providers in the order in which they are served.
+        beside: Providers among them that are not logged.
     """
     taken: set[str] = set()
     for provider in providers:
@@ -160,18 +160,18 @@ def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -
         taken.update(name.lower() for name in names)
         if names and not any(provider is other for other in beside):
             packages = dict.fromkeys(entry.distribution for entry in _came_from(provider))
-            whence = ", ".join(filter(None, packages)) or _kind(provider)
-            logger.info(tr("serving %s (%s)"), ", ".join(names), whence)
+            origin = ", ".join(filter(None, packages)) or _class_name(provider)
+            logger.info(tr("serving %s (%s)"), ", ".join(names), origin)
 
 
 def warn_of_clashes(providers: Sequence[Provider]) -> None:
-    """Tell the log of every provider name that two claim; the first has it."""
+    """Log each provider name that several providers use; the first provider gets it."""
     owners: dict[str, Provider] = {}
     for provider in providers:
         for name in provider.provider_names:
             owner = owners.setdefault(name.lower(), provider)
             if owner is not provider:
-                text = tr("the provider name %s is claimed by %s and by %s: the first has it")
+                text = tr("provider name %s is used by %s and by %s: the first one takes precedence")
                 logger.warning(text, name, _origin(owner), _origin(provider))
 
 
@@ -181,7 +181,7 @@ def warn_of_clashes(providers: Sequence[Provider]) -> None:
 def _entries() -> list[metadata.EntryPoint]:
     try:
         found = list(metadata.entry_points(group=GROUP))
-    except Exception:  # noqa: BLE001 - a package whose data are damaged, one of all that are installed
+    except Exception:  # noqa: BLE001 - the metadata of some installed package are damaged
         found = [entry for each in metadata.distributions() for entry in _entries_of(each)]
     return sorted(found, key=lambda entry: (entry.name.lower(), _distribution(entry)))
 
@@ -189,8 +189,8 @@ def _entries() -> list[metadata.EntryPoint]:
 def _entries_of(distribution: metadata.Distribution) -> list[metadata.EntryPoint]:
     try:
         return list(distribution.entry_points.select(group=GROUP))
-    except Exception as error:  # noqa: BLE001 - as above: it is this one
-        text = tr("entry points that cannot be read: %s: %s")
+    except Exception as error:  # noqa: BLE001 - the metadata of this package are damaged
+        text = tr("cannot read the entry points of %s: %s")
         logger.warning(text, getattr(distribution, "_path", distribution), _reason(error))
         return []
 
@@ -198,7 +198,7 @@ def _entries_of(distribution: metadata.Distribution) -> list[metadata.EntryPoint
 def _distribution(entry: metadata.EntryPoint) -> str:
     try:
         return "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
-    except Exception:  # noqa: BLE001 - its METADATA are damaged or not there
+    except Exception:  # noqa: BLE001 - its METADATA are damaged or missing
         return ""
 
 
@@ -207,7 +207,7 @@ def _installed(entry: metadata.EntryPoint) -> Installed:
 
 
 def _came_from(provider: Provider) -> tuple[Installed, ...]:
-    """Return the entries that a provider was loaded from: one, or several that name the same object."""
+    """Return the entry points from which a provider was loaded; several may name the same object."""
     found: tuple[Installed, ...] = vars(provider).get(_ENTRIES, ())
     return found
 
@@ -219,11 +219,11 @@ def _named(target: str) -> metadata.EntryPoint | None:
 def _load_entry(entry: metadata.EntryPoint) -> Provider:
     place = f"{entry.name} = {entry.value}"
     name, _, attribute = entry.value.partition("[")[0].partition(":")
-    provider = _made(place, _find(place, _import(place, name.strip()), attribute.strip()))
-    provider = _reachable(place, provider, also=entry.name)
-    here = _installed(entry)
-    if here not in (entries := _came_from(provider)):
-        vars(provider)[_ENTRIES] = (*entries, here)
+    provider = _create(place, _find(place, _import(place, name.strip()), attribute.strip()))
+    provider = _with_names(place, provider, also=entry.name)
+    this = _installed(entry)
+    if this not in (entries := _came_from(provider)):
+        vars(provider)[_ENTRIES] = (*entries, this)
     return provider
 
 
@@ -231,21 +231,21 @@ def _load_entry(entry: metadata.EntryPoint) -> Provider:
 
 
 def _import(target: str, name: str) -> ModuleType:
-    """Import a module by its name.
+    """Import a module by name.
 
     Raises:
-        LoadFailed: it cannot be.
+        LoadFailed: If the module cannot be imported.
     """
     if not all(part.isidentifier() for part in name.split(".")):
         raise _failed(
             target,
-            tr("neither the name of an installed provider, nor module:Class, nor file.py:Class"),
+            tr("not the name of an installed provider. Try: module:Class or file.py:Class"),
         )
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
-            raise _failed(target, _reason(error)) from error  # one that it imports itself
+            raise _failed(target, _reason(error)) from error  # a module that this module imports
         raise _failed(target, _no_module(name)) from None
     except KeyboardInterrupt:
         raise
@@ -258,7 +258,7 @@ def _no_module(name: str) -> str:
     near = Path(f"{name}.py")
     hint = tr(" Try: {file}:Class", file=near) if near.is_file() else ""
     return tr(
-        "there is no module {name}, and no such provider (there are: {offered}).{hint}",
+        "neither a module nor a provider {name} exists; installed providers: {offered}.{hint}",
         name=name,
         offered=offered,
         hint=hint,
@@ -266,26 +266,26 @@ def _no_module(name: str) -> str:
 
 
 def _import_file(target: str, path: Path) -> ModuleType:
-    """Import a file, or return the module if it has been imported.
+    """Import a file; return the existing module if it has already been imported.
 
     Raises:
-        LoadFailed: it cannot be.
+        LoadFailed: If the file cannot be imported.
     """
     try:
         path = path.resolve()
-        there = path.is_file()
-    except (OSError, ValueError):  # a name that no file can have
-        there = False
-    if not there:
-        raise _failed(target, tr("there is no such file"))
+        exists = path.is_file()
+    except (OSError, ValueError):  # not a valid file name
+        exists = False
+    if not exists:
+        raise _failed(target, tr("the file does not exist"))
     name = _module_name(path)
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise _failed(target, tr("no file of Python"))
+        raise _failed(target, tr("not a Python file"))
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses and pickle look a class's module up there
+    sys.modules[name] = module  # required by dataclasses and pickle
     try:
         with _on_path(str(path.parent)):
             spec.loader.exec_module(module)
@@ -298,7 +298,7 @@ def _import_file(target: str, path: Path) -> ModuleType:
 
 
 def _module_name(path: Path) -> str:
-    """Return the name of a file's module: its own, unless another module is or would be found under it."""
+    """Return a module name for a file: its stem, with a number if the name belongs to another module."""
     plain = path.stem.replace(".", "_")
     name, count = plain, 1
     while not _is_free(name, path):
@@ -317,7 +317,7 @@ def _is_free(name: str, path: Path) -> bool:
 
 @contextmanager
 def _on_path(directory: str) -> Iterator[None]:
-    """Let modules of a directory be imported."""
+    """Allow imports from a directory for the duration of a block."""
     importlib.invalidate_caches()
     if directory in sys.path:
         yield
@@ -330,14 +330,14 @@ def _on_path(directory: str) -> Iterator[None]:
             sys.path.remove(directory)
 
 
-# --- what is found there ----------------------------------------------------------------------------------------------
+# --- providers in a module --------------------------------------------------------------------------------------------
 
 
 def _find(target: str, module: ModuleType, attribute: str) -> object:
-    """Return what an attribute names; without one, the only class of a provider.
+    """Return the object that an attribute names; without an attribute, the only provider class of the module.
 
     Raises:
-        LoadFailed: there is no such thing, or several classes.
+        LoadFailed: If the attribute does not exist, or the module does not define exactly one provider class.
     """
     classes = _classes(module)
     if attribute:
@@ -346,22 +346,22 @@ def _find(target: str, module: ModuleType, attribute: str) -> object:
             try:
                 found = getattr(found, part)
             except Exception as error:
-                raise _failed(target, _not_there(attribute, error, classes)) from error
+                raise _failed(target, _missing_attribute(attribute, error, classes)) from error
         return found
     if len(classes) == 1:
         return classes[0]
     if classes:
-        raise _failed(target, tr("say which class of it: {names}", names=_names(classes)))
-    raise _failed(target, tr("it has no class of a Device or Provider of its own"))
+        raise _failed(target, tr("it defines several classes. Try: one of {names}", names=_names(classes)))
+    raise _failed(target, tr("it defines no subclass of Device or Provider"))
 
 
-def _not_there(attribute: str, error: Exception, classes: Sequence[type[Provider]]) -> str:
+def _missing_attribute(attribute: str, error: Exception, classes: Sequence[type[Provider]]) -> str:
     if not isinstance(error, AttributeError):
         return _reason(error)
     shown = attribute[:_SHOWN]
     if not classes:
-        return tr("it has no {name}", name=shown)
-    return tr("it has no {name}, but {classes}", name=shown, classes=_names(classes))
+        return tr("it has no attribute {name}", name=shown)
+    return tr("it has no attribute {name}. Try: {classes}", name=shown, classes=_names(classes))
 
 
 def _names(classes: Sequence[type[Provider]]) -> str:
@@ -369,50 +369,50 @@ def _names(classes: Sequence[type[Provider]]) -> str:
 
 
 def _classes(module: ModuleType) -> list[type[Provider]]:
-    """Return the classes of providers that a module, or a package's modules, define for others."""
+    """Return the public provider classes that a module or the modules of a package define."""
     name = module.__name__
     found = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, Provider)]
     own = [each for each in found if f"{each.__module__}.".startswith(f"{name}.") and each.__name__[0] != "_"]
     return list(dict.fromkeys(own))
 
 
-def _made(target: str, found: object) -> Provider:
-    """Return the provider that was found, or is made by what was found.
+def _create(target: str, found: object) -> Provider:
+    """Return a provider, or create it by calling a provider class or a function.
 
     Raises:
-        LoadFailed: it is none, or none can be made.
+        LoadFailed: If the object is not a provider, or creating it fails.
     """
-    made = found
-    if _makes(found):
+    provider = found
+    if _is_factory(found):
         _check_arguments(target, found)
         try:
-            made = found()
+            provider = found()
         except KeyboardInterrupt:
             raise
         except BaseException as error:
             raise _failed(target, _reason(error)) from error
-    if not isinstance(made, Provider):
-        shown = _REPR.repr(made)
-        raise _failed(target, tr("a Device or Provider is needed, not {shown}", shown=shown))
-    return made
+    if not isinstance(provider, Provider):
+        shown = _REPR.repr(provider)
+        raise _failed(target, tr("not a Device or Provider: {shown}", shown=shown))
+    return provider
 
 
-def _makes(found: object) -> TypeGuard[Callable[[], object]]:
-    """Whether it is to be called: a class of providers, or a function."""
+def _is_factory(found: object) -> TypeGuard[Callable[[], object]]:
+    """Return True if an object creates providers: a provider class or a function."""
     if isinstance(found, type):
         return issubclass(found, Provider)
     return callable(found) and not isinstance(found, Provider) and not inspect.iscoroutinefunction(found)
 
 
 def _check_arguments(target: str, maker: Callable[[], object]) -> None:
-    """Refuse a class or function that wants arguments: there is nobody to give them.
+    """Check that a class or function can be called without arguments.
 
     Raises:
-        LoadFailed: it does.
+        LoadFailed: If it requires arguments.
     """
     try:
         signature = inspect.signature(maker)
-    except (TypeError, ValueError):  # of a compiled one nothing is known
+    except (TypeError, ValueError):  # a compiled function has no signature
         return
     try:
         signature.bind()
@@ -420,20 +420,20 @@ def _check_arguments(target: str, maker: Callable[[], object]) -> None:
         call = f"{getattr(maker, '__name__', _REPR.repr(maker))}{str(signature).partition(' ->')[0]:.{_SHOWN}}"
         raise _failed(
             target,
-            tr("{call} needs arguments. Try: a function without arguments that returns one", call=call),
+            tr("{call} requires arguments. Try: a function without arguments that returns a provider", call=call),
         ) from None
 
 
-def _reachable(target: str, provider: Provider, also: str = "") -> Provider:
-    """Return a provider after making sure that clients can name it, by one more name if that is given.
+def _with_names(target: str, provider: Provider, also: str = "") -> Provider:
+    """Check the names of a provider, add another one, and return the provider.
 
     Raises:
-        LoadFailed: it has no name, or its names are none.
+        LoadFailed: If the provider has no names, or an invalid one.
     """
     try:
         names = provider.provider_names
         if names:
-            ProviderRegistry(provider)  # looks at them
+            ProviderRegistry(provider)  # checks the names
         if also and also.lower() not in (name.lower() for name in names):
             provider.provider_names = (*names, also)
     except Exception as error:
@@ -441,7 +441,7 @@ def _reachable(target: str, provider: Provider, also: str = "") -> Provider:
     if not provider.provider_names:
         raise _failed(
             target,
-            tr("it has no provider_names, so nobody could connect to it"),
+            tr("it has no provider_names, so clients could not connect to it"),
         )
     return provider
 
@@ -450,16 +450,16 @@ def _reachable(target: str, provider: Provider, also: str = "") -> Provider:
 
 
 def _failed(target: str, reason: str) -> LoadFailed:
-    shown = target if len(target) <= _SHOWN else f"...{target[3 - _SHOWN :]}"  # the end of a path says more
+    shown = target if len(target) <= _SHOWN else f"...{target[3 - _SHOWN :]}"  # the end of a path is more informative
     return LoadFailed(f"{shown or repr(shown)}: {reason}")
 
 
 def _reason(error: BaseException) -> str:
-    """Return what an exception says, and where it was raised."""
+    """Return the text of an exception, and the file and line where it was raised."""
     lines = traceback.format_exception_only(error)
-    text = " ".join("".join(lines[-1:] if isinstance(error, SyntaxError) else lines).split())[:_LONGEST]
-    not_theirs = ("<frozen", _PACKAGE)
-    places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith(not_theirs)]
+    text = " ".join("".join(lines[-1:] if isinstance(error, SyntaxError) else lines).split())[:_MAX_REASON]
+    internal = ("<frozen", _PACKAGE)
+    places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith(internal)]
     if isinstance(error, SyntaxError) and error.filename:
         return f"{text} ({Path(error.filename).name}:{error.lineno})"
     if places:
@@ -467,11 +467,11 @@ def _reason(error: BaseException) -> str:
     return text
 
 
-def _kind(provider: Provider) -> str:
+def _class_name(provider: Provider) -> str:
     return f"{type(provider).__module__}.{type(provider).__qualname__}"
 
 
 def _origin(provider: Provider) -> str:
-    """Return the entries and packages of a provider, else its class."""
+    """Return the entry points and packages of a provider; without entry points, its class."""
     places = (f"{each.name} = {each.value} ({each.distribution or '?'})" for each in _came_from(provider))
-    return ", ".join(places) or _kind(provider)
+    return ", ".join(places) or _class_name(provider)
