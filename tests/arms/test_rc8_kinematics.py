@@ -21,7 +21,7 @@ CLOSED_FORM = [name for name in MODEL_NAMES if name != "COBOTTA"]
 MANY = 100_000
 TYPICAL = np.array((30.0, 20.0, 70.0, 10.0, 45.0, 15.0))
 
-# a lateral offset that a spherical wrist leaves in closed form, and one where joints 4 and 5 do not cross
+# a lateral offset, for which a spherical wrist still has a closed form, and an arm whose joints 4 and 5 do not cross
 _WIDE = tuple(AxisModel(-170.0, 170.0, 180.0, 900.0) for _ in range(6))
 LATERAL = Kinematics(
     ArmModel(
@@ -41,7 +41,7 @@ def random_joints(arm: Kinematics, count: int, seed: int) -> np.ndarray:
 
 
 def turned(difference: np.ndarray) -> np.ndarray:
-    """Return differences of angles without whole turns."""
+    """Return differences of angles, normalized to less than a turn."""
     return np.abs(difference - 360.0 * np.round(difference / 360.0))
 
 
@@ -224,7 +224,7 @@ def test_search_finds_the_joints_that_made_the_pose(count):
     ],
 )
 def test_search_finds_solutions_that_lie_close_together(joints):
-    """The wrist centre next to the edge of what the arm reaches, gaps between samples, three roots in one place."""
+    """The wrist centre is next to the boundary of the reach; gaps between samples; three roots close together."""
     arm = ARMS["COBOTTA"]
     found = [solution for _, solution in arm.solutions(arm.forward(joints))]
     assert min(turned(solution - joints).max() for solution in found) < 1e-4
@@ -371,14 +371,14 @@ def test_too_near_to_the_shoulder():
 
 
 @pytest.mark.parametrize("figure", [-1, -4, 64, 128, 256, 261, 1 << 40, -(1 << 40)])
-def test_numbers_that_are_no_figure(figure):
+def test_invalid_figures(figure):
     arm = ARMS["VS-050"]
     assert code_of(arm.inverse, arm.forward(TYPICAL), figure) == hresult.FIGURE_OUT_OF_RANGE
     if figure != -1:
         assert code_of(arm.choose, arm.forward(TYPICAL), figure, TYPICAL) == hresult.FIGURE_OUT_OF_RANGE
 
 
-def test_the_cobotta_says_261():
+def test_the_cobotta_returns_figure_261():
     arm = ARMS["COBOTTA"]
     frame = arm.forward(arm.model.home)
     assert arm.inverse(frame, 261) == pytest.approx(arm.model.home, abs=1e-8)
@@ -557,13 +557,13 @@ def test_a_straight_line_of_the_flange_is_a_smooth_path_of_the_joints(name):
     assert max(pose_errors(arm.forward(found), frames)) < 1e-8
 
 
-def test_extra_axes_of_the_start_are_not_looked_at():
+def test_extra_axes_of_the_start_are_ignored():
     arm = ARMS["VE026A"]
     assert arm.follow(arm.forward([arm.model.home]), arm.model.home).shape == (1, 6)
 
 
 def test_close_to_the_straight_wrist_rows_jump_or_pass():
-    """Joint 5 comes down to 0.5 deg while joint 4 turns by half: the steps are what tells."""
+    """Joint 5 decreases to 0.5 deg while joint 4 turns by 180 deg: the size of the steps decides."""
     arm = ARMS["VS-050"]
     frames = np.repeat(arm.forward((0, 45, 90, 0.6, 30, 0))[None], 200, axis=0)
     tilt = np.linspace(0, -60, 200)
@@ -641,7 +641,7 @@ def test_numbers_that_are_not_finite(name, bad):
         assert code_of(call, *arguments) == hresult.E_INVALIDARG
 
 
-def test_a_matrix_that_is_no_frame():
+def test_a_matrix_that_is_not_a_frame():
     frame = ARMS["VS-050"].forward(TYPICAL)
     with pytest.raises(ValueError):
         ARMS["VS-050"].inverse(frame[:3, :3], 5)

@@ -91,7 +91,7 @@ def test_every_data_file_belongs_to_a_name():
 
 
 @pytest.mark.parametrize("kind", [str, Path])
-def test_a_file_of_ones_own(tmp_path, kind):
+def test_a_users_own_file(tmp_path, kind):
     file = tmp_path / "arm.toml"
     file.write_text(GOOD, encoding="utf-8")
     model = load_model(kind(file))
@@ -145,7 +145,7 @@ def test_a_file_of_ones_own(tmp_path, kind):
         ("[path]\nspeed = 250", "", None),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(english, old, new, key):
+def test_errors_in_a_file_name_the_key(english, old, new, key):
     assert GOOD.count(old) == 1
     text = GOOD.replace(old, new)
     if key is None:
@@ -172,12 +172,12 @@ def test_other_texts_are_refused(text):
 
 
 @pytest.mark.parametrize("name", ["", " ", "VS-999", "x" * 10_000, "vs050\0", "/dev/zero", "."])
-def test_an_unknown_name_says_which_are_known(name):
+def test_an_unknown_name_lists_the_known_ones(name):
     with pytest.raises(ValueError, match="COBOTTA"):
         load_model(name)
 
 
-def test_files_that_are_no_text_or_too_large_are_refused(tmp_path):
+def test_files_that_are_not_text_or_too_large_are_refused(tmp_path):
     file = tmp_path / "arm.toml"
     file.write_bytes(b"\xff\xfe")
     with pytest.raises(ValueError, match="UTF-8"):

@@ -1,4 +1,4 @@
-"""The longest texts and bodies are read in one pass: whatever is quadratic would take hours."""
+"""The longest texts and bodies are parsed in one pass; quadratic code would take hours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PUT = b"Func=102,Arg1=3,Arg2="  # Variable_PutValue
 )  # fmt: skip
 @pytest.mark.parametrize("start", ["", "3,", "5,", "6,", "7,", "8200,", "8204,", "8204,(8,", "8204,(8200,", "8197,"])
 def test_long_repetitions_are_read_in_one_pass(start, piece):
-    # Would run into the test time-out if anything were quadratic.
+    # Exceeds the test time-out if the code is quadratic.
     text = start + piece * (200_000 // len(piece))
     for read in (parse, parse_elements, parse_lenient):
         try:
@@ -48,8 +48,8 @@ def test_long_repetitions_are_read_in_one_pass(start, piece):
         (b"", b"\n"),
     ],
 )
-def test_the_longest_bodies_are_done_with_soon(start, unit):
-    """A second or less each where this is written; anything quadratic would take hours."""
+def test_the_longest_bodies_are_parsed_quickly(start, unit):
+    """Each takes a second or less on the development machine; quadratic code would take hours."""
     body = start + unit * (8 * MIB // len(unit))
     began = time.process_time()
     with suppress(CallError):

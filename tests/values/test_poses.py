@@ -1,4 +1,4 @@
-"""Poses as values and as text: what is written is read again, and what cannot be read is said where."""
+"""Poses as values and as text: round trips, and errors that name the column."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_texts_of_values(value, text, representation):
         (P(1e-9, 0, 0, 0, 0, 0), "P(0.000000001, 0, 0, 0, 0, 0, -1)"),
     ],
 )
-def test_what_is_sent_keeps_all_digits(value, text):
+def test_to_text_keeps_all_digits(value, text):
     assert to_text(value) == text
     assert to_text(value, "@E") == f"@E {text}"
     assert parse_target(to_text(value)).pose == value
@@ -110,7 +110,7 @@ def test_values_are_tuples_that_keep_their_class(value):
 
 
 @pytest.mark.parametrize("value", [P(*SEED), T(*TEN), V(1, 2, 3), J(1, 2, 3, 4, 5, 6)])
-def test_a_variable_takes_them_as_they_are(value):
+def test_poses_can_be_assigned_to_variables_directly(value):
     assert variant(value) == Variant(R8_ARRAY, list(value))
 
 
@@ -139,7 +139,7 @@ def test_replace():
         (J(Decimal("1.5"), np.float64(2), Figure.LEFTY), J(1.5, 2, 1)),
     ],
 )
-def test_from_what_a_controller_answers(made, value):
+def test_poses_from_replies_of_a_controller(made, value):
     assert (type(made), made) == (type(value), value)
 
 
@@ -178,7 +178,7 @@ class Awkward:
         (lambda: V.of(None), "V: None is not a sequence of numbers"),
     ],
 )
-def test_what_is_no_value(make, message):
+def test_invalid_values(make, message):
     with pytest.raises(InvalidValue) as caught:
         make()
     assert str(caught.value) == message
@@ -208,7 +208,7 @@ def test_figures_in_words(fig, words):
 
 
 @pytest.mark.parametrize("fig", [0.5, math.nan, 2**40, "5", None])
-def test_what_is_no_figure(fig):
+def test_invalid_figures(fig):
     with pytest.raises(InvalidValue, match="Fig: fig must be "):
         describe_figure(fig)
 
@@ -245,7 +245,7 @@ def test_pass_marks(text, mark, written):
         ("@E P1", "column 4: expected the end of the text, found 'P1'"),
     ],
 )  # fmt: skip
-def test_what_is_no_pass_mark(text, message):
+def test_invalid_texts_of_pass_marks(text, message):
     with pytest.raises(NotationError) as caught:
         PassMark.parse(text)
     assert str(caught.value) == message
@@ -254,7 +254,7 @@ def test_what_is_no_pass_mark(text, message):
 @pytest.mark.parametrize(
     ("mode", "radius"), [("X", 0), ("n", 0), ("E", 5), ("0", 5), ("n", -1), ("P", -1), ("n", math.inf), ("n", "5")]
 )
-def test_pass_marks_that_cannot_be(mode, radius):
+def test_invalid_pass_marks(mode, radius):
     with pytest.raises(InvalidValue, match=r"PassMark: radius must be|invalid pass mark"):
         PassMark(mode, radius)
 
@@ -262,7 +262,7 @@ def test_pass_marks_that_cannot_be(mode, radius):
 @pytest.mark.parametrize(
     "joints", [(), ((6, 1.0),), ((7, 1.0), (7, 2.0)), ((7, math.nan),), ((7, 1.0), (8, 2.0), (9, 3.0))]
 )
-def test_extra_joints_that_cannot_be(joints):
+def test_invalid_extra_joints(joints):
     with pytest.raises(InvalidValue, match=r"extra joints must be|Extra: J7 must be"):
         Extra(absolute=True, joints=joints)
 
@@ -281,7 +281,7 @@ def test_extra_joints_that_cannot_be(joints):
         ("J", 1.5, "J: 1.5 is not a sequence of numbers"),
     ],
 )
-def test_targets_that_cannot_be(kind, value, message):
+def test_invalid_targets(kind, value, message):
     with pytest.raises(InvalidValue) as caught:
         Target(kind, value)
     assert str(caught.value) == message
@@ -404,7 +404,7 @@ POSE = "a pose like P1, P(x, y, z, rx, ry, rz, fig) or J(j1, ..., j6)"
         ("P1" + " " * 4095, "column 4097: the text is longer than 4096 characters"),
     ],
 )  # fmt: skip
-def test_what_is_no_target(text, message):
+def test_invalid_texts_of_targets(text, message):
     with pytest.raises(NotationError) as caught:
         parse_targets(text)
     assert str(caught.value) == message
@@ -428,7 +428,7 @@ def test_what_is_no_target(text, message):
         (Target("P", 1), "@E", "@E P1"),
     ],
 )
-def test_what_a_client_sends(pose, mark, text):
+def test_text_that_a_client_sends(pose, mark, text):
     assert to_text(pose, mark) == text
 
 
@@ -451,7 +451,7 @@ def test_what_a_client_sends(pose, mark, text):
         (None, "", InvalidValue, "None is not a pose"),
     ],
 )
-def test_what_a_client_cannot_send(pose, mark, error, message):
+def test_poses_that_a_client_cannot_send(pose, mark, error, message):
     with pytest.raises(error, match=re.escape(message)):
         to_text(pose, mark)
 

@@ -1,4 +1,4 @@
-"""Long texts and arrays are read, searched and written in slices: the same comes out as in one piece."""
+"""Long texts and arrays are read, searched and written in slices, with the same result as in one piece."""
 
 from __future__ import annotations
 
@@ -96,14 +96,14 @@ def test_blanks_and_dates_before_a_type_cost_as_much_as_slow_types():
         read_request(body)
 
 
-def test_a_number_longer_than_any():
+def test_a_number_that_is_too_long():
     with pytest.raises(CallError, match="a number, not"):
         to_integer(variant("9" * 5000))
     with pytest.raises(CallError, match="a number, not"):
-        to_integer(variant("9" * 4350))  # more digits than Python reads
+        to_integer(variant("9" * 4350))  # more digits than Python converts
 
 
-def test_names_and_options_have_a_longest():
+def test_names_and_options_have_a_maximum_length():
     handle, name = variant(2), variant("x" * 1024)
     assert read_arguments(controller_get_variable, [handle, name, variant("y" * 4096)])[1] == "x" * 1024
     for arguments in ([handle, variant("x" * 1025), variant("")], [handle, name, variant("y" * 4097)]):

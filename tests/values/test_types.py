@@ -1,4 +1,4 @@
-"""The table of VARIANT types: each row works everywhere, and a new type needs no more than a member and a row."""
+"""The table of VARIANT types: each row works everywhere, and a new type requires only a member and a row."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ by_row = pytest.mark.parametrize("row", TABLE, ids=lambda row: row.name)
 
 
 def content(row: TypeRow) -> Any:
-    """A value of the type, as it is kept: what its text says."""
+    """Return the content of a value of the type."""
     if row.text is None:
         return {"VT_BSTR": "text"}.get(row.name)
     found = row.text.read("2026-11-21 10:00:00")
@@ -44,7 +44,7 @@ def content(row: TypeRow) -> Any:
 
 
 def contents(row: TypeRow) -> list[Variant]:
-    """What a VARIANT of the type may be: the value alone, arrays of it, and both in a VARIANT array."""
+    """Return VARIANTs of the type: a single value, arrays of it, and both in a VARIANT array."""
     if row.code == VarType.VARIANT:
         values = [Variant(VARIANT_ARRAY, []), Variant(VARIANT_ARRAY, [1, "a"])]
     elif row.empty:
@@ -108,7 +108,7 @@ def test_no_dtype_is_in_two_rows():
 
 
 @by_row
-def test_what_does_not_fit_is_refused(row):
+def test_values_that_do_not_fit_are_refused(row):
     if row.code == VarType.VARIANT:
         return
     for vt, value in ((row.code, object()), (row.code | ARRAY, object())):
@@ -142,7 +142,7 @@ def test_elements_count_against_the_limit(row):
 
 
 @by_row
-def test_numbers_are_read_as_such(row):
+def test_arguments_accept_all_numeric_types(row):
     assert (row.code in INTEGERS, row.code in REALS) == (row.number == "integer", row.number == "real")
     assert (row.code in NUMERIC) == (row.number in {"integer", "real", "decimal"})
     if row.code == VarType.VARIANT:
@@ -180,7 +180,7 @@ def test_a_declared_variable_has_the_type_of_its_annotation(row):
 
 
 def line_of(row: TypeRow) -> str:
-    """The row of the table in docs/protocol.md."""
+    """Return the row of the table in docs/protocol.md."""
     python = "" if row.python is None else f"`{'None' if row.empty else row.python.__name__}`"
     numpy = ", ".join("str" if dtype == "U" else np.dtype(dtype).name for dtype in row.dtypes)
     counted = "" if row.empty else "any number" if row.elements_for_one > 1000 else str(row.elements_for_one)
@@ -224,7 +224,7 @@ def insert(path: Path, text: str, behind: str) -> None:
 
 
 def test_a_new_type_is_a_member_and_a_row(tmp_path):
-    """The tests above pass with two more types: nothing else in the source has a list of types."""
+    """The tests above pass with two additional types: the source contains no other list of types."""
     source = tmp_path / "src"
     shutil.copytree(Path(orinkit.__file__).parent, source / "orinkit", ignore=shutil.ignore_patterns("__pycache__"))
     values = source / "orinkit" / "values"

@@ -1,4 +1,4 @@
-"""Python values as VARIANT: which type, what is kept, what is refused and how clearly."""
+"""Conversion of Python values to VARIANTs: types, contents, and errors."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Colour(str, enum.Enum):  # noqa: UP042 - users have such
 
 
 class Text(str):
-    """A text with more to it."""
+    """A subclass of str with an attribute."""
 
     __slots__ = ()
 
@@ -67,7 +67,7 @@ class Point(NamedTuple):
 
 
 class Grumpy:
-    """Nothing can be done with it, not even a message."""
+    """Raises an exception in every operation, even repr()."""
 
     def __repr__(self) -> str:
         raise ArithmeticError("no")
@@ -83,7 +83,7 @@ def contains_itself() -> list:
 
 
 def test_type_numbers_and_sizes_are_those_of_the_table():
-    """VE026A table 3-1; VT_ERROR has 4 bytes on every controller but the VE026A."""
+    """VE026A table 3-1; VT_ERROR has 4 bytes on all controllers except the VE026A."""
     table = {
         "EMPTY": 0, "NULL": 1, "ERROR": 10, "UI1": 17, "I2": 2, "UI2": 18, "I4": 3, "UI4": 19, "R4": 4, "R8": 5,
         "CY": 6, "DATE": 7, "BOOL": 11, "BSTR": 8, "VARIANT": 12, "ARRAY": 0x2000, "I1": 16, "I8": 20, "UI8": 21,
@@ -140,7 +140,7 @@ def test_type_names(vt, name):
         (collections.deque([1.0]), R8_ARRAY, [1.0]),
         (array.array("d", [1.0, 2.0]), R8_ARRAY, [1.0, 2.0]),
         (Point(1.0, 2.0), R8_ARRAY, [1.0, 2.0]),
-        # Subclasses are what they are a kind of.
+        # Subclasses have the type of their base class.
         (Axis.Y, VarType.I4, 2),
         ([Axis.X, Axis.Y], VarType.I4 | ARRAY, [1, 2]),
         ([Axis.X, 5], VarType.I4 | ARRAY, [1, 5]),
@@ -202,7 +202,7 @@ def test_an_int_beyond_vt_i4_is_refused_never_wrapped(value):
     ids=lambda value: type(value).__name__,
 )  # fmt: skip
 @pytest.mark.parametrize("wrap", [lambda x: x, lambda x: [x], lambda x: [1, [x]]])
-def test_what_no_variant_can_hold(value, wrap):
+def test_values_that_cannot_be_converted(value, wrap):
     with pytest.raises(
         InvalidValue, match=f"a {type(value).__name__} cannot be converted to a VARIANT.*Try: None, bool, int"
     ):
@@ -318,7 +318,7 @@ def test_rows_of_a_numpy_matrix_as_a_list():
     assert Variant(VARIANT_ARRAY, np.array([[1.0, 2.0], [3.0, 4.0]])) == made
 
 
-def test_arrays_of_other_libraries_are_refused_in_words():
+def test_arrays_of_other_libraries_are_refused_with_a_message():
     class Dtype:
         def __repr__(self) -> str:
             return "torch.float32"
@@ -368,7 +368,7 @@ def test_an_error_code_may_be_written_signed():
 
 
 @pytest.mark.parametrize("value", [3, True + 2, 3.0, np.int8(3), np.float64(3.0), np.array(3), Axis.Y + 1])
-def test_what_is_a_whole_number(value):
+def test_valid_whole_numbers(value):
     assert same(Variant(VarType.I2, value).value, 3)
 
 
@@ -395,7 +395,7 @@ def test_a_bool_is_one_or_zero():
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_what_is_no_whole_number(value):
+def test_invalid_whole_numbers(value):
     with pytest.raises(InvalidValue, match="is not a valid value for VT_I4"):
         Variant(VarType.I4, value)
 
@@ -421,7 +421,7 @@ def test_real_numbers(vt, value):
     ],
     ids=lambda value: f"{type(value).__name__}",
 )  # fmt: skip
-def test_what_is_no_real_number(vt, value):
+def test_invalid_real_numbers(vt, value):
     with pytest.raises(InvalidValue, match=f"is not a valid value for VT_{vt.name}"):
         Variant(vt, value)
 
@@ -442,7 +442,7 @@ def test_single_precision_has_its_own_range():
     ("value", "kept"),
     [(True, True), (0, False), (-1, True), (2.0, True), (np.bool_(False), False), (np.array(1), True), (Axis.X, True)],
 )
-def test_what_is_a_bool(value, kept):
+def test_valid_bools(value, kept):
     assert same(Variant(VarType.BOOL, value).value, kept)
 
 
@@ -454,18 +454,18 @@ def test_what_is_a_bool(value, kept):
     ],
     ids=lambda value: type(value).__name__,
 )  # fmt: skip
-def test_what_is_no_bool(value):
+def test_invalid_bools(value):
     with pytest.raises(InvalidValue, match="is not a valid value for VT_BOOL"):
         Variant(VarType.BOOL, value)
 
 
 @pytest.mark.parametrize("value", [None, 1, b"a", ["a"], object()])
-def test_what_is_no_text(value):
+def test_invalid_strings(value):
     with pytest.raises(InvalidValue, match="is not a valid value for VT_BSTR"):
         Variant(VarType.BSTR, value)
 
 
-def test_a_text_is_kept_as_plain_text_whatever_its_class():
+def test_a_subclass_of_str_becomes_a_plain_str():
     for value in (Colour.RED, Text("red"), np.str_("red")):
         assert same(Variant(VarType.BSTR, value).value, "red")
 
@@ -500,7 +500,7 @@ def test_an_explicit_array_takes_anything_one_by_one(value, kept):
 
 
 @pytest.mark.parametrize("value", [5, 2**40, None, "12", b"12", np.array(5), Grumpy()], ids=lambda v: type(v).__name__)
-def test_what_is_no_array(value):
+def test_invalid_arrays(value):
     with pytest.raises(InvalidValue, match=r"is not a valid value for VT_I4\|VT_ARRAY"):
         Variant(VarType.I4 | ARRAY, value)
 
@@ -521,7 +521,7 @@ def test_elements_of_a_variant_array_keep_their_types():
 
 
 @pytest.mark.parametrize("vt", [-1, 9, 13, 14, 15, 22, 99, 0x4003, VarType.VARIANT, ARRAY, VarType.NULL | ARRAY])
-def test_types_that_no_value_has(vt):
+def test_invalid_types(vt):
     with pytest.raises(InvalidValue, match="is not a valid type of a value"):
         Variant(vt, None)
     i18n.use("ja")
@@ -565,12 +565,12 @@ def test_currency_that_does_not_fit_is_never_rounded(value):
 
 
 @pytest.mark.parametrize("value", [True, 1.5, "1.5", None, b"1", Fraction(1, 2)])
-def test_what_is_no_currency(value):
+def test_invalid_currency(value):
     with pytest.raises(InvalidValue, match="is not a valid value for VT_CY"):
         Variant(VarType.CY, value)
 
 
-def test_the_callers_decimal_context_has_no_say():
+def test_the_callers_decimal_context_has_no_effect():
     with localcontext() as context:
         context.prec = 3
         context.rounding = ROUND_DOWN
@@ -613,7 +613,7 @@ def test_any_decimal_fits_exactly_or_is_refused(value):
     ],
 )
 def test_ole_days_both_ways(moment, days):
-    """Before the first day the whole part counts back and the fraction is still the time of day."""
+    """Before day 0 the integer part is negative, and the fraction is still the time of day."""
     assert ole_days(moment) == days
     assert ole_datetime(days) == moment
 
@@ -630,7 +630,7 @@ def test_the_day_before_the_first_has_two_spellings_of_noon():
 @example(datetime(1899, 12, 29, 23, 59, 59, 999999))
 @example(datetime(2026, 11, 21, 23, 59, 59, 999999))
 def test_a_microsecond_survives_until_2079(moment):
-    """A double has 53 bits: up to 65536 days that is under a microsecond."""
+    """A double has 53 bits: up to 65536 days the resolution is better than a microsecond."""
     assert ole_datetime(ole_days(moment)) == moment
 
 
@@ -653,7 +653,7 @@ def test_rounding_is_to_the_nearest_microsecond():
 
 
 @pytest.mark.parametrize("days", [inf, -inf, nan, 1e308, -1e308, 2958466.0, -693594.0, 5e9])
-def test_days_that_no_datetime_can_hold(days):
+def test_days_outside_the_range_of_datetime(days):
     with pytest.raises(OverflowError):
         ole_datetime(days)
     assert same(plain_date(days), days)
@@ -670,7 +670,7 @@ def test_any_days_give_a_datetime_or_stay_days(days):
         assert same(moment, days)
 
 
-def test_plain_gives_datetimes_where_it_can():
+def test_plain_returns_datetimes_within_their_range():
     assert Variant(VarType.DATE, 36526.5).plain == datetime(2000, 1, 1, 12)
     assert Variant(VarType.DATE | ARRAY, [36526.5, inf, MOMENT]).plain == [datetime(2000, 1, 1, 12), inf, MOMENT]
     assert Variant(VARIANT_ARRAY, [Variant(VarType.DATE, 1.0)]).plain == [datetime(1899, 12, 31)]

@@ -1,4 +1,4 @@
-"""VARIANT as bytes: known packets both ways, every type, every bound, and nothing read beyond it."""
+"""Binary encoding of VARIANTs: known packets both ways, every type, every limit, and no reads beyond it."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_any_value_is_encoded_like_its_variant(value):
     assert encode(value) == codec.encode_variant(variant(value))
 
 
-def test_the_short_ways_one_by_one():
+def test_the_fast_paths_one_by_one():
     assert encode_integer(2) == encode_handle(2) == encode(2)
     assert encode_integer(True) == encode(1)
     assert encode_integer(np.int16(2)) == encode(2)
@@ -168,20 +168,20 @@ def test_an_int_beyond_vt_i4_is_refused(short, number):
 
 
 @pytest.mark.parametrize("value", [1.0, "1", None, b"1", 1j])
-def test_what_is_no_int(value):
+def test_invalid_ints(value):
     for short in (encode_integer, encode_handle):
         with pytest.raises(InvalidValue, match="is not a valid value for VT_I4"):
             short(value)
 
 
 @pytest.mark.parametrize("value", [1e39, -1e39, 10**400, "1", None, [1.0]], ids=lambda value: type(value).__name__)
-def test_what_is_no_single(value):
+def test_invalid_singles(value):
     with pytest.raises(InvalidValue, match=r"is not a valid value for VT_R4"):
         encode_single(value)
 
 
 @pytest.mark.parametrize("value", [1, None, b"P1", ["P1"]])
-def test_what_is_no_string(value):
+def test_invalid_strings(value):
     with pytest.raises(InvalidValue, match="is not a valid value for VT_BSTR"):
         encode_string(value)
 
@@ -192,11 +192,11 @@ def test_a_variant_that_is_nested_without_end():
         deep = Variant(VARIANT_ARRAY, [deep])
     with pytest.raises(InvalidValue, match="nested too deep"):
         encode(deep)
-    while deep.value:  # taken apart by hand: not every version of Python frees so deep a chain
+    while deep.value:  # released step by step: some versions of Python cannot free such a deep chain
         deep = deep.value[0]
 
 
-def test_the_callers_decimal_context_has_no_say():
+def test_the_callers_decimal_context_has_no_effect():
     item = Variant(VarType.CY, Decimal("922337203685477.5807"))
     with localcontext() as context:
         context.prec = 3
@@ -216,7 +216,7 @@ def test_types_of_plain_values():
     assert same(decode(raw("0e000000 0500 01000000 000000000000f07f"))[0], inf)
 
 
-def test_a_date_that_no_datetime_can_hold_is_its_days():
+def test_a_date_outside_the_range_of_datetime_is_its_days():
     for days in (inf, nan, 1e300, -1e300):
         data = argument(VarType.DATE, 1, struct.pack("<d", days))
         assert same(decode(data)[0], days)
@@ -238,7 +238,7 @@ def test_an_argument_has_ten_bytes_at_least(size):
     refused(b"\6\0\0\0\0\0\1\0\0\0"[:size], hresult.E_INVALIDRCVPACKET, f"requires 10 bytes or more, {size} are left")
 
 
-def test_the_message_says_where():
+def test_the_message_contains_the_offset():
     data = encode(1) + encode(2)[:-1]
     with pytest.raises(ProtocolError, match="at offset 14 does not fit the 9 bytes present"):
         decode(data, 14)
@@ -325,7 +325,7 @@ def test_broken_variant_arrays():
 
 
 def test_an_element_may_not_reach_beyond_its_argument():
-    """The bytes of the next argument are there, but they are not this one's."""
+    """The following bytes exist, but they belong to the next argument."""
     data = argument(VARIANT_ARRAY, 1, element(VarType.R8 | ARRAY, 2, b"\0" * 8)) + encode(1.5)
     refused(data, hresult.E_INVALIDRCVPACKET, r"2 x VT_R8\|VT_ARRAY")
     text = argument(VarType.BSTR, 1, struct.pack("<I", 20) + b"\0" * 4) + encode("a long text behind it")
@@ -387,7 +387,7 @@ def test_a_full_packet_of_costly_elements_is_refused_before_it_is_read(vt, size)
     refused(argument(vt, count, bytes(size) * count), hresult.E_ARGSIZEOVER, "more than 50000 elements")
 
 
-def test_limits_speak_japanese():
+def test_limits_in_japanese():
     i18n.use("ja")
     refused(nested(17), hresult.E_INVALIDARGTYPE, "入れ子が上限 16")
     refused(argument(VARIANT_ARRAY, 200_001, bytes(1_200_006)), hresult.E_ARGSIZEOVER, "要素数が上限 50000")

@@ -1,4 +1,4 @@
-"""The virtual ABH3 on its bus: whom it answers, with what, and when it speaks unasked."""
+"""The virtual ABH3 on its bus: replies to hosts, and periodic frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_command_is_answered_to_its_host(dialect):
     assert len(answer.data) == 8
 
 
-def test_golden_answers_of_a_driver_that_was_left_alone():
+def test_golden_answers_of_an_idle_driver():
     cell = Abh3Cell(model="travel", main_voltage=23.7, control_voltage=23.7)
     cell.device.set_analog(0, 0.21)
     cell.device.set_analog(1, 0.14)
@@ -81,7 +81,7 @@ def test_answers_have_the_priorities_of_the_parameters():
         CanFrame(0x00EF0102, b""),
         CanFrame(0x00EF0102, bytes(9)),
         CanFrame(0x02EF0102, bytes(8)),  # R
-        CanFrame(0x01EF0102, b""),  # DP1 is withheld
+        CanFrame(0x01EF0102, b""),  # DP1 is not disclosed
         CanFrame(0x01EF0102, bytes(8)),
         CanFrame(0x00EF0302, bytes(8)),  # another driver
         CanFrame(0x00EFFF02, bytes(8)),
@@ -104,7 +104,7 @@ def test_answers_have_the_priorities_of_the_parameters():
     ids=str,
 )
 @BOTH
-def test_frames_that_are_not_for_it_are_passed_over(dialect, frame):
+def test_frames_that_are_not_for_it_are_ignored(dialect, frame):
     cell = Abh3Cell(dialect=dialect)
     before = cell.device.state()
     assert cell.device.receive(frame) == []
@@ -137,7 +137,7 @@ def test_any_host_is_answered_where_none_is_fixed():
 
 
 @pytest.mark.parametrize(("mode", "answers"), [(None, 0), (-1, 1), (0, 1), (100, 1)])
-def test_ways_of_answering(mode, answers):
+def test_answering_modes(mode, answers):
     cell = Abh3Cell(single_mode=mode)
     assert len(cell.device.receive(cell.frame(1, 2, 3))) == answers
     assert len(asks(cell, pgn(0xEF, 0))) == answers
@@ -158,7 +158,7 @@ def test_periodic_frames():
     assert times == {0x00EF0201: [30, 60, 90], 0x08FF2801: [20, 40, 60, 80, 100]}
 
 
-def test_it_says_when_it_is_due():
+def test_due_is_the_time_of_the_next_frame():
     cell = Abh3Cell(broadcast_modes=(0, 0, 250, 0, 0, 0, 1000, 0))
     found = []
     for _ in range(8):
@@ -170,7 +170,7 @@ def test_it_says_when_it_is_due():
     assert cell.clock.now() == pytest.approx(2)
 
 
-def test_nothing_is_due_where_all_is_asked_for():
+def test_nothing_is_due_without_periodic_frames():
     cell = Abh3Cell()
     assert cell.device.due() is None
     cell.wait(10)
@@ -213,7 +213,7 @@ def test_monitors_show_the_velocities_at_first():
 
 
 @pytest.mark.parametrize(
-    ("call", "arguments", "told"),
+    ("call", "arguments", "expected"),
     [
         ("set_analog", (2, 0.0), "0 or 1"),
         ("set_analog", (0, 400.0), "327.67"),
@@ -235,9 +235,9 @@ def test_monitors_show_the_velocities_at_first():
         ("set_load", ("ay", "1"), "327.67"),
     ],
 )
-def test_names_and_values_that_are_not_there(call, arguments, told):
+def test_invalid_names_and_values(call, arguments, expected):
     cell = Abh3Cell()
-    with pytest.raises(InvalidValue, match=told):
+    with pytest.raises(InvalidValue, match=expected):
         getattr(cell.device, call)(*arguments)
     assert cell.device.state() == Abh3Cell().device.state()
 
@@ -256,7 +256,7 @@ def test_a_closed_driver_is_silent_and_stays_as_it_is():
     assert cell.device.state() == before
 
 
-def test_it_runs_by_real_time_when_it_is_not_told_otherwise():
+def test_it_runs_in_real_time_by_default():
     device = VirtualABH3()
     assert device.parameters == Parameters()
     assert device.address == 1
@@ -282,7 +282,7 @@ def test_threads_do_not_disturb_each_other():
         try:
             while not stop.is_set():
                 work()
-        except BaseException as error:  # noqa: BLE001 - told by the test
+        except BaseException as error:  # noqa: BLE001 - expected by the test
             failures.append(error)
 
     go = cell.frame(1000, -1000, cell.mask(*GO) | cell._select(0))

@@ -22,14 +22,14 @@ FOREVER = {"command_timeout": 0, "error_timeout": 0}
 
 
 class Host:
-    """Sends texts to a device and takes its answers."""
+    """Sends messages to a device and receives its replies."""
 
     def __init__(self, cell: Abh3Cell, host: int = 2) -> None:
         self.cell = cell
         self.host = host
 
     def talk(self, message: bytes) -> bytes:
-        """Carry an exchange through by the clock of the cell."""
+        """Complete an exchange with the clock of the cell."""
         device, clock = self.cell.device, self.cell.clock
         operation = exchange(message, host=self.host, driver=device.address)
         coming: deque[CanFrame] = deque()
@@ -55,7 +55,7 @@ class Host:
         return PARAMETERS[address].decode(self._asked(telabh3.read_parameter(address)).word)
 
     def write(self, address: int, value: float) -> bool:
-        """Returns whether it was taken."""
+        """Return True if the value was accepted."""
         return not self._asked(telabh3.write_parameter(address, PARAMETERS[address].encode(value))).refused
 
     def monitor(self, address: int) -> float:
@@ -150,7 +150,7 @@ def test_parameters_that_are_written_take_effect(cell, host, address, value, nam
         (0x6180, 0xEE),
     ],
 )
-def test_what_cannot_be_written_is_refused(cell, host, address, value):
+def test_invalid_writes_are_refused(cell, host, address, value):
     before = cell.device.parameters
     state = cell.device.state()
     assert not host.write(address, value)
@@ -158,7 +158,7 @@ def test_what_cannot_be_written_is_refused(cell, host, address, value):
     assert cell.device.state().external == state.external
 
 
-def test_what_is_fixed_may_be_written_as_it_is(host):
+def test_fixed_parameters_may_be_written_with_their_value(host):
     for address in (0x4100, 0x4110, 0x4119, 0x411A, 0x6180, 0x5020, 0x5087, 0x50A0, 0x5030, 0x50B7):
         assert host.write(address, host.read(address))
 
@@ -195,7 +195,7 @@ def test_periods_begin_when_they_are_written(cell, host):
     assert cell.device.due() == pytest.approx(began + 0.05)
     cell.wait(0.05)
     assert [frame.id for frame in cell.device.advance()] == [0x00FF2A01]
-    assert host.write(0x4107, 5)  # others go on as they were
+    assert host.write(0x4107, 5)  # others are unchanged
     assert cell.device.due() == pytest.approx(began + 0.1)
     assert host.write(0x410A, 0)
     assert cell.device.due() is None
@@ -253,7 +253,7 @@ def test_switches_are_terminals(cell, host):
 # --- monitors -----------------------------------------------------------------------------------------------------------
 
 
-def test_monitors_say_what_the_broadcasts_say():
+def test_monitors_agree_with_the_broadcasts():
     cell = Abh3Cell(model="travel", main_voltage=23.5, **FOREVER)
     host = Host(cell)
     cell.put(500, 100, *GO)
@@ -276,7 +276,7 @@ def test_monitors_say_what_the_broadcasts_say():
         0x103B: pytest.approx(10),
         0x1041: pytest.approx(0),
         0x104B: pytest.approx(0),
-        0x1054: pytest.approx(state.a_pulses, abs=100),  # it turns while it is asked
+        0x1054: pytest.approx(state.a_pulses, abs=100),  # it turns during the request
         0x1064: pytest.approx(state.b_pulses, abs=100),
     }
     assert state.ay_velocity == 100
@@ -318,7 +318,7 @@ def test_identifications(host):
     ],
     ids=repr,
 )
-def test_what_is_not_there_is_refused(host, message):
+def test_unknown_addresses_are_refused(host, message):
     assert host.refused(message)
 
 
@@ -336,7 +336,7 @@ def test_other_hosts_are_not_served(cell):
     assert len(cell.device.receive(rts._replace(id=int(FrameId(CONTROL, 1, 2))))) == 1
 
 
-def test_a_host_that_falls_silent_is_told_so_and_then_forgotten(cell):
+def test_a_silent_host_is_notified_and_then_forgotten(cell):
     rts = CanFrame(int(FrameId(CONTROL, 1, 2)), bytes.fromhex("10090002ff00ef00"))
     assert cell.device.receive(rts)
     frames = []
@@ -351,7 +351,7 @@ def test_a_host_that_falls_silent_is_told_so_and_then_forgotten(cell):
     assert cell.clock.now() < 5
 
 
-def test_what_was_written_takes_effect_though_nobody_takes_the_answer(cell):
+def test_written_parameters_take_effect_even_if_the_reply_is_not_read(cell):
     message = telabh3.write_parameter(0x4107, 9)
     frames = [CanFrame(int(FrameId(CONTROL, 1, 2)), bytes((0x10, len(message), 0, 3, 0xFF, 0, 0xEF, 0)))]
     padded = message.ljust(21, b"\xff")
@@ -378,7 +378,7 @@ WORDS = st.one_of(st.integers(0, 300), st.integers(0, 0xFFFFFFFF), st.sampled_fr
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(PARAMETERS)), WORDS), max_size=8))
 @settings(deadline=None)
-def test_nothing_that_is_written_does_harm(writes):
+def test_random_writes_do_no_harm(writes):
     cell = Abh3Cell()
     for address, word in writes:
         for message in (telabh3.write_parameter(address, word), telabh3.read_parameter(address)):

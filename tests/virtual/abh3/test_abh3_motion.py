@@ -17,7 +17,7 @@ from support.abh3_cell import GO, MS, Abh3Cell
 
 BOTH = pytest.mark.parametrize("dialect", ["v1", "v2"])
 FOREVER = {"command_timeout": 0, "error_timeout": 0}
-STEP = 6.0  # min^-1 in 1 ms, where 3000 min^-1 take 0.5 s
+STEP = 6.0  # min^-1 in 1 ms, if 3000 min^-1 take 0.5 s
 
 
 # --- control flags ------------------------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ def test_v2_shows_its_terminals_in_broadcast_1():
     assert record.io.value == 1 << 11
 
 
-def test_io_flags_of_v1_say_ready_busy_and_brake():
+def test_io_flags_of_v1_contain_ready_busy_and_brake():
     cell = Abh3Cell()
     assert cell.br1().io.value == 0
     cell.put(100, 0, "ay_servo_on")
@@ -139,7 +139,7 @@ def test_an_internal_current():
 # --- ramps --------------------------------------------------------------------------------------------------------------
 
 
-def test_it_accelerates_and_decelerates_as_its_parameters_say():
+def test_it_accelerates_and_decelerates_according_to_its_parameters():
     cell = Abh3Cell(acceleration_time=1.0, deceleration_time=0.25)  # 3 and 12 min^-1 in 1 ms
     cell.put(15_000, -15_000, *GO)
     velocities = []
@@ -251,7 +251,7 @@ def test_velocities_never_change_faster_than_the_limits(dialect, commands):
 
 def test_torque_beyond_friction_accelerates_to_the_speed_limit():
     cell = Abh3Cell(friction=5.0, inertia=0.5, speed_limit=2000.0, **FOREVER)
-    cell.put(1500, 400, *GO, "torque")  # 15 %, and 4 % that does not break away
+    cell.put(1500, 400, *GO, "torque")  # 15 %, and 4 %, which does not overcome friction
     record = cell.br3()
     assert (record.ay_current_command, record.bx_current_command) == (15, 4)
     assert cell.br2().ay_velocity_command == 0
@@ -273,7 +273,7 @@ def test_friction_stops_what_torque_does_not_drive():
     cell = Abh3Cell(friction=5.0, inertia=0.5, **FOREVER)
     cell.put(1500, 0, *GO, "torque")
     cell.wait(1)
-    cell.put(500, 0, *GO, "torque")  # as much as friction
+    cell.put(500, 0, *GO, "torque")  # equal to friction
     cell.wait(1)
     assert cell.device.state().ay_velocity == pytest.approx(600)
     cell.put(0, 0, *GO, "torque")
@@ -447,7 +447,7 @@ ORDERS = st.lists(
 
 @given(ORDERS, st.floats(0.01, 2), st.floats(0.1, 50))
 @settings(deadline=None)
-def test_many_cycles_at_once_are_what_they_are_one_by_one(orders, seconds, friction):
+def test_many_cycles_at_once_are_the_same_as_one_by_one(orders, seconds, friction):
     parameters = Parameters(
         acceleration_time=seconds, deceleration_time=seconds / 3, friction=friction, speed_limit=300.0
     )
@@ -470,7 +470,7 @@ def test_many_cycles_at_once_are_what_they_are_one_by_one(orders, seconds, frict
     st.integers(1, 40),
 )
 @settings(deadline=None)
-def test_it_makes_no_difference_how_often_it_is_looked_at(dialect, commands, often):
+def test_reading_the_state_has_no_effect(dialect, commands, often):
     often_looked, never = Abh3Cell(dialect=dialect, model="travel"), Abh3Cell(dialect=dialect, model="travel")
     for ay, inputs, ms in commands:
         for cell in (often_looked, never):
@@ -485,7 +485,7 @@ def test_it_makes_no_difference_how_often_it_is_looked_at(dialect, commands, oft
 
 def test_hours_pass_in_a_moment():
     cell = Abh3Cell(inertia=100.0, **FOREVER)
-    cell.put(501, 1000, *GO, "ay_torque")  # hardly more than friction: it takes ages
+    cell.put(501, 1000, *GO, "ay_torque")  # hardly more than friction: it takes very long
     for _ in range(50):
         cell.wait(1_000_000)
         assert cell.device.advance() == []
@@ -503,7 +503,7 @@ def test_commands_within_a_cycle_are_taken_from_the_next_one():
     assert cell.device.state().ay_velocity == STEP
 
 
-def test_a_state_knows_whether_anything_moves():
+def test_moving_is_true_if_a_motor_turns():
     cell = Abh3Cell()
     assert not cell.device.state().moving
     cell.put(0, 10, *GO)
@@ -511,7 +511,7 @@ def test_a_state_knows_whether_anything_moves():
     assert cell.device.state().moving
 
 
-def test_every_combination_of_modes_ends_somewhere():
+def test_every_combination_of_modes_reaches_a_steady_state():
     limits = AxisLimits(Parameters(speed_limit=0.0))
     for mode, command, load in itertools.product(AxisMode, (-1, 0, 1), (-5000, 0, 5000)):
         axis = MotorAxis(limits)

@@ -1,4 +1,4 @@
-"""The virtual ABH3 when something is wrong: time-outs, errors, the reset."""
+"""Faults of the virtual ABH3: time-outs, errors, the reset."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FAULTS = [bit.name for bit in V1.errors.bits]
 
 
 def wrong(cell: Abh3Cell) -> tuple[bool, bool]:
-    """Error and warning of CAN communication, as the device itself sees them."""
+    """Return error and warning of CAN communication from the state of the device."""
     state = cell.device.state()
     return "can_communication" in state.errors, "can_communication" in state.warnings
 
@@ -222,7 +222,7 @@ def test_the_servo_is_off_while_the_reset_is_on():
     assert cell.device.state().ay_velocity == 200
 
 
-def test_the_terminal_resets_only_what_has_no_cause():
+def test_the_terminal_resets_only_errors_without_a_cause():
     cell = Abh3Cell()
     cell.wait(3)
     cell.device.set_terminal("error_reset", True)
@@ -275,7 +275,7 @@ def test_a_fault_of_both_axes():
     assert list(cell.br0().errors) == ["a_overspeed", "b_overspeed"]
 
 
-def test_a_cause_that_stays_cannot_be_reset():
+def test_an_error_whose_cause_remains_cannot_be_reset():
     cell = Abh3Cell()
     cell.put()
     cell.device.inject("main_undervoltage", stays=True)

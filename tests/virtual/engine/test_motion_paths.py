@@ -68,14 +68,14 @@ def turned(frame, axis: str, degrees: float) -> np.ndarray:
 
 
 def angle(a, b) -> np.ndarray:
-    """Between orientations, degrees."""
+    """Return the angle between orientations, degrees."""
     return np.degrees(
         2 * np.arcsin(np.minimum(np.linalg.norm(a[..., :3, :3] - b[..., :3, :3], axis=(-2, -1)) / math.sqrt(8), 1))
     )
 
 
 def commands(motion: Motion) -> np.ndarray:
-    """What is commanded in each cycle, two more of rest on either side."""
+    """Return the command of each cycle, with two cycles of rest at either end."""
     return motion.sampled(np.arange(-2, math.ceil(motion.duration / CYCLE) + 3) * CYCLE)[0]
 
 
@@ -253,7 +253,7 @@ def test_a_curve_has_some_points(points):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 1e7])
 @pytest.mark.parametrize("place", [(0, 3), (1, 1)])
-def test_no_arm_reaches_such_a_frame(value, place):
+def test_frames_out_of_reach_of_any_arm(value, place):
     frame, start = tcp(HOME), tcp(HOME)
     frame[place] = value
     other = moved(start, 10, 10, 0)
@@ -294,7 +294,7 @@ def test_a_table_follows_a_smooth_function():
 
 
 @pytest.mark.parametrize("arm", [VS050, COBOTTA], ids=["VS-050", "COBOTTA"])
-def test_the_joints_take_the_tool_along_the_course(arm):
+def test_the_joints_move_the_tool_along_the_cartesian_path(arm):
     start = tuple(arm.model.home)
     course = courses.line(tcp(start, arm), turned(moved(tcp(start, arm), 40, 60, 30), "z", 30))
     path = table_path(arm, course, TOOL, start)
@@ -328,7 +328,7 @@ def some_rates(dice: random.Random) -> Rates:
 
 
 def some_motions(plan, count: int, arm: Kinematics, seed: int) -> list[Motion]:
-    """Motions between random places: as many as asked for, leaving out what the arm cannot do."""
+    """Return the given number of motions between random poses, without those that the arm cannot execute."""
     dice = random.Random(seed)
     motions = []
     for _ in range(count * 6):
@@ -383,7 +383,7 @@ def distance_from_line(positions: np.ndarray) -> float:
     ids=["VS-050", "COBOTTA", "VS-050-many"],
 )
 def test_every_joint_stays_within_its_limits(plan, arm, count):
-    """Random moves of each interpolation (1,000 by ``make soak``): velocity and acceleration by the differences of what is commanded."""
+    """Random moves of each interpolation (1,000 in ``make soak``); velocity and acceleration are differences of the commands."""
     for motion in some_motions(plan, count, arm, seed=7):
         check_limits(motion, arm)
         joints = commands(motion)
@@ -409,7 +409,7 @@ def test_the_end_of_a_path_is_its_target():
     assert reached > 40
 
 
-def test_at_once_and_in_an_array_are_the_same():
+def test_single_values_and_arrays_are_the_same():
     for motion in (
         plan_ptp(VS050, HOME, (40, 50, 60, 70, 80, 90), Rates()),
         plan_line(VS050, HOME, moved(tcp(HOME), 0, 80, 50), TOOL, Rates()),
@@ -471,7 +471,7 @@ def test_a_motion_takes_the_time_it_is_given(plan):
 
 @pytest.mark.parametrize("wrong", [0, -0.1, 1.01, math.nan, math.inf])
 @pytest.mark.parametrize("name", ["speed", "accel", "decel"])
-def test_rates_are_parts(name, wrong):
+def test_rates_are_fractions(name, wrong):
     with pytest.raises(ValueError, match="rate"):
         Rates(**{name: wrong})
 
@@ -524,7 +524,7 @@ def narrowed(number: int, lower: float, upper: float) -> Kinematics:
 
 def test_a_path_beyond_a_soft_limit():
     start = (-40.0, *HOME[1:])
-    end = tcp((40.0, *HOME[1:]))  # a chord: the elbow bends on the way
+    end = tcp((40.0, *HOME[1:]))  # a chord: the elbow bends along the path
     motion = plan_line(VS050, start, end, TOOL, Rates())
     elbow = commands(motion)[:, 2]
     assert elbow.max() > max(elbow[0], elbow[-1]) + 2
@@ -616,7 +616,7 @@ def test_extra_axes_run_in_proportion():
     )
 
 
-def test_marks_say_when_the_next_may_begin():
+def test_pass_marks_determine_when_the_next_motion_may_begin():
     end = moved(tcp(HOME), 0, 100, 0)
     motions = {
         mark: plan_line(VS050, HOME, end, TOOL, Rates(0.2), mark)

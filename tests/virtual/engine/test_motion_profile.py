@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from orinkit.virtual.engine.motion.profile import SMOOTHING, MotionProfile
 
 limits = st.floats(-4, 4).map(lambda exponent: 10**exponent)
-laws = st.builds(MotionProfile.trapezoid, limits, limits, limits)
+profiles = st.builds(MotionProfile.trapezoid, limits, limits, limits)
 
 
-def samples(law: MotionProfile, count: int = 2001):
-    return law.sampled(np.linspace(-0.1, law.duration + 0.1, count))
+def samples(profile: MotionProfile, count: int = 2001):
+    return profile.sampled(np.linspace(-0.1, profile.duration + 0.1, count))
 
 
 @given(limits, limits, limits)
 def test_it_goes_from_rest_to_rest_within_its_limits(velocity, acceleration, deceleration):
-    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
-    position, rate, change = samples(law)
+    profile = MotionProfile.trapezoid(velocity, acceleration, deceleration)
+    position, rate, change = samples(profile)
     assert (position[0], position[-1]) == (0, 1)
     assert np.all(np.diff(position) >= -1e-12)
     assert np.all(position <= 1)
@@ -28,8 +28,8 @@ def test_it_goes_from_rest_to_rest_within_its_limits(velocity, acceleration, dec
     assert rate.max() <= velocity * (1 + 1e-7)
     assert change.max() <= acceleration * (1 + 1e-7)
     assert change.min() >= -deceleration * (1 + 1e-7)
-    last = law.knots[-1]
-    t = law.duration - last.time
+    last = profile.knots[-1]
+    t = profile.duration - last.time
     assert last.position + t * (last.velocity + t * (last.acceleration / 2 + t * last.jerk / 6)) == pytest.approx(
         1, abs=1e-6
     )
@@ -38,8 +38,8 @@ def test_it_goes_from_rest_to_rest_within_its_limits(velocity, acceleration, dec
 
 @given(limits, limits, limits)
 def test_the_jerk_is_limited(velocity, acceleration, deceleration):
-    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
-    assert max(abs(knot.jerk) for knot in law.knots) <= (acceleration + deceleration) / SMOOTHING * (1 + 1e-9)
+    profile = MotionProfile.trapezoid(velocity, acceleration, deceleration)
+    assert max(abs(knot.jerk) for knot in profile.knots) <= (acceleration + deceleration) / SMOOTHING * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -53,79 +53,79 @@ def test_the_jerk_is_limited(velocity, acceleration, deceleration):
     ],
 )
 def test_it_is_as_long_as_the_trapezoid_and_its_smoothing(velocity, acceleration, deceleration, trapezoid):
-    law = MotionProfile.trapezoid(velocity, acceleration, deceleration)
-    assert law.duration == pytest.approx(trapezoid + SMOOTHING)
+    profile = MotionProfile.trapezoid(velocity, acceleration, deceleration)
+    assert profile.duration == pytest.approx(trapezoid + SMOOTHING)
     assert MotionProfile.trapezoid(velocity, acceleration, deceleration, 0.2).duration == pytest.approx(trapezoid + 0.2)
 
 
 def test_it_is_the_moving_average_of_a_trapezoid():
-    law = MotionProfile.trapezoid(0.5, 1.0, 0.5, 0.3)
+    profile = MotionProfile.trapezoid(0.5, 1.0, 0.5, 0.3)
     times = np.linspace(0, 3.5, 35_001)
     trapezoid = np.clip(np.minimum(times, np.minimum(0.5, (2.75 - times) * 0.5)), 0, None)
     way = np.concatenate(([0], np.cumsum((trapezoid[1:] + trapezoid[:-1]) / 2 * 1e-4)))
     average = [
         way[max(0, n - 3000) : n + 1].mean() if n > 3000 else way[: n + 1].sum() / 3001 for n in range(0, 35_001, 500)
     ]
-    assert law.sampled(times[::500])[0] == pytest.approx(np.array(average), abs=2e-4)
+    assert profile.sampled(times[::500])[0] == pytest.approx(np.array(average), abs=2e-4)
 
 
-@given(laws, st.floats(-0.5, 1.5))
-def test_one_moment_and_many_are_the_same(law, part):
-    time = law.duration * part
-    position, rate, _ = law.sampled(np.array([time]))
-    assert law.at(time) == position[0]
-    assert law.rate(time) == rate[0]
+@given(profiles, st.floats(-0.5, 1.5))
+def test_one_moment_and_many_are_the_same(profile, part):
+    time = profile.duration * part
+    position, rate, _ = profile.sampled(np.array([time]))
+    assert profile.at(time) == position[0]
+    assert profile.rate(time) == rate[0]
 
 
-@given(laws)
-def test_the_end_is_exact(law):
-    assert law.at(law.duration) == law.at(law.duration + 1e9) == 1.0
-    assert law.at(0) == law.at(-1) == 0.0
-    assert law.rate(law.duration) == law.rate(0) == 0.0
-    assert law.at(math.nextafter(law.duration, 0)) <= 1.0
+@given(profiles)
+def test_the_end_is_exact(profile):
+    assert profile.at(profile.duration) == profile.at(profile.duration + 1e9) == 1.0
+    assert profile.at(0) == profile.at(-1) == 0.0
+    assert profile.rate(profile.duration) == profile.rate(0) == 0.0
+    assert profile.at(math.nextafter(profile.duration, 0)) <= 1.0
 
 
-@given(laws)
-def test_it_begins_to_slow_down_when_it_says(law):
-    _, _, change = law.sampled(np.linspace(0, law.slowing * (1 - 1e-9), 500))
-    assert change.min() >= -1e-6 * np.abs([knot.acceleration for knot in law.knots]).max()
-    _, _, change = law.sampled(np.linspace(law.slowing + SMOOTHING, law.duration, 500))
-    assert change.max() <= 1e-6 * np.abs([knot.acceleration for knot in law.knots]).max()
+@given(profiles)
+def test_it_begins_to_slow_down_at_slowing(profile):
+    _, _, change = profile.sampled(np.linspace(0, profile.slowing * (1 - 1e-9), 500))
+    assert change.min() >= -1e-6 * np.abs([knot.acceleration for knot in profile.knots]).max()
+    _, _, change = profile.sampled(np.linspace(profile.slowing + SMOOTHING, profile.duration, 500))
+    assert change.max() <= 1e-6 * np.abs([knot.acceleration for knot in profile.knots]).max()
 
 
-@given(laws, st.floats(1, 1000))
-def test_stretched_is_the_same_law_slower(law, factor):
-    slow = law.stretched(law.duration * factor)
-    assert slow.duration == pytest.approx(law.duration * factor)
-    assert slow.slowing == pytest.approx(law.slowing * factor)
+@given(profiles, st.floats(1, 1000))
+def test_stretched_is_the_same_profile_slower(profile, factor):
+    slow = profile.stretched(profile.duration * factor)
+    assert slow.duration == pytest.approx(profile.duration * factor)
+    assert slow.slowing == pytest.approx(profile.slowing * factor)
     parts = np.linspace(0, 1, 101)
-    position, rate, change = law.sampled(parts * law.duration)
+    position, rate, change = profile.sampled(parts * profile.duration)
     slow_position, slow_rate, slow_change = slow.sampled(parts * slow.duration)
     assert slow_position == pytest.approx(position, abs=1e-9)
     assert slow_rate * factor == pytest.approx(rate, abs=1e-6 * rate.max())
     assert slow_change * factor**2 == pytest.approx(change, abs=1e-6 * np.abs(change).max())
 
 
-def test_it_does_not_become_faster_than_it_can():
-    law = MotionProfile.trapezoid(1, 1, 1)
-    assert law.stretched(0.1) is law
-    assert law.stretched(-1) is law
+def test_stretched_never_makes_it_faster():
+    profile = MotionProfile.trapezoid(1, 1, 1)
+    assert profile.stretched(0.1) is profile
+    assert profile.stretched(-1) is profile
     with pytest.raises(ValueError, match="duration"):
-        law.stretched(math.nan)
+        profile.stretched(math.nan)
 
 
-@given(laws)
-def test_moments_say_when_it_is_where(law):
+@given(profiles)
+def test_moments_is_the_inverse_of_the_profile(profile):
     parts = np.linspace(0, 1, 101)
-    assert law.sampled(law.moments(parts))[0] == pytest.approx(parts, abs=1e-4)
+    assert profile.sampled(profile.moments(parts))[0] == pytest.approx(parts, abs=1e-4)
 
 
-def test_nowhere_to_go_takes_no_time():
-    law = MotionProfile.instant()
-    assert (law.duration, law.at(0), law.at(1), law.rate(0)) == (0, 1, 1, 0)
-    position, rate, change = law.sampled(np.array([-1.0, 0.0, 1.0]))
+def test_a_motion_of_length_0_takes_no_time():
+    profile = MotionProfile.instant()
+    assert (profile.duration, profile.at(0), profile.at(1), profile.rate(0)) == (0, 1, 1, 0)
+    position, rate, change = profile.sampled(np.array([-1.0, 0.0, 1.0]))
     assert (position.tolist(), rate.tolist(), change.tolist()) == ([0, 1, 1], [0, 0, 0], [0, 0, 0])
-    assert law.stretched(5) is law
+    assert profile.stretched(5) is profile
 
 
 @pytest.mark.parametrize("wrong", [0, -1, math.nan, math.inf, 1e-300])
@@ -138,10 +138,10 @@ def test_limits_are_finite_and_above_0(wrong, place):
 
 
 @pytest.mark.parametrize("ratio", [1e-12, 1e-6, 1e6, 1e12])
-def test_very_different_limits_are_no_trouble(ratio):
-    law = MotionProfile.trapezoid(1e6, 1e-3, 1e-3 * ratio)
-    position, rate, change = samples(law)
-    assert math.isfinite(law.duration)
+def test_very_different_limits(ratio):
+    profile = MotionProfile.trapezoid(1e6, 1e-3, 1e-3 * ratio)
+    position, rate, change = samples(profile)
+    assert math.isfinite(profile.duration)
     assert np.all(np.diff(position) >= -1e-9)
     assert change.max() <= 1e-3 * (1 + 1e-6)
     assert change.min() >= -1e-3 * ratio * (1 + 1e-6)

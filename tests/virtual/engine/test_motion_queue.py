@@ -39,7 +39,7 @@ class Recorder:
             self.commands.append(self.queue.joints)
 
     def until(self, *states: QueueState) -> int:
-        """Step until the queue is in one of the states; returns how many cycles that took."""
+        """Step until the queue is in one of the states; return the number of cycles."""
         for cycles in range(PATIENCE):
             if self.queue.state in states:
                 return cycles
@@ -94,7 +94,7 @@ def some_mark(dice: random.Random) -> PassMark:
 
 
 def some_motion(queue: MotionQueue, dice: random.Random) -> Motion:
-    """Point to point, or a short line or arc that happens to be possible."""
+    """Return a PTP motion, or a short line or arc if it is possible."""
     rates, mark, start = some_rates(dice), some_mark(dice), queue.end_joints
     near = [
         min(max(angle + dice.gauss(0, 15), axis.lower), axis.upper)
@@ -196,7 +196,7 @@ def test_there_is_room_for_ten():
     while not run.queue.full:
         tickets.append(run.queue.add(ptp(run.queue, (float(len(tickets)), *HOME[1:]))))
     assert len(tickets) == ROOM == 10
-    with pytest.raises(ValueError, match="room"):
+    with pytest.raises(ValueError, match="full"):
         run.queue.add(ptp(run.queue, HOME))
     while run.queue.full:
         run.step()
@@ -238,7 +238,7 @@ def test_the_command_can_be_placed_only_at_rest():
 
 
 @pytest.mark.parametrize("cycle", [0, -1, math.nan, math.inf])
-def test_a_cycle_is_a_time(cycle):
+def test_an_invalid_cycle(cycle):
     with pytest.raises(ValueError, match="cycle"):
         MotionQueue(VS050, HOME, cycle)
 
@@ -402,7 +402,7 @@ def test_a_full_speed_motion_can_be_stopped_anywhere(when):
     run.queue.halt()
     cycles = run.until(QueueState.IDLE)
     run.check_limits()
-    assert cycles <= 30  # 0.2 s is what the slowest joint takes from its full speed
+    assert cycles <= 30  # the slowest joint takes 0.2 s from its full velocity to standstill
     axis = VS050.axes[0]
     assert run.joints[-1, 0] - before <= axis.velocity**2 / axis.acceleration / 2 + axis.velocity * 2 * CYCLE
     assert np.all(np.diff(run.joints[:, 0]) >= 0)
@@ -421,7 +421,7 @@ def test_a_blend_can_be_stopped_anywhere(when, mark):
     run.check_limits()
 
 
-def test_a_stopping_arm_takes_no_motion():
+def test_a_stopping_arm_accepts_no_motion():
     run = recorder()
     run.queue.add(ptp(run.queue, (90, *HOME[1:])))
     run.step(30)
@@ -560,7 +560,7 @@ actions = st.lists(
 
 @settings(max_examples=200, deadline=None)
 @given(actions, st.integers(0, 1000))
-def test_whatever_happens_the_limits_hold(actions, seed):
+def test_random_operations_stay_within_the_limits(actions, seed):
     dice = random.Random(seed)
     run = recorder(some_joints(dice))
     tickets = []

@@ -1,4 +1,4 @@
-"""The 8 ms cycle and what drives it: order, catching up, failures, threads that come and go."""
+"""The 8 ms cycle and its clock: order of steps, catching up, failures, threads."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SOON = 20.0
 
 
 class Steps:
-    """A part that has something to do for a number of cycles."""
+    """A task that is busy for a number of cycles."""
 
     def __init__(self, todo: int = 0, log: list[str] | None = None, name: str = "") -> None:
         self.todo = todo
@@ -83,7 +83,7 @@ def test_one_step_in_each_cycle_from_the_next_on():
     assert (part.done, cycles.busy) == (5, False)
     assert cycles.number == 130
     wake(cycles, part, 1)
-    assert cycles.number == 254  # those that were skipped count
+    assert cycles.number == 254  # skipped cycles count
     clock.advance(PERIOD)
     assert part.done == 6
 
@@ -109,7 +109,7 @@ def test_catching_up_misses_nothing():
     assert cycles.seconds <= clock.now() < cycles.seconds + PERIOD
 
 
-def test_parts_step_in_their_order_while_one_of_them_has_something_to_do():
+def test_tasks_step_in_order_while_one_of_them_is_busy():
     clock, log = ManualClock(), []
     first, second, third = Steps(2, log, "a"), Steps(0, log, "b"), Steps(3, log, "c")
     cycles = made(clock, first, second)
@@ -121,8 +121,8 @@ def test_parts_step_in_their_order_while_one_of_them_has_something_to_do():
     assert not cycles.busy
 
 
-def test_looking_brings_it_up_to_the_present():
-    """Not every clock calls; whoever enters sees what is due."""
+def test_entering_the_lock_runs_due_cycles():
+    """A clock may not call in time; entering the lock runs the cycles that are due."""
     clock, part = ManualClock(), Steps()
     cycles = made(clock, part)
     wake(cycles, part, 100)
@@ -133,8 +133,8 @@ def test_looking_brings_it_up_to_the_present():
             assert part.done == 10
 
 
-def test_a_part_may_look_at_the_controller_and_wake_it():
-    """What begins in the last step of all is not forgotten, though that step said that there is no more."""
+def test_a_task_may_enter_the_lock_and_wake_the_cycle():
+    """A task woken in the last step of all is run, although that step returned False."""
     clock, part = ManualClock(), Steps()
     cycles = made(clock, part)
 
@@ -152,7 +152,7 @@ def test_a_part_may_look_at_the_controller_and_wake_it():
 
 
 def test_patience_has_an_end():
-    """A device that could not keep up goes on late; it does not jump."""
+    """A device that could not keep up lags; it does not jump."""
     clock, part = ManualClock(), Steps()
     clock.patience = 0.25
     cycles = made(clock, part)
@@ -161,13 +161,13 @@ def test_patience_has_an_end():
     assert part.done == 31
     clock.advance(10.0)
     assert part.done == 31 + 31
-    assert cycles.seconds == cycles.number * PERIOD  # the rest never was, for the controller
+    assert cycles.seconds == cycles.number * PERIOD  # the remaining time does not exist for the controller
     clock.advance(0.08)
     assert part.done == 31 + 31 + 10
     assert cycles.number == part.done
 
 
-def test_a_part_that_raises_stops_neither_the_others_nor_time(caplog):
+def test_a_task_that_raises_stops_neither_the_others_nor_time(caplog):
     clock, told = ManualClock(), []
     bad, good = Steps(), Steps()
     cycles = made(clock, bad, good, failed=told.append)
@@ -184,8 +184,8 @@ def test_a_part_that_raises_stops_neither_the_others_nor_time(caplog):
     assert [record.exc_info[0] for record in caplog.records if record.exc_info] == [ZeroDivisionError] * 2
 
 
-def test_what_is_told_of_a_failure_may_wake_the_cycle_and_may_fail_itself(caplog):
-    """So an arm that was moving when something broke is still brought to rest."""
+def test_the_error_callback_may_wake_the_cycle_and_may_raise(caplog):
+    """An arm that was moving when an error occurred is still brought to rest."""
     clock, told = ManualClock(), []
 
     def failed(error: Exception) -> None:
@@ -209,7 +209,7 @@ def test_what_is_told_of_a_failure_may_wake_the_cycle_and_may_fail_itself(caplog
     assert not cycles.busy
 
 
-def test_the_lock_is_free_after_whatever_comes_out_of_a_step():
+def test_the_lock_is_released_after_any_exception_of_a_step():
     clock, part = ManualClock(), Steps()
     cycles = made(clock, part)
 
@@ -281,7 +281,7 @@ Threads = Callable[[], set[threading.Thread]]
 
 @pytest.fixture(autouse=True)
 def threads() -> Iterator[Threads]:
-    """The threads that drive this test's devices; none of them is left at its end."""
+    """Yield the threads that drive the devices of a test; none may be left at its end."""
     before = running()
     yield lambda: running() - before
     for thread in running() - before:
@@ -303,7 +303,7 @@ def test_cycles_run_by_themselves_at_the_pace_of_the_clock(scale):
     cycles.close()
 
 
-def test_the_thread_ends_when_nothing_is_to_be_done_and_comes_again(threads):
+def test_the_thread_ends_when_idle_and_is_started_again(threads):
     clock, part = Clock(50), Steps()
     cycles = made(clock, part)
     assert not threads()
@@ -349,7 +349,7 @@ def test_waking_from_many_threads_loses_nothing(threads):
 
 
 def test_a_clock_much_too_fast_leaves_time_for_others():
-    """It runs as fast as it can; who looks at the controller is not kept waiting."""
+    """It runs as fast as possible without blocking other threads."""
     clock, part = Clock(1_000_000), Steps()
     cycles = made(clock, part)
     wake(cycles, part, 1_000_000_000)
@@ -448,7 +448,7 @@ def test_pauses_are_of_the_devices_time():
     driver.close()
 
 
-def test_closing_waits_for_what_is_being_done(threads):
+def test_closing_waits_for_the_call_in_progress(threads):
     inside, finished = threading.Event(), []
 
     def advance() -> float:
@@ -502,7 +502,7 @@ def test_a_device_that_raises_can_be_woken_again(threads):
     driver.close()
 
 
-def test_a_clock_by_hand_drives_all_its_devices_in_order(threads):
+def test_a_manual_clock_drives_all_its_devices_in_order(threads):
     clock, log = ManualClock(), []
     drivers = [clock.drive(lambda name=name: log.append(name)) for name in "abc"]
     drivers[0].wake()  # nothing happens until the clock is moved
@@ -516,7 +516,7 @@ def test_a_clock_by_hand_drives_all_its_devices_in_order(threads):
     assert not threads()
 
 
-def test_a_device_of_a_clock_by_hand_may_go_while_the_clock_is_moved():
+def test_a_device_of_a_manual_clock_may_close_while_the_clock_is_moved():
     clock, log = ManualClock(), []
     first = clock.drive(lambda: (log.append("a"), first.close()))
     clock.drive(lambda: log.append("b"))
@@ -526,7 +526,7 @@ def test_a_device_of_a_clock_by_hand_may_go_while_the_clock_is_moved():
 
 
 @pytest.mark.parametrize("step", [-1e-9, float("nan"), float("inf"), float("-inf")])
-def test_a_clock_by_hand_goes_on_by_finite_steps(step):
+def test_a_manual_clock_advances_by_finite_steps(step):
     clock = ManualClock()
     with pytest.raises(ValueError, match="clock"):
         clock.advance(step)

@@ -1,4 +1,4 @@
-"""Elastic time in slave mode: a virtual controller waits for a late set-point, counts it, and tells of it."""
+"""Elastic time in slave mode: a virtual controller waits for a late set-point, counts it, and reports it."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_after_250_ms_it_is_an_error(cells, mode):
 @QUEUES
 @pytest.mark.parametrize("steps", [1, 7, 31, 251])
 def test_the_end_of_the_wait_does_not_depend_on_how_the_clock_moves(cells, mode, steps):
-    """The arm brakes from the moment at which the wait is over."""
+    """The arm brakes from the end of the wait."""
     cell = cells(mode)
     began = cell.clock.now()
     for step in range(1, steps + 1):
@@ -108,7 +108,7 @@ def test_strict_time_does_not_wait(mode):
 
 
 def test_strict_time_counts_what_mode_1_does_not_report():
-    """Slowly, to stop in place is no error: the count tells of it."""
+    """At low velocity, stopping in place is not an error; the late set-point is only counted."""
     cell = SlaveCell(strict_time=True).on(J1)
     slow = [(0.01 * index, *HOME[1:]) for index in range(40)]
     cell.stream(slow[:20])
@@ -121,7 +121,7 @@ def test_strict_time_counts_what_mode_1_does_not_report():
 
 
 def test_mode_1_stops_in_place_after_250_ms(cells):
-    """Too hard for this speed; slowly it is no error."""
+    """At this velocity that exceeds the acceleration limit; at low velocity it is not an error."""
     cell = cells(J1)
     cell.clock.advance(0.251)
     assert cell.error == hresult.COMMAND_ACCELERATION_OVER_AXIS1
@@ -134,7 +134,7 @@ def test_mode_1_stops_in_place_after_250_ms(cells):
 
 
 def test_a_repeated_set_point_of_mode_1_is_no_new_one_at_speed(cells):
-    """A client that waits for the controller's time repeats it: that must not stop the arm abruptly."""
+    """A client that waits for the controller's time repeats set-points; this must not stop the arm abruptly."""
     cell = cells(J1)
     cell.send(POSES[MOVING - 1])
     cell.clock.advance(0.1)
@@ -241,7 +241,7 @@ def test_limits_hold_across_the_pause(mode):
 
 
 def commands(cell: SlaveCell) -> list[float]:
-    """Return the commands of J1 until there is an error, as they are carried out, with the two that were before them."""
+    """Return the executed commands of J1 until an error, with the two before them."""
     seen = [cell.arm.queue.before[0], cell.arm.queue.joints[0]]
     step = cell.arm.servo.step
     cell.arm.servo.step = lambda command: (seen.append(command[0]) if not cell.error else None, step(command))[1]
@@ -249,8 +249,8 @@ def commands(cell: SlaveCell) -> list[float]:
 
 
 @given(late=st.sampled_from([0.015, 0.05, 0.1, 0.24]), far=st.lists(st.floats(-60, 100), min_size=1, max_size=6))
-def test_limits_hold_in_mode_1_whatever_follows_the_pause(late, far):
-    """It is the client that was late: the limits are those of any other cycle."""
+def test_limits_hold_in_mode_1_after_a_pause(late, far):
+    """The client was late, so the limits are those of any other cycle."""
     cell = elastic(J1)
     seen = commands(cell)
     for way in far:
@@ -266,8 +266,8 @@ def test_limits_hold_in_mode_1_whatever_follows_the_pause(late, far):
 
 
 @pytest.mark.parametrize("back", [0.2, 1.0, 5.0])
-def test_the_way_to_a_set_point_after_a_pause_stays_within_the_range(back):
-    """At speed just before the end of the range: the way back may not lead through what is beyond it."""
+def test_the_path_to_a_set_point_after_a_pause_stays_within_the_range(back):
+    """Near the end of the range at high velocity: the path back must not leave the range."""
     cell = SlaveCell(strict_time=False)
     cell.stand(129.0, *HOME[1:])
     cell.on(J1)
@@ -307,7 +307,7 @@ def test_the_time_stamp_of_the_answer_stands_still(cells):
 
 @QUEUES
 def test_a_client_by_the_clock_fills_its_buffer_again(cells, mode):
-    """It sends at once what it could not send in time; nothing of it is lost, and nothing is too fast."""
+    """It sends the delayed set-points at once; none is lost, and none is too fast."""
     cell = cells(mode)
     cell.clock.advance(0.100)
     for pose in POSES[MOVING : MOVING + 3]:
@@ -317,7 +317,7 @@ def test_a_client_by_the_clock_fills_its_buffer_again(cells, mode):
 
 
 def test_a_client_by_the_clock_in_mode_1_is_led_to_where_it_is_by_now(cells):
-    """It goes on six set-points ahead after 48 ms: the controller has six cycles in hand."""
+    """After 48 ms it continues six set-points ahead; the controller has six cycles to catch up."""
     cell = cells(J1)
     cell.clock.advance(6 * PERIOD)
     cell.stream(POSES[MOVING : MOVING + 1])
@@ -379,7 +379,7 @@ def test_leaving_does_not_wait(cells, mode):
 
 
 @MODES
-def test_a_client_that_goes_is_not_waited_for(cells, mode):
+def test_a_client_that_disconnects_is_not_waited_for(cells, mode):
     cell = cells(mode)
     cell.clock.advance(0.1)
     cell.robot.release()
@@ -436,7 +436,7 @@ def test_before_any_stream_there_is_none():
 
 @QUEUES
 def test_the_servers_own_stall_is_not_the_clients(mode):
-    """The server slept for 200 ms while it waited, and the client for 30: it is late by some 40 ms."""
+    """The server was delayed by 200 ms while it waited, and the client by 30 ms: the client is late by some 40 ms."""
     cell = moving(LateCell(mode, strict=False))
     cell.drive(PERIOD)
     cell.read()
@@ -453,7 +453,7 @@ def test_the_servers_own_stall_is_not_the_clients(mode):
 
 @QUEUES
 def test_a_set_point_that_has_arrived_ends_the_wait_before_its_time_is_up(mode):
-    """It came while the server was busy; it counts, though 250 ms have passed."""
+    """It arrived while the server was busy; it counts, although 250 ms have passed."""
     cell = moving(LateCell(mode, strict=False))
     cell.drive(PERIOD)
     cell.read()
@@ -471,7 +471,7 @@ def test_a_set_point_that_has_arrived_ends_the_wait_before_its_time_is_up(mode):
 
 @QUEUES
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-def test_the_wait_is_real_time_whatever_the_scale(mode, scale):
+def test_the_wait_is_real_time_for_any_scale(mode, scale):
     cell = moving(LateCell(mode, strict=False, scale=scale))
     pause = cell.drive(PERIOD)
     cell.read()
@@ -524,7 +524,7 @@ def test_the_detector_of_a_strict_ve026a_strikes_at_once():
 
 
 def test_asynchronous_mode_of_a_ve026a_has_no_detector():
-    """Without a new set-point the arm stays at the last one: nothing is late."""
+    """Without a new set-point the arm stays at the last one; no set-point is late."""
     cell = ve026a(ASYNC)
     cell.clock.advance(1.0)
     assert (cell.arm.error, cell.arm.slave_mode, cell.arm.lateness) == (0, ASYNC, Lateness())
@@ -541,7 +541,7 @@ def test_a_ve026a_logs_it_once(caplog):
 
 
 def test_positions_are_waited_for_too():
-    """Elastic time is the same for every kind of pose."""
+    """Elastic time is the same for every pose type."""
     cell = SlaveCell(strict_time=False)
     start = cell.execute("CurPos")
     cell.on(P0)

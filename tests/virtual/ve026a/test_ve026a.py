@@ -1,4 +1,4 @@
-"""The virtual VE026A: variables, commands, motor, errors, the emergency stop, who may what."""
+"""The virtual VE026A: variables, commands, motor, errors, the emergency stop, rights of clients."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_joints_may_be_six_or_seven():
 @pytest.mark.parametrize(
     "joints", [(), (0, 0, 0), (0,) * 8, (106, 0, 0, 0, 0, 0), (float("nan"),) * 6, (0,) * 6 + (26,)]
 )
-def test_joints_that_it_cannot_take_are_refused(joints):
+def test_invalid_joints_are_refused(joints):
     with pytest.raises(ValueError, match="VE026A"):
         VirtualVE026A(clock=ManualClock(), joints=joints)
 
@@ -188,7 +188,7 @@ def test_motor_in_every_spelling_and_type(off, command, parameter):
         ([1, 0], hresult.E_INVALIDARGTYPE),
     ],
 )
-def test_motor_with_something_else(off, parameter, code):
+def test_invalid_parameters_of_motor(off, parameter, code):
     if parameter == 2**31:
         parameter, code = Variant(VarType.UI4, 2**31), hresult.E_INVALIDARG
     assert off.code(lambda: off.client("Motor", parameter)) == code
@@ -204,7 +204,7 @@ def test_motor_takes_three_seconds(first, parameter):
     assert cell.arm.servo_on is not first
 
 
-def test_motor_is_answered_at_once_where_nothing_is_to_be_done(cell):
+def test_motor_returns_at_once_if_it_is_already_in_this_state(cell):
     assert cell.client("Motor", 1) is None
     assert cell.arm.servo_on
 
@@ -215,7 +215,7 @@ def test_the_seconds_can_be_set():
     assert cell.cycles(cell.client.controller.execute("ClearError", variant(0))) == 1
 
 
-def test_servo_on_tells_0_while_the_motor_goes_on_and_from_when_it_goes_off(off):
+def test_servo_on_is_0_while_the_motor_is_switched_on_or_off(off):
     servo = off.client.robot.get_variable("@SERVO_ON", "")
     promise = off.client("Motor", 1)
     off.cycle(10)
@@ -277,7 +277,7 @@ def test_clear_error_takes_a_second_and_any_code(cell, parameter):
         ([1, 2], hresult.E_INVALIDARGTYPE),
     ],
 )
-def test_clear_error_wants_a_code(cell, parameter, code):
+def test_clear_error_requires_a_code(cell, parameter, code):
     assert cell.code(lambda: cell.client.controller.execute("ClearError", variant(parameter))) == code
 
 
@@ -333,7 +333,7 @@ def test_modes(cell, parameter, mode):
         ([2, 2], hresult.E_INVALIDARGTYPE),
     ],
 )
-def test_there_are_no_other_modes(cell, parameter, code):
+def test_invalid_modes(cell, parameter, code):
     assert cell.code(lambda: cell.client("slvChangeMode", parameter)) == code
     assert cell.arm.slave_mode == 0
 
@@ -401,9 +401,9 @@ def slow(acceleration):
 def test_an_arm_that_does_not_stand_in_time_is_running_600b(mode):
     cell = slow(100.0)
     cell.on()
-    cell.stream(ramp(0.8, 20))  # 100 deg/s: a second to stand
+    cell.stream(ramp(0.8, 20))  # 100 deg/s: a second to standstill
     promise = cell.client("slvChangeMode", mode)
-    assert cell.cycles(promise) == 63  # the first cycle behind 500 ms
+    assert cell.cycles(promise) == 63  # the first cycle after 500 ms
     with pytest.raises(CallError) as caught:
         promise.result()
     assert caught.value.code == ROBOT_RUNNING == 0x8004600B
@@ -462,7 +462,7 @@ TEXT = "0.5,30,120,0,30,0,0.25"
         TEXT,
         f"{TEXT},0",
         TEXT.replace(",", ", "),
-        [*SEVEN, 123.0],  # the eighth means nothing
+        [*SEVEN, 123.0],  # the eighth is ignored
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("mode", [SYNC, ASYNC])
@@ -470,7 +470,7 @@ def test_poses_in_every_form(cell, parameter, mode):
     cell.on(mode)
     answer = cell.run(cell.client("slvMove", parameter))
     assert answer == [*HOME, 0.0]  # where it was at that moment
-    for _ in range(4):  # the encoders are behind
+    for _ in range(4):  # the encoders lag
         cell.client("slvMove", parameter)
         cell.cycle()
     assert cell.arm.joints == tuple(SEVEN)
@@ -505,7 +505,7 @@ def test_whole_numbers_are_a_pose_too(cell):
         (Variant(VARIANT_ARRAY, [variant([1.0, 2.0])] * 7), hresult.E_INVALIDARGTYPE),
     ],
 )  # fmt: skip
-def test_what_is_no_pose_is_refused_and_is_no_error_of_the_arm(cell, parameter, code):
+def test_invalid_poses_are_refused_without_an_error_of_the_arm(cell, parameter, code):
     cell.on()
     assert cell.code(lambda: cell.client("slvMove", parameter)) == code
     assert (cell.arm.error, cell.arm.slave_mode) == (0, ASYNC)
@@ -542,7 +542,7 @@ def test_a_second_client_can_stop_it(cell, mode, command, parameter):
     if mode == SYNC:
         assert cell.code(lambda: answer) == hresult.E_ABORT
     refused = cell.code(lambda: cell.send(turned(17.6)))
-    assert refused in (hresult.E_ACCESSDENIED, hresult.E_ROBOTISBUSY)  # until it stands
+    assert refused in (hresult.E_ACCESSDENIED, hresult.E_ROBOTISBUSY)  # until standstill
     assert cell.run(done) is None
     assert 16.0 < cell.arm.joints[0] < 30.0
     assert (cell.arm.error, cell.arm.servo_on) == (0, command != "Motor")
@@ -562,7 +562,7 @@ def test_a_second_client_can_stop_one_that_changes_the_mode(cell, command, param
 
 
 @pytest.mark.parametrize(("command", "parameter"), STOPS)
-def test_what_is_being_stopped_is_not_stopped_again(cell, command, parameter):
+def test_a_stop_in_progress_is_not_repeated(cell, command, parameter):
     second = Person(cell.arm, SECOND)
     cell.on()
     cell.stream(ramp(0.8, 20))
@@ -591,7 +591,7 @@ def test_a_second_client_may_when_the_first_has_left_slave_mode(cell):
 
 @pytest.mark.parametrize("what", ["robot", "controller"])
 @pytest.mark.parametrize("mode", [SYNC, ASYNC])
-def test_a_client_that_has_gone_moves_no_more(cell, what, mode):
+def test_a_disconnected_client_is_stopped(cell, what, mode):
     cell.on(mode)
     cell.stream(ramp(0.8, 20))
     answer = [cell.send(turned(16.8)), cell.send(turned(17.6))][1]
@@ -605,7 +605,7 @@ def test_a_client_that_has_gone_moves_no_more(cell, what, mode):
     assert Person(cell.arm, SECOND)("slvChangeMode", ASYNC) is None
 
 
-def test_another_client_that_goes_changes_nothing(cell):
+def test_another_client_that_disconnects_has_no_effect(cell):
     second = Person(cell.arm, SECOND)
     cell.on()
     cell.stream(ramp(0.8, 20))
@@ -616,11 +616,11 @@ def test_another_client_that_goes_changes_nothing(cell):
 
 def test_one_robot_object_of_two_is_enough(cell):
     cell.on()
-    cell.client.controller.get_robot("again", "").release()  # as a session does with an object that it has already
+    cell.client.controller.get_robot("again", "").release()  # like a session for an object that it already has
     assert cell.arm.slave_mode == ASYNC
 
 
-def test_a_client_that_has_gone_gets_no_slave_mode(cell):
+def test_a_disconnected_client_does_not_enter_slave_mode(cell):
     cell.on()
     cell.stream(ramp(0.8, 20))
     promise = cell.client("slvChangeMode", ASYNC)
@@ -682,7 +682,7 @@ def test_the_first_error_counts(cell):
 
 
 @pytest.mark.parametrize("mode", [SYNC, ASYNC])
-def test_an_emergency_stop_brakes_and_takes_the_motor(cell, mode):
+def test_an_emergency_stop_brakes_and_switches_the_motor_off(cell, mode):
     cell.on(mode)
     cell.stream(ramp(0.8, 20))
     answer = [cell.send(turned(16.8)), cell.send(turned(17.6))][1]
@@ -735,7 +735,7 @@ def test_an_exception_in_a_cycle_is_an_error_and_the_arm_stands(cell, monkeypatc
     assert cell.arm.joints == HOME
 
 
-def test_close_answers_whoever_waits(cell):
+def test_close_fails_pending_calls(cell):
     promises = [cell.client("Motor", 0)]
     cell.arm.close()
     cell.arm.close()

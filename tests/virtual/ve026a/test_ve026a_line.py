@@ -1,4 +1,4 @@
-"""The virtual VE026A over its line: the packets of the document, and what a session makes of the rest."""
+"""The virtual VE026A over a serial line: the packets of the document, and other packets."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Line:
         self.closed = False
 
     def exchange(self, data: bytes) -> bytes:
-        """Send bytes; returns all that comes back."""
+        """Send bytes; return all bytes received."""
         answers = b""
         for action in self.conversation.receive(data, self.clock.now()):
             if isinstance(action, Send):
@@ -79,7 +79,7 @@ class Line:
             return self.session.fail(outcome, error)
 
     def call(self, function: int, *arguments: Any) -> Packet:
-        """Call a function; returns the answer."""
+        """Call a function; return the reply."""
         self.serial += 1
         request = Packet(self.serial, function, list(arguments), self.serial)
         answer = packet.decode(self.exchange(packet.encode(request, crc=self.kind.crc)), exact=True, crc=self.kind.crc)
@@ -94,7 +94,7 @@ class Line:
 
 
 def pairs():
-    """Return the printed requests with their answers in an order in which they can be played."""
+    """Return the printed requests with their replies, in an order in which they can be executed."""
     found = list(zip(PRINTED[::2], PRINTED[1::2], strict=True))
     assert all(a["kind"] == "request" and b["kind"] == "response" and a["serial"] == b["serial"] for a, b in found)
     order = [1, 3, 9, 11, 16, 19, 22, 23, 70, 71, 5, 7]
@@ -119,7 +119,7 @@ def test_the_printed_packets_are_answered_as_printed():
             assert mine.arguments[0].type == theirs.arguments[0].type
             assert mine.arguments[0].value == pytest.approx(
                 theirs.arguments[0].value, abs=1.0
-            )  # as gravity has it there
+            )  # with gravity at this pose
             mine.arguments[:] = theirs.arguments
             answer = packet.encode(mine, crc=True)
         assert answer.hex() == printed["hex"], f"line {printed['line']}"
@@ -149,13 +149,13 @@ def test_the_sample_works_in_synchronous_mode_too():
 @pytest.mark.parametrize(
     "function", [number for number in (*FUNCTIONS, 138, 255, 256) if number not in VirtualVE026A.functions]
 )
-def test_any_other_function_is_not_implemented(function):
+def test_other_functions_are_not_implemented(function):
     answer = Line().connect().call(function)
     assert (answer.code & 0xFFFFFFFF, answer.arguments) == (hresult.E_NOTIMPL, [])
 
 
 @pytest.mark.parametrize("name", ["", "CaoProv.DENSO.VRC", "CaoProv.DENSO.NetwoRC", "whatever"])
-def test_every_provider_and_controller_name_will_do(name):
+def test_any_provider_and_controller_name_is_accepted(name):
     line = Line()
     line.call(1)
     assert line.call(3, name, name, name, name).arguments == [variant(1)]
@@ -202,7 +202,7 @@ def test_getting_the_robot_again_leaves_slave_mode_alone():
     assert line.arm.slave_mode == ASYNC
 
 
-def test_a_client_that_begins_anew_on_the_line_finds_the_arm_free():
+def test_a_new_client_on_the_line_finds_the_arm_free():
     line = Line(motor=True).connect()
     line.call(64, ROBOT, "slvChangeMode", ASYNC)
     line.serial = 100

@@ -27,7 +27,7 @@ PLACE = (10.0, 30.0, 120.0, 0.0, 30.0, 0.0, 5.0)
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Start it; returns the process and the addresses of its listeners."""
+    """Start the server; return the process and the addresses of its listeners."""
     started: list[subprocess.Popen[str]] = []
 
     def serve(*options: str, listeners: int = 1) -> tuple[subprocess.Popen[str], list[str]]:
@@ -48,7 +48,7 @@ def serve() -> Iterator[Serve]:
 
 
 class Raw:
-    """A client that knows packets only."""
+    """A client that sends and receives packets."""
 
     def __init__(self, descriptor: int, *, crc: bool) -> None:
         self.descriptor = descriptor
@@ -56,7 +56,7 @@ class Raw:
         self.serial = 0
 
     def call(self, function: int, *arguments: object) -> Packet:
-        """Call a function; returns its answer."""
+        """Call a function; return its reply."""
         self.serial += 1
         request = Packet(self.serial, function, list(arguments), self.serial if self.crc else 0)
         os.write(self.descriptor, packet.encode(request, crc=self.crc))
@@ -69,7 +69,7 @@ class Raw:
         return answer
 
     def play(self) -> None:
-        """Do what the document's user does first (VE026A 6.2)."""
+        """Execute the first calls of the sample in the document (VE026A 6.2)."""
         assert self.call(1).code == 0
         assert self.call(3, "", "", "", "").arguments == [Variant(VarType.I4, 1)]
         assert self.call(7, 1, "VE", "").arguments == [Variant(VarType.I4, 1)]
@@ -124,7 +124,7 @@ def test_its_help_is_there_in_both_languages(capsys, lang, words):
     ("option", "value"),
     [("--joints", "1,2,3"), ("--joints", "0,0,0,0,0,0,26"), ("--joints", "x"), ("--time-scale", "0")],
 )
-def test_what_cannot_be_is_told(capsys, option, value):
+def test_invalid_options_are_reported(capsys, option, value):
     assert main(["serve", "ve026a", option, value]) == 2
     out, err = capsys.readouterr()
     assert out == ""

@@ -21,7 +21,7 @@ from support.late_cell import HandClock, Wire
 from support.ve_cell import ASYNC, HOME, R4, SYNC, Person, VeCell, ramp, turned
 
 MODEL = load_model("VE026A")
-LAG = 3  # cycles by which the encoders are behind
+LAG = 3  # cycles by which the encoders lag
 MOST = 180.0 * 1.25 * PERIOD  # deg that an axis may turn in a cycle
 
 
@@ -85,7 +85,7 @@ def test_a_client_that_is_one_ahead_may_be_late_once(cell):
     assert cell.arm.error == SET_POINT_MISSED
 
 
-def test_a_synchronous_move_that_nobody_waits_for_any_more_is_not_carried_out(cell):
+def test_a_cancelled_synchronous_move_is_not_executed(cell):
     cell.on(SYNC).send(HOME)
     cell.send(turned(1.0)).set_exception(TimeoutError())
     last = cell.send(turned(0.5))
@@ -98,7 +98,7 @@ def test_a_synchronous_move_that_nobody_waits_for_any_more_is_not_carried_out(ce
     assert max(joints[0] for joints in cell.path) == 0.5
 
 
-def test_a_cycle_takes_the_newest_set_point_in_asynchronous_mode(cell):
+def test_a_cycle_uses_the_newest_set_point_in_asynchronous_mode(cell):
     cell.on(ASYNC)
     for pose in (turned(1.0), turned(-1.0)):
         cell.send(pose)
@@ -112,7 +112,7 @@ def test_the_arm_stays_at_the_last_set_point_in_asynchronous_mode(cell):
     cell.on(ASYNC).stream(ramp(1.0, 10))
     cell.cycle(1000)
     assert (cell.arm.joints, cell.arm.error, cell.arm.slave_mode) == (turned(10.0), 0, ASYNC)
-    assert set(cell.path[14:]) == {turned(10.0)}  # at once: no brake, no way back
+    assert set(cell.path[14:]) == {turned(10.0)}  # at once: no braking, no return
     cell.stream(ramp(1.0, 12)[10:])
     cell.cycle(LAG)
     assert cell.arm.joints == turned(12.0)
@@ -142,7 +142,7 @@ def test_the_detector_waits_for_the_first_set_point(cell):
     assert cell.arm.error == 0
 
 
-def test_a_cycle_without_a_set_point_is_an_error_also_where_the_arm_stands(cell):
+def test_a_cycle_without_a_set_point_is_an_error_also_at_standstill(cell):
     cell.on(SYNC).send(HOME)
     cell.cycle()
     assert cell.arm.error == 0
@@ -215,7 +215,7 @@ def test_the_range_of_each_axis(axis, side):
     assert cell.arm.joints == pose
 
 
-def test_the_lowest_axis_out_of_range_is_told(cell):
+def test_the_lowest_axis_out_of_range_is_reported(cell):
     cell.on(ASYNC)
     assert cell.code(lambda: cell.send((0, 200, 300, 400, 30, 0, 0))) == OUT_OF_RANGE_AXIS1 + 1
 
@@ -227,7 +227,7 @@ def test_a_huge_set_point_is_out_of_range(cell, value):
 
 
 def braked_beyond(axis, side):
-    """Return a cell whose arm was fast at the edge of an axis, and has come to rest beyond it; and where it is."""
+    """Return a cell whose arm was fast near the limit of an axis and has come to rest beyond it, and the joints."""
     edge = MODEL.axes[axis].upper if side > 0 else MODEL.axes[axis].lower
     poses = [(*HOME[:axis], edge - side * 1.0 * count, *HOME[axis + 1 :]) for count in range(12, -1, -1)]
     cell = VeCell(joints=poses[0]).on(SYNC)
@@ -320,7 +320,7 @@ def test_single_precision_does_not_matter(cell):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from([SYNC, ASYNC]))
-def test_whatever_is_sent_the_arm_keeps_its_velocities_and_comes_to_rest(seed, mode):
+def test_with_any_set_points_the_arm_stays_within_its_velocities_and_comes_to_rest(seed, mode):
     generator, cell = random.Random(seed), VeCell()
     cell.on(mode)
     pose = list(HOME)
@@ -340,7 +340,7 @@ def test_whatever_is_sent_the_arm_keeps_its_velocities_and_comes_to_rest(seed, m
 
 
 def check_brake(path: list[tuple[float, ...]], first: int) -> None:
-    """From a place of the path on, the arm slowed down evenly within the accelerations of its model, straight on."""
+    """Check that the arm decelerated evenly and straight, within the accelerations of its model, from a sample on."""
     steps = np.diff(np.array(path), axis=0)[first - 1 :]
     bends = np.diff(steps, axis=0) / PERIOD**2
     assert np.all(np.abs(bends) <= np.array([axis.acceleration for axis in MODEL.axes]) * (1 + 1e-6))
@@ -355,7 +355,7 @@ def check_brake(path: list[tuple[float, ...]], first: int) -> None:
 
 
 class Late:
-    """A virtual VE026A whose clock and whose connection a test moves; its client is in slave mode."""
+    """A virtual VE026A with a clock and a connection that a test controls; its client is in slave mode."""
 
     def __init__(self, mode: int) -> None:
         self.hand = HandClock()
@@ -367,23 +367,23 @@ class Late:
         self.number = 0
 
     def send(self, step: float = 1.0) -> Any:
-        """Send the next set-point of a ramp: it is read at once."""
+        """Send the next set-point of a ramp; it is read at once."""
         self.number += 1
         with self.arm.guard:
             return self.client("slvMove", variant([*turned(step * self.number)]))
 
     def arrive(self, count: int = 1) -> None:
-        """Have set-points arrive that nobody reads yet."""
+        """Add arrived set-points that have not been read yet."""
         self.wire.arrived += [self.send] * count
 
     def pass_by(self, seconds: float) -> None:
-        """Let time pass; the clock's thread looks."""
+        """Let time pass; the clock's thread runs the cycles that are due."""
         self.hand.seconds += seconds
         for advance in self.hand.driven:
             advance()
 
 
-def test_a_set_point_that_has_arrived_counts_though_nobody_has_read_it():
+def test_a_set_point_that_has_arrived_counts_before_it_is_read():
     late = Late(SYNC)
     for _ in range(20):
         late.send()
@@ -414,7 +414,7 @@ def test_a_stalled_server_is_not_held_against_a_client_that_waits_for_answers(st
     assert (late.arm.error, late.arm.slave_mode) == (0, SYNC)
 
 
-def test_a_client_that_sends_nothing_is_found_out_all_the_same():
+def test_a_client_that_sends_nothing_is_still_detected():
     late = Late(SYNC)
     late.send()
     for _ in range(5):
@@ -424,13 +424,13 @@ def test_a_client_that_sends_nothing_is_found_out_all_the_same():
 
 
 @pytest.mark.parametrize("cycles", [2, 5, 20])
-def test_set_points_of_a_stalled_server_are_made_up_for_in_asynchronous_mode(cycles):
+def test_set_points_of_a_stalled_server_are_caught_up_in_asynchronous_mode(cycles):
     late = Late(ASYNC)
     for _ in range(20):
         late.send()
         late.pass_by(PERIOD)
     late.hand.seconds += cycles * PERIOD
-    late.arrive(cycles)  # one for each cycle that nobody has run; only the newest counts
+    late.arrive(cycles)  # one for each cycle that was not run; only the newest counts
     for advance in late.hand.driven:
         advance()
     late.wire.read()
@@ -444,7 +444,7 @@ def test_set_points_of_a_stalled_server_are_made_up_for_in_asynchronous_mode(cyc
     assert late.arm.joints[0] > 20.0 + cycles
 
 
-def test_a_jump_is_too_fast_whatever_the_server_does():
+def test_a_jump_is_too_fast_even_if_the_server_was_late():
     late = Late(ASYNC)
     for _ in range(5):
         late.send()
@@ -464,7 +464,7 @@ def test_a_server_that_was_late_gives_its_client_a_period(step):
         late.pass_by(PERIOD)
         late.wire.read()
     late.pass_by(PERIOD * 1.75)
-    late.wire.read()  # only now the client gets its answer, and half a cycle later it sends the next set-point
+    late.wire.read()  # only now the client receives the reply, and half a cycle later it sends the next set-point
     late.pass_by(PERIOD * 0.5)
     late.send(step)
     late.pass_by(PERIOD * 0.5)
@@ -473,7 +473,7 @@ def test_a_server_that_was_late_gives_its_client_a_period(step):
 
 
 @pytest.mark.parametrize("mode", [SYNC, ASYNC])
-def test_the_limits_are_larger_for_a_moment_where_the_server_was_late(cell, mode):
+def test_the_limits_are_larger_for_a_moment_if_the_server_was_late(cell, mode):
     cell.on(mode)
     cell.arm._arm.slave.lenient = 2
     cell.stream([turned(2 * MOST), turned(0.0)])
@@ -483,7 +483,7 @@ def test_the_limits_are_larger_for_a_moment_where_the_server_was_late(cell, mode
     assert cell.arm.error == TOO_FAST_AXIS1
 
 
-def test_there_is_an_end_to_it(cell):
+def test_the_larger_limits_end(cell):
     cell.on(ASYNC)
     cell.arm._arm.slave.lenient = 1
     cell.send(turned(2 * MOST + 0.01))
