@@ -422,7 +422,7 @@ def test_invalid_texts_of_targets(text, message):
         (V(1, 2, 3), PassMark("n", 10), "@10 V(1, 2, 3)"),
         (T(*range(10)), "@0", "@0 T(0, 1, 2, 3, 4, 5, 6, 7, 8, 9)"),
         ("P1", "@E", "@E P1"),
-        ("  whatever", "", "  whatever"),
+        ("  anything", "", "  anything"),
         ("@E P1", "", "@E P1"),
         (Target("P", 1, AT_ENCODER), "", "@E P1"),
         (Target("P", 1), "@E", "@E P1"),

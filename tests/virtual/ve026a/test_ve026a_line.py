@@ -154,7 +154,7 @@ def test_other_functions_are_not_implemented(function):
     assert (answer.code & 0xFFFFFFFF, answer.arguments) == (hresult.E_NOTIMPL, [])
 
 
-@pytest.mark.parametrize("name", ["", "CaoProv.DENSO.VRC", "CaoProv.DENSO.NetwoRC", "whatever"])
+@pytest.mark.parametrize("name", ["", "CaoProv.DENSO.VRC", "CaoProv.DENSO.NetwoRC", "anything"])
 def test_any_provider_and_controller_name_is_accepted(name):
     line = Line()
     line.call(1)
