@@ -177,7 +177,7 @@ def test_a_motor_whose_task_is_cancelled_goes_off() -> None:
 
     async def pass_while_it_is_busy(limit: asyncio.Timeout) -> None:
         with clock.held():
-            while device._arm._job is None:  # noqa: ASYNC110 - a thread sets it
+            while device._arm._operation is None:  # noqa: ASYNC110 - a thread sets it
                 await asyncio.sleep(0.002)
             limit.reschedule(0.0)
             await asyncio.sleep(0.1)
