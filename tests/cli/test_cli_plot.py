@@ -117,9 +117,9 @@ def test_extra_joints_are_there_if_they_are_used():
         (f"{HEADER}0,1,2\n1,2,x\n".encode(), "line 3: column"),
         (f"{HEADER}0,1,2\n1,2,nan\n".encode(), "line 3: column"),
         (f"{HEADER}0,1,2\n1,2,1e999\n".encode(), "line 3: column"),
-        (b"\x89PNG\r\n\x1a\n\x00\xff", "no CSV file"),
-        (b'time_s,"J1', "no CSV file"),
-        (b"time_s," + b"x" * 200_000, "no CSV file"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff", "not a CSV file"),
+        (b'time_s,"J1', "not a CSV file"),
+        (b"time_s," + b"x" * 200_000, "not a CSV file"),
     ],
 )
 def test_a_file_that_is_none(refused, tmp_path, content, words):

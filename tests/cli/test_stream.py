@@ -162,7 +162,7 @@ def test_limits(refused, url, tmp_path):
     assert "J1: acceleration 616.0 deg/s^2 of 212.5" in refused("stream", url, file, "--speed", "10", code=2)
     slow = tmp_path / "slow.toml"
     slow.write_text((Path(orinkit.__file__).parent / "arms" / "vs050.toml").read_text().replace("170", "5"))
-    assert "outside its range, -5 to 5" in refused("stream", url, file, "--model", str(slow), code=2)
+    assert "outside the range of -5 to 5" in refused("stream", url, file, "--model", str(slow), code=2)
 
 
 def test_the_motor_is_switched_on_and_off(run, refused, tmp_path, file):
@@ -217,7 +217,7 @@ def test_an_error_on_the_way(refused, rc8, url, when, tmp_path):
         (["wave.csv", "--mode", "7"], "Try: 0, 1 or 2"),
         (["wave.csv", "--mode", "1.5"], "'1.5'"),
         (["wave.csv", "--pose", "X"], "J, P or T"),
-        (["wave.csv", "--pose", "p"], "kind J, P is wanted"),
+        (["wave.csv", "--pose", "p"], "type J, expected P"),
         (["wave.csv", "--speed", "0"], "speed"),
         (["wave.csv", "--speed", "nan"], "speed"),
         (["wave.csv", "--model", "VS-999"], "no such robot model"),

@@ -430,17 +430,17 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
     [
         (
             (0.0, 45.0, 160.0, 0.0, 45.0, 0.0),
-            "J3: 160 is 9 outside its range, -120 to 151",
+            "J3: 160 is 9 outside the range of -120 to 151",
             "J3: 160 は動作範囲 -120～151 を 9 超えています",
         ),
         (
             (-4.0, 45.0, 90.0, 0.0, 45.0, 0.0),
-            "J1: -4 is 4 away from the last command, 0.6 more than the 3.4 that a velocity of 425/s allows in 0.008 s",
+            "J1: the step of 4 to -4 exceeds by 0.6 the 3.4 that the velocity limit of 425/s allows in 0.008 s",
             "J1: -4 は直前の指令値から 4 離れています。速度 425/s で 0.008 秒に許される 3.4 を 0.6 超えています",
         ),
         (
             (0.0, 45.0, 90.0, 0.0, 45.0, 0.5),
-            "J6: at 0.5 the step changes by 0.5, 0.282 more than the 0.2176 that an acceleration of 3400/s^2 allows in 0.008 s",
+            "J6: at 0.5 the step changes by 0.5, which exceeds by 0.282 the 0.2176 that the acceleration limit of 3400/s^2 allows in 0.008 s",
             "J6: 0.5 では指令値の増分が 0.5 変化します。加速度 3400/s^2 で 0.008 秒に許される 0.2176 を 0.282 超えています",
         ),
     ],
@@ -462,7 +462,7 @@ def test_admits_says_that_the_arm_could_not_be_braked() -> None:
     start = (VS050.upper[0] - 0.3, *HOME[1:])
     arms = Stream(VS050, 0.008, start)
     arms("take", (start[0] + 0.13, *start[1:]))
-    for text, tongue in (("could not be braked before the end of its range, 170", "en"), ("減速できません", "ja")):
+    for text, tongue in (("cannot brake before the end of its range, 170", "en"), ("減速できません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as error:
             arms.planner.check((start[0] + 0.29, *start[1:]))
@@ -473,7 +473,7 @@ def test_admits_says_that_the_arm_could_not_be_braked() -> None:
 def test_admits_says_that_the_arm_has_not_caught_up() -> None:
     arms = stream()
     arms("take", (5.0, *HOME[1:]))
-    for text, tongue in (("J1: the arm has not caught up: it is still", "en"), ("まだ追いついていません", "ja")):
+    for text, tongue in (("J1: the arm lags behind: it is still", "en"), ("まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             arms.planner.check(arms.planner.command)
@@ -496,7 +496,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
         except InvalidValue as error:
             why = str(error)
         exact = bits(arms("take", near)) == bits(near)
-        assert exact == (not why) or "has not caught up" in why  # what catches up may arrive just there
+        assert exact == (not why) or "lags behind" in why  # what catches up may arrive just there
 
 
 # --- whatever is asked ------------------------------------------------------------------------------------------------
@@ -654,9 +654,9 @@ def test_arms_of_any_number_of_axes(axes: int) -> None:
         ((0.0, 0.0, 0.0, 10**400, 0.0, 0.0), "J4 is"),
         ((0.0, 0.0, None, 0.0, 0.0, 0.0), "J3 is None"),
         ((0.0, 0.0, "1", 0.0, 0.0, 0.0), "J3 is '1'"),
-        ((0.0,) * 5, "5 values were given, the stream has 6 axes"),
-        ((0.0,) * 8, "8 values were given"),
-        ((), "0 values were given"),
+        ((0.0,) * 5, "got 5 values, but the stream has 6 axes"),
+        ((0.0,) * 8, "got 8 values"),
+        ((), "got 0 values"),
     ],
 )
 def test_numbers_that_cannot_be_change_nothing(method: str, moving: bool, values: Joints, said: str) -> None:
@@ -683,7 +683,7 @@ def test_periods_that_cannot_be(period: float) -> None:
 
 
 def test_a_period_in_which_limits_are_lost() -> None:
-    with pytest.raises(InvalidValue, match=r"J1: with a period of 1e-09 s, .* is lost in rounding"):
+    with pytest.raises(InvalidValue, match=r"J1: the period of 1e-09 s .* lost in rounding"):
         JointPlanner(VS050, 1e-9, HOME)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="丸め誤差"):
@@ -704,7 +704,7 @@ def test_an_arm_that_stands_outside_its_range() -> None:
     start = (VS050.upper[0] + 0.05, *HOME[1:])
     planner = JointPlanner(VS050, 0.008, start)
     assert planner.command == (VS050.upper[0], *HOME[1:])
-    with pytest.raises(InvalidValue, match="J1: 171 is 1 outside its range, -170 to 170"):
+    with pytest.raises(InvalidValue, match="J1: 171 is 1 outside the range of -170 to 170"):
         JointPlanner(VS050, 0.008, (171.0, *HOME[1:]))
 
 

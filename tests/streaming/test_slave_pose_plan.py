@@ -441,22 +441,22 @@ def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
     [
         (
             (315.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
-            "position: 15 mm from the last command, 3 more than the 12 that a speed of 1500 mm/s allows in 0.008 s",
+            "position: the step of 15 mm exceeds by 3 the 12 that the velocity limit of 1500 mm/s allows in 0.008 s",
             "位置: 直前の指令値から 15 mm 離れています。速度 1500 mm/s で 0.008 秒に許される 12 を 3 超えています",
         ),
         (
             (301.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
-            "position: the step changes by 1 mm, 0.52 more than the 0.48 that an acceleration of 7500 mm/s^2 allows in 0.008 s",
+            "position: the step changes by 1 mm, which exceeds by 0.52 the 0.48 that the acceleration limit of 7500 mm/s^2 allows in 0.008 s",
             "位置: 指令値の増分が 1 mm 変化します。加速度 7500 mm/s^2 で 0.008 秒に許される 0.48 を 0.52 超えています",
         ),
         (
             (300.0, 0.0, 300.0, 170.0, 0.0, 180.0, 5.0),
-            "orientation: 10 deg from the last command, 7.12 more than the 2.88 that a speed of 360 deg/s allows in 0.008 s",
+            "orientation: the step of 10 deg exceeds by 7.12 the 2.88 that the velocity limit of 360 deg/s allows in 0.008 s",
             "姿勢: 直前の指令値から 10 deg 離れています。速度 360 deg/s で 0.008 秒に許される 2.88 を 7.12 超えています",
         ),
         (
             (2e5, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
-            "position: 200000 mm is further away than any tool, at most 100000 mm is wanted",
+            "position: 200000 mm is out of reach; the largest allowed coordinate is 100000 mm",
             "位置: 200000 mm は遠すぎます。100000 mm 以内にしてください",
         ),
     ],
@@ -476,7 +476,7 @@ def test_admits_says_what_is_exceeded(point: Pose, english: str, japanese: str) 
 def test_admits_says_that_the_tool_has_not_caught_up() -> None:
     tool = Stream()
     tool("take", pose("P", (350.0, 0.0, 300.0, 150.0, 0.0, 180.0)))
-    for text, tongue in (("position: it has not caught up", "en"), ("位置: まだ追いついていません", "ja")):
+    for text, tongue in (("position: the arm lags behind", "en"), ("位置: まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             tool.planner.check(tool.planner.command)
@@ -504,7 +504,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
         except InvalidValue as error:
             why = str(error)
         exact = bits(tool("take", point)) == bits(point)
-        assert exact == (not why) or "has not caught up" in why  # what catches up may arrive just there
+        assert exact == (not why) or "lags behind" in why  # what catches up may arrive just there
 
 
 # --- whatever is asked ------------------------------------------------------------------------------------------------
@@ -601,12 +601,12 @@ def test_limits_scaled_down_to_a_crawl() -> None:
         ("P", (300.0, math.nan, 300.0, 180.0, 0.0, 180.0, 5.0), "P: y must be a finite number, not nan"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, -math.inf, 5.0), "P: rz is -inf"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.5), "P: fig must be a whole number of 32 bits, not 5.5"),
-        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0), "P: 6 values were given, 7 are wanted: x, y, z, rx, ry, rz, fig"),
+        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0), "P: got 6 values, expected 7: x, y, z, rx, ry, rz, fig"),
         ("P", (None, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0), "P: x is None"),
         ("T", (300.0, 0.0, 300.0, 0.0, 1.0, math.inf, 0.0, 0.0, 1.0, 5.0), "T: oz must be a finite number, not inf"),
-        ("T", (300.0, 0.0, 300.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient and approach vector are parallel"),
+        ("T", (300.0, 0.0, 300.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient and approach vectors are parallel"),
         ("T", (300.0, 0.0, 300.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient or approach vector is zero"),
-        ("T", (300.0,) * 7, "T: 7 values were given, 10 are wanted"),
+        ("T", (300.0,) * 7, "T: got 7 values, expected 10"),
     ],
 )
 def test_poses_that_cannot_be_change_nothing(method: str, kind: Kind, values: Pose, said: str) -> None:
@@ -633,13 +633,13 @@ def test_periods_that_cannot_be(period: float) -> None:
 
 
 def test_a_period_in_which_limits_are_lost() -> None:
-    for text, tongue in (("position: with a period of 1e-09 s", "en"), ("丸め誤差", "ja")):
+    for text, tongue in (("position: the period of 1e-09 s", "en"), ("丸め誤差", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             PosePlanner(LIMITS, 1e-9, (*HOME, 5.0), "P")
     slow = replace(LIMITS, rotation_acceleration=1e-6)
     i18n.use("en")
-    with pytest.raises(InvalidValue, match="orientation: with a period"):
+    with pytest.raises(InvalidValue, match="orientation: the period"):
         PosePlanner(slow, 0.008, (*HOME, 5.0), "P")
 
 
@@ -647,8 +647,8 @@ def test_a_period_in_which_limits_are_lost() -> None:
     ("start", "kind", "said"),
     [
         ((*HOME, 5.0), "J", "kind is 'J'"),
-        ((2e5, *HOME[1:], 5.0), "P", "200000 mm is further away"),
-        (HOME, "P", "6 values were given"),
+        ((2e5, *HOME[1:], 5.0), "P", "200000 mm is out of reach"),
+        (HOME, "P", "got 6 values"),
         ((math.nan, *HOME[1:], 5.0), "P", "x must be a finite number, not nan"),
     ],
 )

@@ -270,11 +270,11 @@ def test_without_mcap(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("x.txt", "ends in .csv or .mcap"),
-        ("x", "ends in .csv or .mcap"),
-        ("", "ends in .csv or .mcap"),
-        ("none/x.csv", "there is no directory"),
-        ("none/x.mcap", "there is no directory"),
+        ("x.txt", "must end in .csv or .mcap"),
+        ("x", "must end in .csv or .mcap"),
+        ("", "must end in .csv or .mcap"),
+        ("none/x.csv", "does not exist"),
+        ("none/x.mcap", "does not exist"),
         ("folder.csv", "cannot write"),
         ("folder.mcap", "cannot write"),
         ("y" * 5000 + ".csv", "cannot write"),

@@ -187,7 +187,7 @@ def test_any_motion_with_noise_becomes_a_trajectory(rate, phase, noise, seed):
 @pytest.mark.parametrize(
     ("points", "bounds", "words"),
     [
-        ([(0.0,), (171.0,), (0.0,)], limits(), "outside its range"),
+        ([(0.0,), (171.0,), (0.0,)], limits(), "outside the range"),
         ([(0.0,), (math.nan,)], limits(), "J1 is nan"),
         ([(0.0, 1.0, 2.0)], limits(2), "J3 is 2.0"),
         ([], limits(), "empty"),

@@ -96,25 +96,25 @@ def test_what_is_read(source, kind, axes, expected):
         ((1j, 2, 3, 4, 5, 6), "J", 1, "J1 is 1j"),
         (([1.0], 2, 3, 4, 5, 6), "J", 1, "J1 is"),
         ((Hostile(), 2, 3, 4, 5, 6), "J", 1, "J1 is <Hostile>"),
-        ((1, 2, 3, 4, 5), "J", None, "5 values, 6 to 8 are wanted for J"),
+        ((1, 2, 3, 4, 5), "J", None, "got 5 values, expected 6 to 8 for J"),
         ((1,) * 9, "J", None, "9 values"),
         (range(10**12), "J", None, "values"),
-        ((1, 2, 3, 4, 5, 6, 0, 8), "J", 8, "J8 is 8.0, but the arm has 6 joints"),
+        ((1, 2, 3, 4, 5, 6, 0, 8), "J", 8, "J8 is 8.0, but the arm has only 6 joints"),
         ((), "J", None, "0 values"),
-        (5.0, "J", None, "5.0 is no pose"),
-        ("123456", "J", None, "'123456' is no pose"),
-        (b"123456", "J", None, "is no pose"),
-        (None, "J", None, "None is no pose"),
-        ({1: 2}, "J", None, "is no pose"),
-        (Hostile(), "J", None, "<Hostile> is no pose"),
-        (P(*ROW), "J", None, "set-points of kind J are wanted"),
-        (J(*ROW), "P", None, "set-points of kind P are wanted"),
-        (V(1, 2, 3), "P", None, "set-points of kind P are wanted"),
+        (5.0, "J", None, "5.0 is not a pose"),
+        ("123456", "J", None, "'123456' is not a pose"),
+        (b"123456", "J", None, "is not a pose"),
+        (None, "J", None, "None is not a pose"),
+        ({1: 2}, "J", None, "is not a pose"),
+        (Hostile(), "J", None, "<Hostile> is not a pose"),
+        (P(*ROW), "J", None, "is not a set-point of type J"),
+        (J(*ROW), "P", None, "is not a set-point of type P"),
+        (V(1, 2, 3), "P", None, "is not a set-point of type P"),
         ((*ROW, 5.5), "P", 7, "fig is 5.5"),
         ((*ROW, math.nan), "P", 7, "fig is nan"),
-        ((1, 2, 3, 4, 5), "P", None, "5 values, 6 to 7 are wanted for P"),
+        ((1, 2, 3, 4, 5), "P", None, "got 5 values, expected 6 to 7 for P"),
         ((*ROW, 5, 0), "P", None, "8 values"),
-        (TRANS[:8], "T", None, "8 values, 9 to 10 are wanted for T"),
+        (TRANS[:8], "T", None, "got 8 values, expected 9 to 10 for T"),
         ((*TRANS, 0.5), "T", 10, "fig is 0.5"),
         ((1, 2, 3, 0, 0, 0, 0, 0, 1), "T", None, "vector is zero"),
         ((1, 2, 3, 0, 0, 2, 0, 0, 1), "T", None, "parallel"),
@@ -142,18 +142,18 @@ def test_a_set_point_that_is_none(row, kind, axis, words):
     [
         ([], "empty"),
         (np.zeros((0, 6)), "empty"),
-        (None, "None is no trajectory"),
-        (5, "5 is no trajectory"),
-        (b"x", "is no trajectory"),
-        ({1: 2}, "is no trajectory"),
-        (iter([ROW]), "is no trajectory"),
-        (np.float64(1), "is no trajectory"),
-        (J(*ROW), "is no trajectory"),
-        (Hostile(), "<Hostile> is no trajectory"),
-        (range(10**12), "1000000 are the most"),
+        (None, "None is not a trajectory"),
+        (5, "5 is not a trajectory"),
+        (b"x", "is not a trajectory"),
+        ({1: 2}, "is not a trajectory"),
+        (iter([ROW]), "is not a trajectory"),
+        (np.float64(1), "is not a trajectory"),
+        (J(*ROW), "is not a trajectory"),
+        (Hostile(), "<Hostile> is not a trajectory"),
+        (range(10**12), "the limit of 1000000"),
         (np.zeros((2, 2, 6)), "2 values"),
         (np.zeros((2, 6, 6)), "J1 is"),
-        (np.zeros(6), "0.0 is no pose"),
+        (np.zeros(6), "0.0 is not a pose"),
     ],
 )
 def test_what_is_no_trajectory(source, words):
@@ -243,12 +243,12 @@ def test_rounding_of_numbers_does_not_matter_that_of_files_does():
         ),
         ([(0.0, value) for value in RAMP] + [(0.0, RAMP[-1])], (0, 0), 20, 2, "acceleration"),
         ([(0.0, value) for value in RAMP], (0, 0), 19, 2, "ends while the arm moves"),
-        ([(0.0, 0.0)] * 3 + [(9.0, 9.0)] * 3, (0, 0), 3, 1, "J1: velocity 1125.0 deg/s of 100"),
-        ([(0.0, 0.0), (0.0, 170.1)], (0, 0), 1, 2, "J2: 170.100 is outside its range, -170 to 170"),
-        ([(-171.0, 0.0)], (0, 0), 0, 1, "J1: -171.000 is outside its range"),
-        ([(10.0, 20.0)] * 3, (10.0, 20.04), 0, 2, "the arm is at J(10, 20.04), the trajectory begins at J(10, 20)"),
-        ([(10.0, 20.0)], (0.0, 0.0), 0, 1, "with J2 20.000 away: move there first"),
-        ([(10.0, 20.0)], (10.0, 25.0, 0, 0, 0, 0, 0, 0), 0, 2, "J2 5.000 away"),
+        ([(0.0, 0.0)] * 3 + [(9.0, 9.0)] * 3, (0, 0), 3, 1, "J1: velocity 1125.0 deg/s exceeds the limit of 100"),
+        ([(0.0, 0.0), (0.0, 170.1)], (0, 0), 1, 2, "J2: 170.100 is outside the range of -170 to 170"),
+        ([(-171.0, 0.0)], (0, 0), 0, 1, "J1: -171.000 is outside the range"),
+        ([(10.0, 20.0)] * 3, (10.0, 20.04), 0, 2, "the arm is at J(10, 20.04), but the trajectory begins at J(10, 20)"),
+        ([(10.0, 20.0)], (0.0, 0.0), 0, 1, "J2 is off by 20.000. Try: move there first"),
+        ([(10.0, 20.0)], (10.0, 25.0, 0, 0, 0, 0, 0, 0), 0, 2, "J2 is off by 5.000"),
     ],
 )
 def test_the_first_sample_that_breaks_a_limit(points, start, sample, axis, words):
@@ -332,7 +332,7 @@ def test_it_is_what_the_document_says(points, start, velocity, acceleration):
 
 def test_range_alone():
     check_range([(0.0,), (160.0,)], limits(), PERIOD)
-    with pytest.raises(TrajectoryError, match="outside its range") as caught:
+    with pytest.raises(TrajectoryError, match="outside the range") as caught:
         check_range([(0.0,), (160.0,), (-180.0,)], limits(), PERIOD)
     assert (caught.value.sample, caught.value.axis) == (2, 1)
 
@@ -368,12 +368,12 @@ def as_trans(point: tuple[float, ...]) -> tuple[float, ...]:
     [
         ([0.32 * n * (n + 1) / 2 for n in range(8)], 1, 7, "ends while the arm moves"),
         ([0.0, 0.3, 0.9, 1.5, 1.8, 1.8], 1, None, ""),
-        ([0.0, 0.0, 0.33, 0.33], 1, 2, "acceleration of the tool 5156"),
-        ([0.0, 0.0, 9.0, 9.0], 1, 2, "speed of the tool 1125.0 mm/s of 1000"),
+        ([0.0, 0.0, 0.33, 0.33], 1, 2, "tool acceleration 5156"),
+        ([0.0, 0.0, 9.0, 9.0], 1, 2, "tool velocity 1125.0 mm/s exceeds the limit of 1000"),
         ([180.0, -179.95, -179.9, -179.9], 3, None, ""),
         ([180.0, -179.95, -179.9, -179.9], 5, None, ""),
-        ([0.0, 0.0, 0.0645, 0.0645], 4, 2, "acceleration of rotation"),
-        ([0.0, 0.0, 3.0, 3.0], 3, 2, "speed of rotation 375.0 deg/s of 200"),
+        ([0.0, 0.0, 0.0645, 0.0645], 4, 2, "angular acceleration"),
+        ([0.0, 0.0, 3.0, 3.0], 3, 2, "angular velocity 375.0 deg/s exceeds the limit of 200"),
     ],
 )
 def test_paths(kind, values, place, sample, words):
@@ -402,7 +402,7 @@ def test_a_tool_that_is_somewhere_else(kind):
     if kind == "T":
         points, start = list(map(as_trans, points)), as_trans(start)
     with pytest.raises(
-        TrajectoryError, match=r"the trajectory begins at .* 30\.000 mm, 0\.000 deg away: move there"
+        TrajectoryError, match=r"the trajectory begins at .* 30\.000 mm, 0\.000 deg\. Try: move there"
     ) as caught:
         check_path(points, SPACE, start, PERIOD, kind)
     assert caught.value.sample == 0
@@ -474,31 +474,31 @@ def test_files(tmp_path, text, kind, period, rows):
     [
         (b"", "the file is empty"),
         (b"\n\n# only this\n,,,\n", "the file is empty"),
-        (b"j1,j2\n", "line 1: no row follows the header"),
+        (b"j1,j2\n", "line 1: no rows after the header"),
         (b"1,2,3\n", "line 1: 3 columns without names"),
         (b"1,2,3,4,5,6,7,8,9\n", "line 1: 9 columns without names"),
         (b"a,b,c\n1,2,3\n", "line 1: no columns of a trajectory"),
         (b"j1,j2,j4\n1,2,3\n", "line 1: column J3 is missing"),
         (b"x,y,z,rx\n1,2,3,4\n", "line 1: columns are missing: ry, rz"),
         (b"j1,j1\n1,2\n", "line 1: two columns have the same name"),
-        (b"j1,x,y,z\n1,2,3,4\n", "line 1: it has joints and positions"),
-        (b"j1,j2\n1,2\n\n1\n", "line 4: 1 values, 2 are wanted"),
-        (b"j1,j2\n1,2\n1,2,3\n", "line 3: 3 values, 2 are wanted"),
+        (b"j1,x,y,z\n1,2,3,4\n", "line 1: the file has both joints and positions"),
+        (b"j1,j2\n1,2\n\n1\n", "line 4: got 1 values, expected 2"),
+        (b"j1,j2\n1,2\n1,2,3\n", "line 3: got 3 values, expected 2"),
         (b"j1,j2\n1,2\n1,x\n", "line 3: column"),
         (b"j1,j2\n1,2\n1,nan\n", "line 3: column"),
         (b"j1,j2\n1,2\n1,1e999\n", "line 3: column"),
         (b"j1,j2\n1,2\n1,\n", "line 3: column"),
-        (b"j1,j2\n1,2\n1\x00,2\n", "line 3|no CSV file"),
+        (b"j1,j2\n1,2\n1\x00,2\n", "line 3|not a CSV file"),
         (b"j1;j2\n1,5;2\n", "line 2: column"),
-        (b"t,j1\n0,1\n0.008,1\n0.016,1\n0.025,1\n", "line 3: 0.008 s after the row before"),
-        (b"t,j1\n0,1\n0,1\n", "line 3: 0 s after the row before"),
-        (b"t,j1\n0,1\n-1,1\n", "line 3: -1 s after the row before"),
-        (b"t,j1\n0,1\n99,1\n", "even times up to 10 s apart"),
-        (b"\x89PNG\r\n\x1a\n\x00\xff", "no CSV file"),
-        (bytes(range(256)) * 50, "no CSV file"),
-        (b'time_s,"J1', "no CSV file"),
-        (b"j1," + b"x" * 300_000, "no CSV file"),
-        ("j1,j2\n1,2\n".encode("utf-16"), "no CSV file"),
+        (b"t,j1\n0,1\n0.008,1\n0.016,1\n0.025,1\n", "line 3: the interval to the row before is 0.008 s"),
+        (b"t,j1\n0,1\n0,1\n", "line 3: the interval to the row before is 0 s"),
+        (b"t,j1\n0,1\n-1,1\n", "line 3: the interval to the row before is -1 s"),
+        (b"t,j1\n0,1\n99,1\n", "equal (within 1 %) and at most 10 s"),
+        (b"\x89PNG\r\n\x1a\n\x00\xff", "not a CSV file"),
+        (bytes(range(256)) * 50, "not a CSV file"),
+        (b'time_s,"J1', "not a CSV file"),
+        (b"j1," + b"x" * 300_000, "not a CSV file"),
+        ("j1,j2\n1,2\n".encode("utf-16"), "not a CSV file"),
     ],
 )
 def test_files_that_are_none(tmp_path, content, words):
@@ -521,7 +521,7 @@ def test_files_that_cannot_be_read(tmp_path, name):
 
 
 def test_an_endless_file_ends():
-    with pytest.raises(InvalidValue, match="no CSV file"):
+    with pytest.raises(InvalidValue, match="not a CSV file"):
         load_csv(Path("/dev/zero"))
 
 
@@ -542,9 +542,9 @@ def test_a_file_as_a_trajectory(tmp_path):
     path.write_text(f"{NAMES}\n1,2,3,4,5,6\n1,2,3,4,5,7\n")
     expected = [ROW, (1.0, 2.0, 3.0, 4.0, 5.0, 7.0)]
     assert read_trajectory(path, "J") == read_trajectory(str(path), "J", period=PERIOD) == expected
-    with pytest.raises(TrajectoryError, match="set-points of kind J, P is wanted"):
+    with pytest.raises(TrajectoryError, match="set-points of type J, expected P"):
         read_trajectory(path, "P")
-    with pytest.raises(TrajectoryError, match=r"x\.csv: sample 0 .*7 to 8 are wanted"):
+    with pytest.raises(TrajectoryError, match=r"x\.csv: sample 0 .*expected 7 to 8"):
         read_trajectory(path, "J", 7)
 
 

@@ -1,1 +1,1 @@
-"""Slave mode from the client's side: an arm that is moved set-point by set-point, from a process of its own (RC8 4)."""
+"""Client side of slave mode: a process of its own moves the arm set-point by set-point (RC8 4)."""

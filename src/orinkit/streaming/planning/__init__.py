@@ -1,1 +1,1 @@
-"""Planners: commands that stay within the limits of an arm."""
+"""Planners, whose commands stay within the limits of an arm."""

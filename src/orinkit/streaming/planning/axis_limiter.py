@@ -1,4 +1,4 @@
-"""What one axis may do: the law that keeps every command of a stream within the limits, whatever is wanted."""
+"""Limiter of a single axis: keeps every command of a stream within the limits."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from orinkit.core.i18n import tr
 from orinkit.streaming.planning.jerk_limited import PART
 
 TOLERANCE: Final = 1e-9
-"""By which part of a limit a set-point may be beyond it: the rounding of whoever made it."""
+"""Relative tolerance by which a set-point may exceed a limit, because of rounding by its producer."""
 SLIGHT: Final = 1e-3
-"""Of the largest change of a step: a command so near to what was planned is still on the plan."""
+"""Fraction of the largest step change: a command within this distance of the planned one counts as planned."""
 FINEST: Final = 1e4
-"""Times the spacing of numbers: the least that an acceleration has to be in a period."""
+"""Smallest step and step change that the limits may allow in a period, in spacings of floating-point numbers."""
 ROUNDING: Final = 8.0
-"""Such spacings by which own steps keep away from the limits."""
+"""Margin of planned steps to the limits, in such spacings."""
 JUMPS: Final = 2
-"""A set-point beside the others makes two changes that no arm can follow."""
+"""Consecutive jumps to ignore: an outlier among the set-points causes two step changes that no arm can follow."""
 PUSHED: Final = 0.7
-"""Of the largest acceleration: what set-points are taken to have at most."""
+"""Fraction of the largest acceleration that set-points are assumed to have at most."""
 
 _GREATEST: Final = 1e300
 
 
 class AxisState(NamedTuple):
-    """Where an axis is (deg or mm), or where it is as seen from something else, and how it moves (per second)."""
+    """Position (deg or mm), velocity and acceleration (per s) of an axis, absolute or relative to a moving target."""
 
     position: float
     velocity: float
@@ -34,12 +34,12 @@ class AxisState(NamedTuple):
 
 
 class TargetMotion(NamedTuple):
-    """How set-points move.
+    """The motion of the set-points of one axis.
 
     Attributes:
-        velocity: at the last but one of them, per second.
-        acceleration: per second squared.
-        jumps: how many jumps in a row it has outlived.
+        velocity: Velocity at the last but one set-point, per second.
+        acceleration: Acceleration, per second squared.
+        jumps: Number of consecutive jumps for which this motion was kept.
     """
 
     velocity: float = 0.0
@@ -47,23 +47,24 @@ class TargetMotion(NamedTuple):
     jumps: int = 0
 
     def outward(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
-        """Return how an axis moves as seen from the set-points, a period before the last one.
+        """Return the state of an axis relative to the set-points, one period before the last one.
 
         Args:
-            offset: of the axis from the last set-point.
-            velocity: of the axis.
-            acceleration: of the axis.
-            period: seconds.
+            offset: Offset of the axis from the last set-point.
+            velocity: Velocity of the axis.
+            acceleration: Acceleration of the axis.
+            period: Period, s.
         """
         way = (self.velocity + 0.5 * self.acceleration * period) * period
         return AxisState(offset + way, velocity - self.velocity, acceleration - self.acceleration)
 
 
 class AxisLimiter:
-    """What an axis may do: the law that keeps every command within the limits.
+    """Keeps every command of an axis within the limits.
 
-    A step is the difference of two commands. Of the steps that velocity and acceleration allow, those are taken from
-    which the axis can be braked before the end of its range: with steps that become smaller by ``change`` each time.
+    A step is the difference of two commands. Of the steps that velocity and acceleration allow, only those are
+    admissible from which the axis can brake before the end of its range, with steps that decrease by ``change`` each
+    period.
     """
 
     __slots__ = (
@@ -77,25 +78,27 @@ class AxisLimiter:
         self.name = name
         self.lower = lower
         self.upper = upper
-        self.widest = velocity * period * (1.0 + TOLERANCE)  # of other people's steps
-        self.wildest = acceleration * period * period * (1.0 + TOLERANCE)  # change of other people's steps
+        self.widest = velocity * period * (1.0 + TOLERANCE)  # of steps of a program's own
+        self.wildest = acceleration * period * period * (1.0 + TOLERANCE)  # change of steps of a program's own
         spacing = math.ulp(max(-lower, upper))
         change, most = acceleration * period * period, velocity * period
         if not (min(change, most) > FINEST * spacing and max(change, most) < _GREATEST):
             raise InvalidValue(
                 tr(
-                    "{name}: with a period of {period:g} s, a velocity of {velocity:g}/s or an acceleration "
-                    "of {acceleration:g}/s^2 is lost in rounding",
+                    "{name}: the period of {period:g} s is too short for a velocity of {velocity:g}/s and an "
+                    "acceleration of {acceleration:g}/s^2: they would be lost in rounding",
                     name=name,
                     period=period,
                     velocity=velocity,
                     acceleration=acceleration,
                 )
             )
-        # so that set-points that brake with all that is allowed, right to the end of the range, are passed on to it
+        # the tolerance lets set-points pass that brake at the limit, exactly to the end of the range
         self.change = change * (1.0 + 0.5 * TOLERANCE) - ROUNDING * spacing
         self.most = most - ROUNDING * spacing
-        self.free = self.widest * (1.0 + 0.5 * self.widest / self.change)  # room that is enough for any step
+        self.free = self.widest * (
+            1.0 + 0.5 * self.widest / self.change
+        )  # distance that is sufficient for braking from any step
         self.slight = SLIGHT * self.change
         self.velocity = velocity * PART
         self.acceleration = acceleration * PART
@@ -105,10 +108,10 @@ class AxisLimiter:
         self._period = period
 
     def start(self, joint: float) -> float:
-        """Return where a stream can start if the axis stands at ``joint``.
+        """Return the position at which a stream can start if the axis stands at ``joint``.
 
         Raises:
-            InvalidValue: it is outside its range.
+            InvalidValue: If the axis is outside its range.
         """
         inside = self.inside(joint)
         if abs(inside - joint) > self.change:
@@ -120,7 +123,7 @@ class AxisLimiter:
         return self.lower if value < self.lower else min(value, self.upper)
 
     def fits(self, before: float, now: float, value: float) -> bool:
-        """Tell whether a command may come after two others."""
+        """Return True if a command may follow the commands ``before`` and ``now``."""
         step = value - now
         return (
             -self.widest <= step <= self.widest
@@ -130,9 +133,9 @@ class AxisLimiter:
         )
 
     def within(self, before: float, now: float, wanted: float) -> float:
-        """Return the command nearest to a wanted one that may come after two others.
+        """Return the admissible command nearest to the desired one, after the commands ``before`` and ``now``.
 
-        The range comes last: what rounding makes of its two bounds is within what own steps keep away from the others.
+        The range is applied last: the rounding errors of its bounds are within the margin to the other limits.
         """
         step = now - before
         move = min(max(wanted - now, step - self.change, -self.most), step + self.change, self.most)
@@ -140,19 +143,19 @@ class AxisLimiter:
         return self.inside(wanted if move == wanted - now else now + move)
 
     def towards(self, now: float, goal: float) -> float:
-        """Return a command on the way to a goal from which the axis can be braked before it."""
+        """Return a command towards a goal from which the axis can brake before the goal."""
         way = goal - now
         step = min(self._fastest(abs(way)), abs(way))
         return goal if step == abs(way) else now + math.copysign(step, way)
 
     def course(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
-        """Return how three set-points move; where they jump, how they moved before, for a little while.
+        """Return the motion of three set-points; after a jump, return the previous motion for up to two periods.
 
         Args:
-            before: the first one.
-            last: the second one.
-            aim: the third one.
-            held: how the first two moved, with the one before them; ``None`` where that is not known.
+            before: The first set-point.
+            last: The second set-point.
+            aim: The third set-point.
+            held: The motion before; ``None`` if it is unknown.
         """
         step, step_before = aim - last, last - before
         change = step - step_before
@@ -166,9 +169,9 @@ class AxisLimiter:
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
 
     def motion(self, earlier: float, before: float, now: float) -> tuple[float, float]:
-        """Return velocity and acceleration at the last of three commands, such that a smooth motion can begin there."""
+        """Return velocity and acceleration at the last of three commands, from which a smooth motion can start."""
         step = now - before
-        if step == 0.0:  # it stands, however hard it was braked
+        if step == 0.0:  # at standstill, regardless of the deceleration before
             return 0.0, 0.0
         way = math.copysign(1.0, step)
         velocity = min(abs(step) / self._period, self.velocity)
@@ -179,13 +182,13 @@ class AxisLimiter:
         return way * velocity, way * bearable(velocity, acceleration, self.velocity, self.jerk)
 
     def complaint(self, before: float, now: float, value: float, behind: float) -> str:
-        """Return why a command may not come after two others.
+        """Return the message for a command that may not follow the last two.
 
         Args:
-            before: the command before the last one.
-            now: the last one.
-            value: the one that may not come.
-            behind: how far the last one is from the set-point that it was made of.
+            before: The command before the last one.
+            now: The last command.
+            value: The rejected command.
+            behind: Distance from the last command to the set-point it was planned for.
         """
         step = value - now
         change = abs(step - (now - before))
@@ -194,8 +197,8 @@ class AxisLimiter:
         if abs(step) > self.widest:
             most = self._velocity * self._period
             return tr(
-                "{name}: {value:g} is {step:g} away from the last command, {excess:.3g} more than the "
-                "{most:g} that a velocity of {velocity:g}/s allows in {period:g} s",
+                "{name}: the step of {step:g} to {value:g} exceeds by {excess:.3g} the "
+                "{most:g} that the velocity limit of {velocity:g}/s allows in {period:g} s",
                 name=self.name,
                 value=value,
                 step=abs(step),
@@ -208,8 +211,8 @@ class AxisLimiter:
             most = self.wildest / (1.0 + TOLERANCE)
             rate = most / self._period**2
             return tr(
-                "{name}: at {value:g} the step changes by {change:g}, {excess:.3g} more than the "
-                "{most:g} that an acceleration of {rate:g}/s^2 allows in {period:g} s",
+                "{name}: at {value:g} the step changes by {change:g}, which exceeds by {excess:.3g} the "
+                "{most:g} that the acceleration limit of {rate:g}/s^2 allows in {period:g} s",
                 name=self.name,
                 value=value,
                 change=change,
@@ -220,15 +223,15 @@ class AxisLimiter:
             )
         if abs(behind) > self.near:
             return tr(
-                "{name}: the arm has not caught up: it is still {behind:.3g} away from the last set-point",
+                "{name}: the arm lags behind: it is still {behind:.3g} from the last set-point",
                 name=self.name,
                 behind=abs(behind),
             )
         end, room = (self.upper, self.upper - now) if step > 0.0 else (self.lower, now - self.lower)
         rate, most = abs(step) / self._period, self._fastest(room) / self._period
         return tr(
-            "{name}: at {value:g} with {rate:g}/s it could not be braked before the end of its "
-            "range, {end:g}: {excess:.3g} more than the {most:g}/s that are possible here",
+            "{name}: from {rate:g}/s at {value:g} the axis cannot brake before the end of its "
+            "range, {end:g}; the velocity exceeds by {excess:.3g}/s the {most:g}/s that are possible here",
             name=self.name,
             value=value,
             rate=rate,
@@ -240,7 +243,7 @@ class AxisLimiter:
     def _outside(self, value: float) -> str:
         beyond = abs(value - self.inside(value))
         return tr(
-            "{name}: {value:g} is {beyond:.3g} outside its range, {lower:g} to {upper:g}",
+            "{name}: {value:g} is {beyond:.3g} outside the range of {lower:g} to {upper:g}",
             name=self.name,
             value=value,
             beyond=beyond,
@@ -253,13 +256,13 @@ class AxisLimiter:
 
 
 def fastest(room: float, change: float) -> float:
-    """Return the largest step from which there can be rest within the room in front of it.
+    """Return the largest step from which the axis can stop within a distance.
 
-    A step of up to (n + 1) changes is followed by n others before rest, each a change smaller.
+    A step of up to (n + 1) changes is followed by n others before standstill, each smaller by one change.
 
     Args:
-        room: deg or mm.
-        change: by which a step can be smaller than the one before.
+        room: The distance, deg or mm.
+        change: The largest difference between two steps.
     """
     if room <= 0.0:
         return 0.0
@@ -268,13 +271,13 @@ def fastest(room: float, change: float) -> float:
 
 
 def bearable(velocity: float, acceleration: float, most: float, jerk: float) -> float:
-    """Return the acceleration nearest to one that a velocity can have: it leads neither beyond a limit nor backwards.
+    """Return the nearest acceleration from which the velocity neither exceeds its limit nor changes its sign.
 
     Args:
-        velocity: from 0 to ``most``.
-        acceleration: below 0 it brakes.
-        most: largest velocity.
-        jerk: with which the acceleration ends.
+        velocity: Velocity, from 0 to ``most``.
+        acceleration: Acceleration; negative values brake.
+        most: The largest velocity.
+        jerk: The jerk with which the acceleration is reduced to 0.
     """
     least = -math.sqrt(2.0 * jerk * velocity)
     return min(max(acceleration, least), math.sqrt(2.0 * jerk * (most - velocity)))

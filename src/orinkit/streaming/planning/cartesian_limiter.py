@@ -1,7 +1,7 @@
-"""What the tip of a tool, or its orientation, may do: the law that keeps a stream of poses within limits.
+"""Limiter of the tip of a tool, or of its orientation: keeps a stream of poses within limits.
 
-A step is the difference of two commands: mm, or the rotation between two orientations as its axis in the base times its
-angle in degrees. Its length, and the length of its change, are limited; any direction is as good as another.
+A step is the difference of two commands: mm, or the rotation between two orientations as its axis in the base frame
+times its angle in degrees. The lengths of the step and of its change are limited, independently of the direction.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, JerkLim
 from orinkit.streaming.planning.quaternions import DEGREE, Vector
 
 Basis: TypeAlias = tuple[Vector, Vector, Vector]
-"""Three unit vectors, square to each other."""
+"""Three orthogonal unit vectors."""
 
 NOTHING: Final[Vector] = (0.0, 0.0, 0.0)
-"""No step."""
+"""The zero vector."""
 
-_ALIKE: Final = 1.0 / math.sqrt(3.0)  # part of the limits of each of three axes, where none is preferred
-_LEAST: Final = 0.05  # the same of the axes beside a straight way
-_STRAIGHT: Final = 1e-3  # part of the limits at which a motion that leads aside is straight all the same
-_ASIDE: Final = 1.2  # part of the limits for ending what leads aside, for each part of them that it has
-_FAR: Final = 1000.0  # s at full speed: a way need not be planned any further
-_TINY: Final = 1e-100  # so small that its inverse could be no number
+_ALIKE: Final = 1.0 / math.sqrt(3.0)  # share of the limits for each of three equal axes
+_LEAST: Final = 0.05  # the same for the axes perpendicular to a straight path
+_STRAIGHT: Final = 1e-3  # fraction of the limits up to which a lateral motion is neglected
+_ASIDE: Final = 1.2  # share of the limits for stopping a lateral motion, as a multiple of the fraction that it has
+_FAR: Final = 1000.0  # s at full speed: a longer distance need not be planned
+_TINY: Final = 1e-100  # so small that its inverse could overflow
 
 
 class _Frame(NamedTuple):
-    """In which axes a motion is planned, and what part of the limits each of them has."""
+    """The axes in which a motion is planned, and the share of the limits that each of them has."""
 
     basis: Basis
     shares: Vector
@@ -50,7 +50,7 @@ _EVERY_WAY: Final = _Frame(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 
 
 
 class TargetMotion3D(NamedTuple):
-    """How set-points move: :class:`orinkit.streaming.planning.axis_limiter.TargetMotion` in space."""
+    """The motion of set-points in space, like :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion` of one axis."""
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
@@ -58,25 +58,25 @@ class TargetMotion3D(NamedTuple):
 
 
 class CartesianLimiter:
-    """One of the two things that a pose is made of, the position of the tip or its orientation.
+    """Keeps the position or the orientation of the commanded pose within limits.
 
     Args:
-        name: what a message calls it; it is translated there.
-        unit: of its steps.
-        speed: per second.
-        acceleration: per second squared.
-        jerk: per second cubed.
-        period: seconds.
-        spacing: of the numbers that its steps are differences of.
-        turning: whether it is the orientation.
+        name: Name of the quantity for messages, which translate it.
+        unit: Unit of a step.
+        speed: Largest velocity, per second.
+        acceleration: Largest acceleration, per second squared.
+        jerk: Jerk of planned motions, per second cubed.
+        period: Period, s.
+        spacing: Spacing of the floating-point numbers from which steps are computed.
+        turning: True for the orientation.
 
     Attributes:
-        step: the last one.
-        near: as near as that to the last set-point, it has caught up.
+        step: The last step.
+        near: Distance to the last set-point within which the command has caught up.
 
     Raises:
-        InvalidValue: the period is so short that a limit is lost in rounding.
-        MissingExtra: ruckig is not installed.
+        InvalidValue: If the period is so short that a limit would be lost in rounding.
+        MissingExtra: If ruckig is not installed.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class CartesianLimiter:
         if not FINEST * spacing < min(change, most) <= max(change, most) < math.inf:
             raise InvalidValue(
                 tr(
-                    "{what}: with a period of {period:g} s, a limit of {speed:g} {unit}/s or "
-                    "{acceleration:g} {unit}/s^2 is lost in rounding",
+                    "{what}: the period of {period:g} s is too short for limits of {speed:g} {unit}/s and "
+                    "{acceleration:g} {unit}/s^2: they would be lost in rounding",
                     what=tr(name),
                     period=period,
                     speed=speed,
@@ -117,57 +117,57 @@ class CartesianLimiter:
         self._bend = 0.5 / DEGREE if turning else 0.0
         self.near = min(jerk * period**3, 0.5 * self._change)
         self.step = self._before = NOTHING
-        self._velocity = self._push = NOTHING  # and acceleration, at the last step
+        self._velocity = self._push = NOTHING  # velocity and acceleration at the last step
         self._known = True
-        self._moved = NOTHING  # the last step of the set-points
-        self._course: TargetMotion3D | None = None  # of the set-points, while catching up
+        self._moved = NOTHING  # last step of the set-points
+        self._course: TargetMotion3D | None = None  # motion of the set-points, while catching up
         self._frame = _EVERY_WAY
-        self._halting = False  # whether that is the frame of a stop
+        self._halting = False  # True if the frame is that of a stop
         self._towards = JerkLimitedMotion(3, period)
         self._to_rest = JerkLimitedMotion(3, period, halting=True)
 
     @property
     def rests(self) -> bool:
-        """Whether it stands still, and will."""
+        """True at standstill."""
         return self.step == self._velocity == self._push == NOTHING
 
     def fits(self, step: Vector) -> bool:
-        """Tell whether a step may come after the last one."""
+        """Return True if a step may follow the last one."""
         return _size(step) <= self._widest and _size(_minus(step, self.step)) <= self._wildest
 
     def keep(self, step: Vector, moved: Vector) -> None:
-        """Make a step of a program's own.
+        """Take over a step of the program's own set-points.
 
         Args:
-            step: one that :meth:`fits`.
-            moved: step of the set-points.
+            step: A step that :meth:`fits`.
+            moved: Step of the set-points.
         """
         self._before, self.step = self.step, step
         self._known = False
         self._moved, self._course = moved, None
 
     def forget(self) -> None:
-        """Forget how set-points moved."""
+        """Discard the motion of the set-points."""
         self._moved, self._course = NOTHING, None
 
     def chase(self, way: Vector, moved: Vector) -> tuple[Vector, bool]:
-        """Return the next step to where set-points are, and whether that is all of the way.
+        """Return the next step towards moving set-points, and True if it reaches the last one.
 
         Args:
-            way: to the last one.
-            moved: step of the set-points.
+            way: Vector to the last set-point.
+            moved: Step of the set-points.
         """
         course = self._course_of(moved)
         self._moved, self._course = moved, course
         return self.towards(way, course, anew=True)
 
     def towards(self, way: Vector, course: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
-        """Return the next step of a smooth motion along the rest of a way, and whether it is all of it.
+        """Return the next step of a smooth motion to a goal, and True if it reaches the goal.
 
         Args:
-            way: to the goal.
-            course: how the goal moves.
-            anew: whether it is another goal than that of the last step.
+            way: Vector to the goal.
+            course: Motion of the goal.
+            anew: True if the goal differs from that of the last step.
         """
         self._know()
         course = course or TargetMotion3D()
@@ -201,7 +201,7 @@ class CartesianLimiter:
         return step, step == way
 
     def halt(self) -> Vector:
-        """Return the next step of coming to rest."""
+        """Return the next step of a stop."""
         self._know()
         if self._velocity == self._push == NOTHING:
             return self._advance(NOTHING, NOTHING, NOTHING, planned=True)
@@ -219,11 +219,11 @@ class CartesianLimiter:
         return self._advance(wanted, *after, planned=ended is not None)
 
     def complaint(self, step: Vector, behind: float) -> str:
-        """Return why a step may not come after the last one.
+        """Return the message for a step that may not follow the last one.
 
         Args:
-            step: the one that may not come.
-            behind: how far the last command is from the set-point that it was made of.
+            step: The rejected step.
+            behind: Distance from the last command to the set-point it was planned for.
         """
         what, unit = tr(self._name), self._unit
         speed, acceleration = self._limits
@@ -231,8 +231,8 @@ class CartesianLimiter:
         if size > self._widest:
             most = speed * self._period
             return tr(
-                "{what}: {size:g} {unit} from the last command, {excess:.3g} more than the {most:g} that a "
-                "speed of {speed:g} {unit}/s allows in {period:g} s",
+                "{what}: the step of {size:g} {unit} exceeds by {excess:.3g} the {most:g} that the "
+                "velocity limit of {speed:g} {unit}/s allows in {period:g} s",
                 what=what,
                 size=size,
                 unit=unit,
@@ -244,8 +244,8 @@ class CartesianLimiter:
         if change > self._wildest:
             most = acceleration * self._period**2
             return tr(
-                "{what}: the step changes by {change:g} {unit}, {excess:.3g} more than the {most:g} that "
-                "an acceleration of {acceleration:g} {unit}/s^2 allows in {period:g} s",
+                "{what}: the step changes by {change:g} {unit}, which exceeds by {excess:.3g} the {most:g} that "
+                "the acceleration limit of {acceleration:g} {unit}/s^2 allows in {period:g} s",
                 what=what,
                 change=change,
                 unit=unit,
@@ -255,7 +255,7 @@ class CartesianLimiter:
                 period=self._period,
             )
         return tr(
-            "{what}: it has not caught up: it is still {behind:.3g} {unit} away from the last set-point",
+            "{what}: the arm lags behind: it is still {behind:.3g} {unit} from the last set-point",
             what=what,
             behind=behind,
             unit=unit,
@@ -281,27 +281,27 @@ class CartesianLimiter:
         smooth.limit(speeds, speeds, accelerations, accelerations, _times(shares, jerk))
 
     def _advance(self, wanted: Vector, velocity: Vector, push: Vector, *, planned: bool) -> Vector:
-        """Make the step nearest to a wanted one; it has these derivatives if it was ``planned`` and is that one."""
+        """Take the admissible step nearest to the desired one, which has these derivatives if it was ``planned``."""
         step = self._within(wanted)
         self._before, self.step = self.step, step
         self._known = planned and _size(_minus(step, wanted)) <= SLIGHT * self._change
-        bend = _times(_cross(step, velocity), self._bend)  # a rotation that goes on as seen from where it has led
+        bend = _times(_cross(step, velocity), self._bend)  # the rotation velocity seen from the new orientation
         self._velocity, self._push = _plus(velocity, bend), push
         return step
 
     def _within(self, wanted: Vector) -> Vector:
-        """Return the step nearest to a wanted one, on the way there from the last one, that may come after that."""
+        """Clip the desired step to the admissible step closest to it along the line from the previous step."""
         wanted = _shortened(wanted, self._most)
         change = _minus(wanted, self.step)
         return wanted if _size(change) <= self._change else _plus(self.step, _shortened(change, self._change))
 
     def _know(self) -> None:
-        """Make out velocity and acceleration where the last step was not planned."""
+        """Estimate velocity and acceleration if the last step was not planned."""
         if self._known:
             return
         self._known = True
         size, period = _size(self.step), self._period
-        if size <= _TINY:  # it stands, however hard it was braked
+        if size <= _TINY:  # at standstill, regardless of the deceleration before
             self._velocity = self._push = NOTHING
             return
         way = _times(self.step, 1.0 / size)
@@ -317,15 +317,16 @@ class CartesianLimiter:
 
 
 def _frame_towards(way: Vector, velocity: Vector, push: Vector) -> _Frame:
-    """Return the frame in which a way is to be planned.
+    """Return the frame for planning a motion to a goal.
 
-    One that moves along it already, or stands, is planned straight, nearly as fast as the limits allow. Otherwise the
-    frame is always the same one: in one that turns with the way, a motion can go round its goal for ever.
+    A motion from standstill, or one that already moves towards the goal, is planned on a straight line, nearly as fast
+    as the limits allow. Otherwise the frame is fixed: in a frame that turns with the direction to the goal, a motion
+    could circle its goal forever.
 
     Args:
-        way: to the goal.
-        velocity: as parts of the limit.
-        push: acceleration, as parts of the limit.
+        way: Vector to the goal.
+        velocity: Velocity as a fraction of the limit.
+        push: Acceleration as a fraction of the limit.
     """
     if _size(way) > SNAP:
         basis = _basis(way)
@@ -336,11 +337,11 @@ def _frame_towards(way: Vector, velocity: Vector, push: Vector) -> _Frame:
 
 
 def _frame_along(velocity: Vector, push: Vector) -> _Frame:
-    """Return the frame in which a motion is to be ended.
+    """Return the frame for planning a stop.
 
     Args:
-        velocity: of the motion.
-        push: its acceleration, as parts of the limit.
+        velocity: Velocity of the motion.
+        push: Acceleration of the motion as a fraction of the limit.
     """
     if _size(velocity) <= _TINY:
         return _EVERY_WAY
@@ -350,13 +351,13 @@ def _frame_along(velocity: Vector, push: Vector) -> _Frame:
 
 
 def _shares(across: float) -> Vector:
-    """Return what three axes have of the limits: together, never more than the whole."""
+    """Return the shares of three axes in the limits; their vector sum never exceeds the limit."""
     across = min(max(across, _LEAST), _ALIKE)
     return math.sqrt(1.0 - 2.0 * across * across), across, across
 
 
 def _basis(first: Vector) -> Basis:
-    """Return three axes, the first one along a vector."""
+    """Return three orthogonal unit vectors, the first one along a vector."""
     x = _times(first, 1.0 / _size(first))
     least = min(range(3), key=lambda axis: abs(x[axis]))
     y = _cross(x, (float(least == 0), float(least == 1), float(least == 2)))

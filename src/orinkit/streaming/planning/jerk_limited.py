@@ -1,6 +1,6 @@
-"""Motions that are limited in jerk, one period at a time: Ruckig, as the planners need it (extra ``stream``).
+"""Jerk-limited motions, one period at a time, computed by the library Ruckig (extra ``stream``).
 
-Never with way-points: those Ruckig has computed by a service in the internet.
+Way-points are never used: for these Ruckig calls an internet service.
 """
 
 from __future__ import annotations
@@ -14,35 +14,36 @@ from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 
 PART: Final = 0.999
-"""Of velocity and acceleration that smooth motions use: what is sampled from them is within the limits for sure."""
+"""Fraction of the velocity and acceleration limits that smooth motions use, so that their samples keep the limits."""
 SNAP: Final = 1e-6
-"""So near, in deg or mm, a goal has been reached."""
+"""Distance, deg or mm, within which a goal is reached."""
 SLOWEST: Final = 0.02
-"""Of the largest velocity: what is always left for catching up."""
+"""Fraction of the largest velocity that always remains available for catching up."""
 
-_EXTRA_JERK: Final = 3.0  # times the jerk that catching up may have besides, with set-points of
-_FULL: Final = 0.1  # of the largest acceleration, or more
+_EXTRA_JERK: Final = 3.0  # additional jerk for catching up, as a multiple of the limit,
+_FULL: Final = 0.1  # if the set-points have this fraction of the largest acceleration, or more
 _BESIDE: Final = 1.0 - 1e-6
-_BEYOND: Final = 1e-6  # deg outside a range that are rounding
+_BEYOND: Final = 1e-6  # deg: tolerance of a range, for rounding
 
 
 class JerkLimitedMotion:
-    """A smooth motion of some axes: its state one period later.
+    """A smooth motion of several axes, computed one period ahead.
 
     Args:
-        count: number of axes.
-        period: seconds.
-        halting: whether it ends at rest wherever that is, instead of at a goal.
-        ranges: lower and upper positions. With them all axes arrive together, from rest on a straight line; unless the
-            way would lead outside, or cannot be computed, when each axis is as fast as it can be.
+        count: Number of axes.
+        period: Period, s.
+        halting: True if the motion ends at standstill at any position, instead of at a goal.
+        ranges: Lower and upper positions. If given, the axes are synchronized: they arrive together, from standstill on
+            a straight line. If that path would leave the ranges, or cannot be computed, each axis moves independently,
+            as fast as possible.
 
     Attributes:
-        position: after the last step.
-        velocity: the same, per second.
-        acceleration: the same, per second squared.
+        position: Position after the last step.
+        velocity: Velocity after the last step, per second.
+        acceleration: Acceleration after the last step, per second squared.
 
     Raises:
-        MissingExtra: ruckig is not installed.
+        MissingExtra: If ruckig is not installed.
     """
 
     __slots__ = (
@@ -62,7 +63,7 @@ class JerkLimitedMotion:
         self._generator: Any = ruckig.Ruckig(count, period)
         self._input: Any = ruckig.InputParameter(count)
         self._output: Any = ruckig.OutputParameter(count)
-        # ValueError: a motion of some hours has a result that ruckig's module for Python does not know
+        # ValueError: for a motion of several hours, Ruckig returns a result that its Python module does not define
         self._errors: tuple[type[Exception], ...] = (ruckig.RuckigError, ValueError)
         self._working: Any = ruckig.Result.Working
         self._finished: Any = ruckig.Result.Finished
@@ -84,14 +85,14 @@ class JerkLimitedMotion:
         slower: Sequence[float],
         jerk: Sequence[float],
     ) -> None:
-        """Set the limits of the next steps, one value for each axis, all above 0.
+        """Set the limits of the next steps, one value per axis, all positive.
 
         Args:
-            forth: largest velocity, per second.
-            back: the same in the other direction.
-            faster: largest acceleration, per second squared.
-            slower: the same in the other direction.
-            jerk: per second cubed, in both.
+            forth: Largest velocity in the positive direction, per second.
+            back: Largest velocity in the negative direction.
+            faster: Largest acceleration in the positive direction, per second squared.
+            slower: Largest acceleration in the negative direction.
+            jerk: Largest jerk in both directions, per second cubed.
         """
         given = self._input
         given.max_velocity = forth
@@ -101,14 +102,14 @@ class JerkLimitedMotion:
         given.max_jerk = jerk
 
     def aim(self, goal: list[float]) -> None:
-        """Set the goal of the next steps; with the same goal as before, a motion just goes on."""
+        """Set the goal of the next steps; with the same goal as before, the motion continues unchanged."""
         if goal != self._goal:
             self._goal = goal
             self._input.target_position = goal
             self.restart()
 
     def restart(self) -> None:
-        """Have all axes arrive together again."""
+        """Synchronize the axes again."""
         if self._ranges is not None:
             self._input.synchronization = self._together
 
@@ -116,7 +117,7 @@ class JerkLimitedMotion:
         """Compute the state one period after a state.
 
         Returns:
-            Whether the motion has ended; ``None`` where it cannot be computed, and the last step is still the last one.
+            True if the motion has ended; ``None`` if the state cannot be computed, and the last step remains in effect.
         """
         ended = self._update(position, velocity, acceleration)
         if ended is not None:
@@ -133,9 +134,9 @@ class JerkLimitedMotion:
     def _beside(
         self, position: Sequence[float], velocity: Sequence[float], acceleration: Sequence[float]
     ) -> tuple[list[float], list[float], list[float]]:
-        """Return a state right beside one: those that Ruckig cannot solve, one in 10,000 or so, stand alone.
+        """Return a state very close to one that Ruckig cannot solve (about one in 10,000, and isolated).
 
-        An axis that is all but at its goal is there: much less can be computed exactly.
+        An axis almost at its goal is set to the goal, because shorter motions cannot be computed exactly.
         """
         x, v, a = list(position), list(velocity), [value * _BESIDE for value in acceleration]
         for axis, aim in enumerate(self._goal or ()):
@@ -173,22 +174,22 @@ class JerkLimitedMotion:
 
 
 def keeping_up(jerk: float, part: float) -> float:
-    """Return the jerk of a motion that catches up with set-points.
+    """Return the jerk limit of a motion that catches up with set-points.
 
-    Planned as seen from something with an acceleration that changes, a motion with little jerk comes too late for ever.
+    It is raised because, relative to set-points whose acceleration changes, a motion with low jerk would lag forever.
 
     Args:
-        jerk: of smooth motions.
-        part: acceleration of the set-points, as a part of the largest one.
+        jerk: Jerk limit of smooth motions.
+        part: Acceleration of the set-points as a fraction of the limit.
     """
     return jerk * (1.0 + _EXTRA_JERK * min(part / _FULL, 1.0))
 
 
 def load_ruckig() -> ModuleType:
-    """Return the module ruckig.
+    """Import ruckig and return the module.
 
     Raises:
-        MissingExtra: it is not installed.
+        MissingExtra: If ruckig is not installed.
     """
     require(tr("streaming in slave mode"), "stream", "ruckig")
     import ruckig

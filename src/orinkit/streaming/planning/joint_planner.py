@@ -1,11 +1,12 @@
-"""Commands for a stream of joints that the controller never has a reason to stop (RC8 4).
+"""Planner of a stream of joint positions, whose commands never violate the limits that the controller checks (RC8 4).
 
-The controller stops an arm whose set-points are further apart than its velocity allows, whose steps change by more than
-its acceleration allows, or that leaves its range. Whatever is asked of a :class:`JointPlanner`, none of it happens.
+The controller stops an arm if the distance of two set-points exceeds its velocity limit, if the change of two steps
+exceeds its acceleration limit, or if the arm leaves its range. The commands of a :class:`JointPlanner` never do so,
+regardless of its input.
 
-Ruckig plans motions that are smooth, which is limited in jerk too. What it plans goes through a law for each axis by
-itself, :class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within velocity and acceleration, and one from which the axis
-can still be braked before the end of its range. There always is such a step, as braking on is one.
+Ruckig plans smooth (jerk-limited) motions. Its result passes through a limiter of each axis,
+:class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within velocity and acceleration, and the
+axis can still brake before the end of its range. There always is such a step, because continuing to brake is one.
 """
 
 from __future__ import annotations
@@ -26,29 +27,29 @@ _FLOATS: Final = {float}
 
 
 class JointPlanner:
-    """Makes the commands of a stream of joints, one in each period, from rest.
+    """Computes the commands of a stream of joint positions, one per period, from standstill.
 
-    :meth:`goto`, :meth:`track` and :meth:`stop` each make the next command; they may be called in any order. For
-    commands that come after each other, and whatever numbers are given, up to a relative 10^-9::
+    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. For
+    consecutive commands c[k], and any input, with a relative tolerance of 10^-9::
 
         lower <= c[k] <= upper
         |c[k] - c[k-1]| <= velocity * period
         |c[k] - 2 c[k-1] + c[k-2]| <= acceleration * period^2
 
     Args:
-        limits: of the arm.
-        period: seconds from one command to the next.
-        joints: where the arm stands, deg (mm), one value for each axis. An axis that is outside its range by no more
-            than it could come back in one period is taken to be at the end of its range.
+        limits: Limits of the arm.
+        period: Time between two commands, s.
+        joints: Joint position at which the arm stands, deg (mm), one value per axis. An axis outside its range is taken
+            to be at the end of its range, if it could return within one period.
 
     Attributes:
-        command: the last command, deg (mm).
-        at_rest: whether the last two commands are equal, and what was wanted has been reached.
+        command: The last command, deg (mm).
+        at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:
-        InvalidValue: the period is not a finite number above 0, or so short that a limit is lost in rounding; the arm
-            is outside its range.
-        MissingExtra: ruckig is not installed.
+        InvalidValue: If the period is not a positive finite number, or so short that a limit would be lost in rounding;
+            or if the arm is outside its range.
+        MissingExtra: If ruckig is not installed.
     """
 
     def __init__(self, limits: Limits, period: float, joints: Sequence[float]) -> None:
@@ -61,27 +62,27 @@ class JointPlanner:
         )
         self.at_rest = True
         self._before = self._earlier = self.command  # the commands before the last one
-        self._velocity = [0.0] * len(start)  # at the last command
+        self._velocity = [0.0] * len(start)  # velocity at the last command
         self._acceleration = [0.0] * len(start)
-        self._known = True  # whether these two are up to date
-        self._halting = False  # whether stop made the last command
-        # What take knows of a program's set-points: the last two, each moved into the range; how far the command is
-        # from the last one, if it is; and how they moved, while it is.
+        self._known = True  # True if these two are up to date
+        self._halting = False  # True if stop() made the last command
+        # State of track(): the last two set-points, each clipped to the range; the distance of the command from the
+        # last one, None if it is reached; and the motion of the set-points while it is not.
         self._asked: tuple[tuple[float, ...], tuple[float, ...]] | None = None
         self._behind: list[float] | None = None
         self._courses: list[TargetMotion] | None = None
         self._make_smooth()
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command of a smooth motion that ends at a target; the target may be another one each time.
+        """Return the next command of a smooth motion to a target, which may change with each call.
 
-        All axes arrive together; from rest on a straight line in joint space.
+        All axes arrive together; from standstill they move on a straight line in joint space.
 
         Args:
-            target: deg (mm), one value for each axis; the nearest one in its range counts.
+            target: Target, deg (mm), one value per axis; clipped to the range.
 
         Raises:
-            InvalidValue: wrong number of values, or one is not finite.
+            InvalidValue: If the number of values is wrong, or a value is not finite.
         """
         goal = self._inside(self._numbers(target))
         self._asked = self._behind = self._courses = None
@@ -103,15 +104,15 @@ class JointPlanner:
         return self.command
 
     def track(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command for a program's own set-point: just this point, if :meth:`check` it.
+        """Return the next command for a set-point of the program: the set-point itself, if it passes :meth:`check`.
 
-        Otherwise each axis that cannot be there comes as near as it smoothly can, and does so until it has caught up.
+        Otherwise each axis that cannot reach it approaches it smoothly, until it has caught up with the set-points.
 
         Args:
-            point: deg (mm), one value for each axis.
+            point: Set-point, deg (mm), one value per axis.
 
         Raises:
-            InvalidValue: wrong number of values, or one is not finite.
+            InvalidValue: If the number of values is wrong, or a value is not finite.
         """
         values = self._numbers(point)
         self._halting = False
@@ -132,9 +133,9 @@ class JointPlanner:
         return self._approach(values, fits)
 
     def stop(self) -> tuple[float, ...]:
-        """Return the next command of coming to rest, the last one for ever when the arm is.
+        """Return the next command of a stop; at standstill, return the last command.
 
-        Smoothly where the range leaves room for it, otherwise as hard as the acceleration allows.
+        The stop is smooth if the range leaves enough distance; otherwise it uses the full acceleration.
         """
         self._asked = self._behind = self._courses = None
         self._know()
@@ -156,13 +157,13 @@ class JointPlanner:
         return self.command
 
     def check(self, point: Sequence[float]) -> None:
-        """Check that :meth:`track` would pass a set-point on as it is; for those who refuse instead of coming near.
+        """Check that :meth:`track` would return a set-point unchanged, so that a caller can reject it otherwise.
 
         Args:
-            point: deg (mm), one value for each axis.
+            point: Set-point, deg (mm), one value per axis.
 
         Raises:
-            InvalidValue: it would not: which axis, what is exceeded, by how much, and the limit.
+            InvalidValue: If it would not; the message names the axis, the limit, and by how much it is exceeded.
         """
         values = self._numbers(point)
         for number, (axis, before, now, value) in enumerate(
@@ -173,10 +174,10 @@ class JointPlanner:
                 raise InvalidValue(axis.complaint(before, now, value, behind))
 
     def _approach(self, values: tuple[float, ...], fits: list[bool]) -> tuple[float, ...]:
-        """Return the next command where not all axes can be at a set-point.
+        """Return the next command if not all axes can reach a set-point.
 
-        Planned as seen from the moving set-points, where it is a way to rest: so it ends though they go on. Where they
-        have an acceleration of their own, the motion may have more jerk, to keep up with its changes.
+        The motion is planned relative to the moving set-points, as a motion to standstill, so that it ends although
+        they continue to move. If they accelerate, the motion may have more jerk, to follow changes of the acceleration.
         """
         self._know()
         axes, now, period = self._axes, self.command, self._period
@@ -224,7 +225,7 @@ class JointPlanner:
             self._limit(smooth, [TargetMotion()] * count)
 
     def _limit(self, smooth: JerkLimitedMotion, courses: Sequence[TargetMotion]) -> None:
-        """Set limits as they are seen from something that moves."""
+        """Set limits relative to moving set-points."""
         rows = list(zip(self._axes, courses, strict=True))
         smooth.limit(
             [max(axis.velocity - course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
@@ -243,7 +244,7 @@ class JointPlanner:
         *,
         planned: bool = True,
     ) -> None:
-        """Make the command nearest to a wanted one, which has these derivatives if it was ``planned``."""
+        """Make the admissible command nearest to the desired one, which has these derivatives if it was ``planned``."""
         before, now = self._before, self.command
         exact = exact or (False,) * len(now)
         rows = zip(self._axes, before, now, wanted, exact, strict=True)
@@ -257,7 +258,7 @@ class JointPlanner:
         self._velocity, self._acceleration, self._known = velocity, acceleration, True
 
     def _send_roughly(self, goal: Sequence[float]) -> None:
-        """Make a command where ruckig gives none: towards a goal within all limits but jerk."""
+        """Make a command if Ruckig returns none: towards a goal, within all limits except jerk."""
         wanted = [axis.towards(now, aim) for axis, now, aim in zip(self._axes, self.command, goal, strict=True)]
         self._send(wanted, self._zeros(), self._zeros(), planned=False)
 
@@ -266,7 +267,7 @@ class JointPlanner:
         return command
 
     def _know(self) -> None:
-        """Make out velocity and acceleration where the last command was a program's own."""
+        """Estimate velocity and acceleration if the last command was a set-point of the program."""
         if not self._known:
             rows = zip(self._axes, self._earlier, self._before, self.command, strict=True)
             motions = [axis.motion(*commands) for axis, *commands in rows]
@@ -286,21 +287,19 @@ class JointPlanner:
     def _numbers(self, values: Sequence[float]) -> tuple[float, ...]:
         count = len(self._axes)
         if len(values) != count:
-            raise InvalidValue(
-                tr("{given} values were given, the stream has {axes} axes", given=len(values), axes=count)
-            )
+            raise InvalidValue(tr("got {given} values, but the stream has {axes} axes", given=len(values), axes=count))
         if set(map(type, values)) == _FLOATS and -_SURELY_FINITE < sum(values) < _SURELY_FINITE:
-            return tuple(values)  # the quick way for most
+            return tuple(values)  # fast path
         return tuple(finite(tr("set-point"), axis.name, value) for axis, value in zip(self._axes, values, strict=True))
 
 
 def checked_period(period: float) -> float:
-    """Return the seconds from one set-point to the next.
+    """Check the period of a stream, and return it in s as a float.
 
     Raises:
-        InvalidValue: it is not a finite number above 0.
+        InvalidValue: If it is not a positive finite number.
     """
     seconds = finite(tr("stream"), "period", period)
     if seconds <= 0.0:
-        raise InvalidValue(tr("the period of a stream is {period} s, it has to be above 0", period=brief(period)))
+        raise InvalidValue(tr("the period of a stream is {period} s, but must be positive", period=brief(period)))
     return seconds

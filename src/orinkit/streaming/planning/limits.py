@@ -1,4 +1,4 @@
-"""Within which bounds an arm is streamed: what may change from one set-point to the next."""
+"""Limits of a stream: how far and how fast set-points may move."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from orinkit.core.i18n import tr
 from orinkit.values.pose_numbers import MAX_JOINTS, brief, finite
 
 SECONDS_TO_ACCELERATION: Final = 0.05
-"""Seconds from rest to the largest acceleration. DENSO publishes no jerk; this is this project's assumption."""
+"""Time from zero to the largest acceleration, s: an assumption of this project, as DENSO publishes no jerk limits."""
 
-_LARGEST: Final = 1e9  # what jerk-limited planning can compute with
+_LARGEST: Final = 1e9  # the largest value that jerk-limited planning can compute with
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds on a stream of joints, one value for each axis: deg, and mm where an axis is linear.
+    """Limits of a stream of joint positions, one value per axis: deg, or mm for linear axes.
 
     Attributes:
-        lower: lowest position.
-        upper: highest position.
-        velocity: largest velocity, per second.
-        acceleration: largest acceleration, per second squared.
-        jerk: largest change of acceleration, per second cubed. The controller does not ask for it; it is for motions
-            that this side plans, so that they are smooth.
+        lower: Lowest positions.
+        upper: Highest positions.
+        velocity: Largest velocities, per second.
+        acceleration: Largest accelerations, per second squared.
+        jerk: Largest jerks, per second cubed. The controller does not check them; they make the motions smooth that
+            the client plans.
 
     Raises:
-        InvalidValue: the numbers of values differ, there are none or more than eight, a value is not finite or beyond
-            10^9, one that has to be above 0 is not, or a lower position is not below the upper one.
+        InvalidValue: If the numbers of values differ, or are not 1 to 8; a value is not finite, or its magnitude
+            exceeds 10^9; a velocity, an acceleration or a jerk is not positive; or a lower position is not below the
+            upper one.
     """
 
     lower: tuple[float, ...]
@@ -49,7 +50,7 @@ class Limits:
             if len(row) != count:
                 raise InvalidValue(
                     tr(
-                        "limits: {name} has {count} values, lower has {wanted}; one for each axis is wanted",
+                        "limits: {name} has {count} values, lower has {wanted}; one value per axis is required",
                         name=name,
                         count=len(row),
                         wanted=count,
@@ -62,7 +63,7 @@ class Limits:
             if lower >= upper:
                 raise InvalidValue(
                     tr(
-                        "limits: J{axis}: lower, {lower:g}, is not below upper, {upper:g}",
+                        "limits: J{axis}: lower ({lower:g}) is not below upper ({upper:g})",
                         axis=axis,
                         lower=lower,
                         upper=upper,
@@ -71,13 +72,13 @@ class Limits:
 
     @classmethod
     def of_model(cls, model: ArmModel) -> Limits:
-        """Return the bounds of an arm.
+        """Return the limits of an arm.
 
-        DENSO publishes no jerk, and hardly an acceleration: acceleration / 0.05 s, and what :class:`orinkit.arms.Axis`
-        says of accelerations, are this project's assumptions.
+        DENSO publishes no jerks, and few accelerations. The jerks, acceleration / 0.05 s, and the accelerations of
+        :class:`orinkit.arms.Axis` are assumptions of this project.
 
         Args:
-            model: the arm, with its extra axes if it has any.
+            model: The arm, including extra axes.
         """
         axes = model.axes
         return cls(
@@ -89,15 +90,15 @@ class Limits:
         )
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> Limits:
-        """Return a part of these bounds, the same for all axes; positions stay as they are.
+        """Return limits scaled by factors, the same for all axes; positions are not scaled.
 
         Args:
-            velocity: above 0, up to 1.
-            acceleration: above 0, up to 1.
-            jerk: above 0, up to 1.
+            velocity: Factor, above 0 and up to 1.
+            acceleration: Factor, above 0 and up to 1.
+            jerk: Factor, above 0 and up to 1.
 
         Raises:
-            InvalidValue: a part is not.
+            InvalidValue: If a factor is out of range.
         """
         parts = _parts(velocity=velocity, acceleration=acceleration, jerk=jerk)
         return Limits(
@@ -111,20 +112,20 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class PathLimits:
-    """Bounds on a stream of poses, P or T: of the point at the tip of the tool, and of the tool's orientation.
+    """Limits of a stream of poses, P or T: for the tip of the tool, and for its orientation.
 
-    Whether a pose can be reached, and whether the joints are fast enough, only the controller knows.
+    Only the controller can check that a pose is reachable and that the joints are fast enough.
 
     Attributes:
-        speed: mm/s, in any direction.
-        acceleration: mm/s^2.
-        jerk: mm/s^3, of motions that this side plans.
-        rotation: deg/s, about any axis.
-        rotation_acceleration: deg/s^2.
-        rotation_jerk: deg/s^3.
+        speed: Velocity of the tip in any direction, mm/s.
+        acceleration: Acceleration of the tip, mm/s^2.
+        jerk: Jerk of motions that the client plans, mm/s^3.
+        rotation: Angular velocity about any axis, deg/s.
+        rotation_acceleration: Angular acceleration, deg/s^2.
+        rotation_jerk: Angular jerk, deg/s^3.
 
     Raises:
-        InvalidValue: a value is not finite, not above 0, or beyond 10^9.
+        InvalidValue: If a value is not finite, not positive, or exceeds 10^9.
     """
 
     speed: float
@@ -142,10 +143,10 @@ class PathLimits:
 
     @classmethod
     def of_model(cls, model: ArmModel) -> PathLimits:
-        """Return the bounds of an arm on a path.
+        """Return the limits of an arm on a path.
 
-        None of them is published; those of the model, and the jerks (acceleration / 0.05 s), are this project's
-        assumptions.
+        None of them is published: the values of the model, and the jerks (acceleration / 0.05 s), are assumptions of
+        this project.
         """
         return cls(
             speed=model.path_speed,
@@ -157,15 +158,15 @@ class PathLimits:
         )
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> PathLimits:
-        """Return a part of these bounds, the same for the tip and for the orientation.
+        """Return limits scaled by factors, the same for the tip and for the orientation.
 
         Args:
-            velocity: of speed and rotation; above 0, up to 1.
-            acceleration: above 0, up to 1.
-            jerk: above 0, up to 1.
+            velocity: Factor of speed and rotation, above 0 and up to 1.
+            acceleration: Factor, above 0 and up to 1.
+            jerk: Factor, above 0 and up to 1.
 
         Raises:
-            InvalidValue: a part is not.
+            InvalidValue: If a factor is out of range.
         """
         parts = _parts(velocity=velocity, acceleration=acceleration, jerk=jerk)
         return PathLimits(
@@ -186,7 +187,7 @@ def _row(name: str, values: Any) -> tuple[float, ...]:
     if not isinstance(values, Sequence) or isinstance(values, str | bytes) or not 1 <= len(values) <= MAX_JOINTS:
         raise InvalidValue(
             tr(
-                "limits: {name} is {values}, 1 to {most} numbers are wanted, one for each axis",
+                "limits: {name} is {values}; expected 1 to {most} numbers, one per axis",
                 name=name,
                 values=brief(values),
                 most=MAX_JOINTS,
@@ -200,7 +201,7 @@ def _number(name: str, value: Any) -> float:
     if abs(number) > _LARGEST:
         raise InvalidValue(
             tr(
-                "{owner}: {name} is {number:g}, at most {largest:g} is wanted",
+                "{owner}: {name} is {number:g}; the largest allowed value is {largest:g}",
                 owner=_owner(),
                 name=name,
                 number=number,
@@ -213,7 +214,7 @@ def _number(name: str, value: Any) -> float:
 def _positive(name: str, value: float) -> None:
     if value <= 0.0:
         raise InvalidValue(
-            tr("{owner}: {name} is {value:g}, it has to be above 0", owner=_owner(), name=name, value=value)
+            tr("{owner}: {name} is {value:g}, but must be positive", owner=_owner(), name=name, value=value)
         )
 
 
@@ -223,7 +224,7 @@ def _parts(**parts: float) -> dict[str, float]:
         if not 0.0 < value <= 1.0:
             raise InvalidValue(
                 tr(
-                    "{owner}: the part of {name} is {value:g}, it has to be above 0 and up to 1",
+                    "{owner}: the factor for {name} is {value:g}, but must be above 0 and at most 1",
                     owner=_owner(),
                     name=name,
                     value=value,

@@ -1,4 +1,4 @@
-"""What every planner of a stream can do, and which one a stream has."""
+"""The interface of planners, and the choice of the planner for a stream."""
 
 from __future__ import annotations
 
@@ -10,39 +10,44 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 
 
 class Planner(Protocol):
-    """Makes commands that are within the limits, whatever is wanted."""
+    """Computes commands within the limits from set-points or live targets.
+
+    Attributes:
+        command: The last command.
+        at_rest: True if the last two commands are equal, and the set-point or target is reached.
+    """
 
     command: tuple[float, ...]
     at_rest: bool
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
-        """Go towards a live target."""
+        """Return the next command of a motion to a live target."""
 
     def track(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Pass a set-point through, or approach it."""
+        """Return the set-point if it is within the limits, otherwise a command that approaches it."""
 
     def check(self, point: Sequence[float]) -> None:
-        """Check that a set-point would be passed through.
+        """Check that :meth:`track` would return a set-point unchanged.
 
         Raises:
-            InvalidValue: it would not; what it breaks.
+            InvalidValue: If the set-point violates a limit; the message names it.
         """
 
     def stop(self) -> tuple[float, ...]:
-        """Come to rest, and stay there."""
+        """Return the next command of a stop; at standstill, return the last command."""
 
 
 def planner_for(limits: Limits | PathLimits, period: float, start: Sequence[float], kind: PoseKind) -> Planner:
-    """Return the planner of joints, or that of positions.
+    """Return a planner for joint positions or for poses.
 
     Args:
-        limits: of the arm, or of the tool.
-        period: seconds of a cycle.
-        start: where the arm stands.
-        kind: what the set-points are.
+        limits: Limits of the arm, or of the tool.
+        period: Period of a cycle, s.
+        start: The pose at which the arm stands.
+        kind: Pose type of the set-points.
     """
     if isinstance(limits, Limits):
-        from orinkit.streaming.planning.joint_planner import JointPlanner  # ruckig is needed for streaming only
+        from orinkit.streaming.planning.joint_planner import JointPlanner  # only streaming requires ruckig
 
         return JointPlanner(limits, period, start)
     from orinkit.streaming.planning.pose_planner import PosePlanner

@@ -1,7 +1,7 @@
-"""Commands for a stream of poses, P or T, that keep speed and acceleration of the tool within limits (RC8 4).
+"""Planner of a stream of poses, P or T, that keeps velocity and acceleration of the tool within limits (RC8 4).
 
-As :mod:`orinkit.streaming.planning.joint_planner` for joints. Whether a pose can be reached, and how fast its joints then are, only the
-controller knows.
+It is the counterpart of :mod:`orinkit.streaming.planning.joint_planner`. Only the controller can check that a pose is
+reachable, and the velocities of the joints.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from orinkit.values.pose_numbers import COUNTS, FIELDS, brief, conform, is_whole
 
 Kind: TypeAlias = Literal["P", "T"]
 
-_REACH: Final = 1e5  # mm: further away from the base no tool has ever been
-_EXACT: Final = 2e-13  # deg: spacing of angles, and what becomes of it on the way to an orientation
-_OPPOSITE: Final = 170.0  # deg: from here on it is not said which way round is the shorter one
+_REACH: Final = 1e5  # mm: largest coordinate in the base frame
+_EXACT: Final = 2e-13  # deg: spacing of floating-point angles, with rounding of the conversion to an orientation
+_OPPOSITE: Final = 170.0  # deg: from this angle on, the direction of rotation is ambiguous
 _SURELY_FINITE: Final = 1e300
 _FLOATS: Final = {float}
 
 
 class _Pose(NamedTuple):
-    """A pose as it was written, and what it is."""
+    """A pose: its values as given, its position, and its orientation."""
 
     values: tuple[float, ...]
     place: Vector
@@ -45,34 +45,34 @@ class _Pose(NamedTuple):
 
 
 class PosePlanner:
-    """Makes the commands of a stream of P or T, one in each period, from rest.
+    """Computes the commands of a stream of P or T, one per period, from standstill.
 
-    :meth:`goto`, :meth:`track` and :meth:`stop` each make the next command; they may be called in any order. The
-    position of the tip moves from one command to the next by no more than speed * period, and this vector changes by
-    no more than acceleration * period^2. So does the rotation between two orientations, which is the vector of its axis
-    in the base times its angle in degrees. All up to a relative 10^-9, plus 10^-12 degrees for the rounding of angles,
-    whatever numbers are given.
+    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. From one
+    command to the next, the tip moves by at most speed * period, and this vector changes by at most
+    acceleration * period^2. The same holds for the rotation between two orientations: the vector of its axis in the
+    base frame times its angle in degrees. The tolerance is a relative 10^-9, plus 10^-12 degrees for the rounding of
+    angles, for any input.
 
     Args:
-        limits: of the tool.
-        period: seconds from one command to the next.
-        pose: where the arm stands: X, Y, Z mm, RX, RY, RZ deg, Fig; or X, Y, Z, O, A, Fig.
-        kind: which of the two.
+        limits: Limits of the tool.
+        period: Time between two commands, s.
+        pose: The pose at which the arm stands: X, Y, Z mm, RX, RY, RZ deg, Fig; or X, Y, Z, O, A, Fig.
+        kind: Pose type, ``"P"`` or ``"T"``.
 
     Attributes:
-        command: the last command, as many values as ``pose``. Its figure is the one of what was wanted last.
-        at_rest: whether the last two commands are equal, and what was wanted has been reached.
+        command: The last command, with as many values as ``pose``. Its figure is that of the last target or set-point.
+        at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:
-        InvalidValue: the period is not a finite number above 0, or so short that a limit is lost in rounding; the pose
-            is none, or more than 100 m away.
-        MissingExtra: ruckig is not installed.
+        InvalidValue: If the period is not a positive finite number, or so short that a limit would be lost in rounding;
+            or if the pose is not valid, or more than 100 m from the base.
+        MissingExtra: If ruckig is not installed.
     """
 
     def __init__(self, limits: PathLimits, period: float, pose: Sequence[float], kind: Kind) -> None:
         period = checked_period(period)
         if kind not in ("P", "T"):
-            raise InvalidValue(tr('kind is {kind}, "P" or "T" is wanted', kind=brief(kind)))
+            raise InvalidValue(tr('kind is {kind}, but must be "P" or "T"', kind=brief(kind)))
         self._kind: Kind = kind
         start = self._read(pose)
         if max(map(abs, start.place)) > _REACH:
@@ -89,21 +89,21 @@ class PosePlanner:
         self._before = self.command
         self._place = start.place
         self._turn = start.turn
-        self._left: Vector | None = None  # of the rotation to the last goal
-        self._goal: tuple[float, ...] | None = None  # of follow, if it made the last command
-        self._asked: _Pose | None = None  # the last set-point, if take made the last command
-        self._behind = 0.0, 0.0  # mm, deg: how far the last command is from it
+        self._left: Vector | None = None  # rest of the rotation to the last goal
+        self._goal: tuple[float, ...] | None = None  # target of goto(), if it made the last command
+        self._asked: _Pose | None = None  # last set-point, if track() made the last command
+        self._behind = 0.0, 0.0  # mm, deg: distance of the last command from it
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command of a smooth motion that ends at a target; the target may be another one each time.
+        """Return the next command of a smooth motion to a target, which may change with each call.
 
-        Position and orientation each take the time that they need. The orientation turns the shorter way round.
+        Position and orientation arrive independently. The orientation turns in the shorter direction.
 
         Args:
-            target: a pose. Its figure is passed on at once.
+            target: A pose. Its figure is used at once.
 
         Raises:
-            InvalidValue: it is none.
+            InvalidValue: If the pose is not valid.
         """
         goal = self._read(target)
         anew = self._goal != goal.values
@@ -121,16 +121,15 @@ class PosePlanner:
         return self.command
 
     def track(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Return the next command for a program's own set-point: just this point, if :meth:`check` it.
+        """Return the next command for a set-point of the program: the set-point itself, if it passes :meth:`check`.
 
-        Otherwise position, or orientation, or both, come as near as they smoothly can, and go on to until they have
-        caught up.
+        Otherwise position, orientation, or both approach it smoothly, until they have caught up with the set-points.
 
         Args:
-            point: a pose.
+            point: A pose.
 
         Raises:
-            InvalidValue: it is none.
+            InvalidValue: If the pose is not valid.
         """
         goal = self._read(point)
         step, rotation = self._steps_to(goal)
@@ -159,7 +158,7 @@ class PosePlanner:
         return self.command
 
     def stop(self) -> tuple[float, ...]:
-        """Return the next command of coming to rest, the last one for ever when the tool is."""
+        """Return the next command of a stop; at standstill, return the last command."""
         self._forget()
         self._left = None
         step, rotation = self._tip.halt(), self._spin.halt()
@@ -169,13 +168,14 @@ class PosePlanner:
         return self.command
 
     def check(self, point: Sequence[float]) -> None:
-        """Check that :meth:`track` would pass a set-point on as it is; for those who refuse instead of coming near.
+        """Check that :meth:`track` would return a set-point unchanged, so that a caller can reject it otherwise.
 
         Args:
-            point: a pose.
+            point: A pose.
 
         Raises:
-            InvalidValue: it is none, or would not be passed on: what is exceeded, by how much, and the limit.
+            InvalidValue: If the pose is not valid, or would be changed; the message names the limit, and by how much it
+                is exceeded.
         """
         goal = self._read(point)
         step, rotation = self._steps_to(goal)
@@ -197,7 +197,7 @@ class PosePlanner:
         )
 
     def _way_to(self, turn: Quaternion) -> Vector:
-        """Return the rotation to an orientation: the shorter way, but near half a turn the way that was begun."""
+        """Return the rotation to an orientation in the shorter direction; near 180 deg, in the direction begun."""
         way = turn_between(self._turn, turn)
         angle = math.hypot(*way)
         if self._left is None or angle < _OPPOSITE:
@@ -210,7 +210,7 @@ class PosePlanner:
         return _within_reach(goal.place) if there else _plus(self._place, step)
 
     def _send_turned(self, goal: _Pose, place: Vector, rotation: Vector, *, there: bool) -> None:
-        """Make a command of a position and a rotation; the orientation is the goal's, as written, if it is ``there``."""
+        """Make a command of a position and a rotation; if ``there`` is True, the orientation is that of the goal."""
         if there:
             self._send((*place, *goal.values[3:]), place, goal.turn)
             return
@@ -220,7 +220,7 @@ class PosePlanner:
 
     def _send(self, command: tuple[float, ...], place: Vector, turn: Quaternion) -> tuple[float, ...]:
         self._before, self.command = self.command, command
-        self._tip.step = _minus(place, self._place)  # as it is after rounding
+        self._tip.step = _minus(place, self._place)  # the step after rounding
         self._place, self._turn = place, turn
         return command
 
@@ -237,7 +237,7 @@ class PosePlanner:
             names = ", ".join(FIELDS[kind])
             raise InvalidValue(
                 tr(
-                    "{kind}: {count} values were given, {wanted} are wanted: {names}",
+                    "{kind}: got {count} values, expected {wanted}: {names}",
                     kind=kind,
                     count=len(values),
                     wanted=count,
@@ -266,7 +266,7 @@ def _within_reach(place: Vector) -> Vector:
 def _too_far(place: Vector) -> str:
     furthest = max(place, key=abs)
     return tr(
-        "position: {furthest:g} mm is further away than any tool, at most {reach:g} mm is wanted",
+        "position: {furthest:g} mm is out of reach; the largest allowed coordinate is {reach:g} mm",
         furthest=furthest,
         reach=_REACH,
     )

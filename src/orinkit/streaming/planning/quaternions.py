@@ -1,6 +1,6 @@
-"""Orientations as unit quaternions (w, x, y, z), without numpy: the streaming process has to start quickly.
+"""Orientations as unit quaternions (w, x, y, z), without numpy, because the streaming process must start quickly.
 
-P has R = Rz(RZ) * Ry(RY) * Rx(RX); T has the tool's Y axis (O) and Z axis (A).
+The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX); a T contains the tool's Y axis (O) and Z axis (A).
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
-"""w, x, y, z; of length 1."""
+"""w, x, y, z, with norm 1."""
 Vector: TypeAlias = tuple[float, float, float]
-"""Three numbers."""
+"""A vector in space."""
 
 DEGREE: Final = 180.0 / math.pi
-"""Degrees of one radian."""
+"""Degrees per radian."""
 
 _HALF: Final = 0.5 / DEGREE
 _GIMBAL: Final = 1e-15  # cosine of RY below which RX and RZ turn about the same axis
-_PARALLEL: Final = 1e-9  # sine of the angle between two vectors that are taken as parallel
+_PARALLEL: Final = 1e-9  # sine of the angle below which two vectors count as parallel
 _NO_TURN: Final = 1e-150
 
 
 def of_angles(rx: float, ry: float, rz: float) -> Quaternion:
-    """Return the orientation of RX, RY, RZ, in degrees."""
+    """Return the orientation given by RX, RY, RZ in degrees."""
     x, y, z = rx * _HALF, ry * _HALF, rz * _HALF
     cx, cy, cz = math.cos(x), math.cos(y), math.cos(z)
     sx, sy, sz = math.sin(x), math.sin(y), math.sin(z)
@@ -42,8 +42,8 @@ def of_angles(rx: float, ry: float, rz: float) -> Quaternion:
 def angles_of(turn: Quaternion) -> Vector:
     """Return RX, RY, RZ in degrees: -180 < RX, RZ <= 180, RY from -90 to 90.
 
-    Where RY is near its end, RX and RZ turn about nearly the same axis: RX is worked out with RZ as it is then, so that
-    together they are as exact as elsewhere.
+    Near RY = -90 and 90, RX and RZ rotate about nearly the same axis. There RX is computed from the result for RZ, so
+    that both together are as precise as elsewhere.
     """
     (r00, r01, r02), (r10, r11, r12), (r20, _, _) = _matrix(turn)
     rz = math.atan2(r10, r00) if math.hypot(r00, r10) >= _GIMBAL else math.atan2(-r01, r11)
@@ -54,21 +54,21 @@ def angles_of(turn: Quaternion) -> Vector:
 
 
 def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion:
-    """Return the orientation of O and A: A gives the direction of Z; O, made square to it, that of Y.
+    """Return the orientation given by O and A: A is the direction of Z, and O, made orthogonal to A, that of Y.
 
     Raises:
-        InvalidValue: one of them is zero, or they are parallel.
+        InvalidValue: If one of them is zero, or they are parallel.
     """
     az = _unit(approach)
     oy = _unit(orient)
     along = oy[0] * az[0] + oy[1] * az[1] + oy[2] * az[2]
     across = oy[0] - along * az[0], oy[1] - along * az[1], oy[2] - along * az[2]
     if math.hypot(*across) < _PARALLEL:
-        raise InvalidValue(tr("orient and approach vector are parallel"))
+        raise InvalidValue(tr("the orient and approach vectors are parallel"))
     b, e, h = _unit(across)
     c, f, i = az
     a, d, g = e * i - h * f, h * c - b * i, b * f - e * c
-    # the largest of the four parts is never near zero
+    # the largest of the four components is never near zero
     candidates = (
         (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
         (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
@@ -87,7 +87,7 @@ def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, flo
 
 
 def turn_between(first: Quaternion, second: Quaternion) -> Vector:
-    """Return the rotation that turns one into the other: its axis in the base times its angle in degrees, 0 to 180."""
+    """Return the rotation between two orientations: its axis in the base frame times its angle in degrees, 0 to 180."""
     a, b, c, d = first
     w, x, y, z = second
     real = w * a + x * b + y * c + z * d
@@ -105,8 +105,8 @@ def turned(orientation: Quaternion, turn: Vector) -> Quaternion:
     """Return an orientation after a rotation.
 
     Args:
-        orientation: before it.
-        turn: axis in the base, times the angle in degrees.
+        orientation: The orientation before the rotation.
+        turn: The rotation: its axis in the base frame times its angle in degrees.
     """
     x, y, z = turn
     angle = math.sqrt(x * x + y * y + z * z)
@@ -139,10 +139,10 @@ def _unit(vector: Sequence[float]) -> Vector:
     x, y, z = vector
     size = math.hypot(x, y, z)
     if size < _NO_TURN:
-        raise InvalidValue(tr("orient or approach vector is zero"))
+        raise InvalidValue(tr("the orient or approach vector is zero"))
     return x / size, y / size, z / size
 
 
 def _above(angle: float) -> float:
-    """Return 180 for -180, and no negative zero."""
+    """Return an angle with -180 replaced by 180, and negative zero by zero."""
     return 180.0 if angle <= -180.0 else angle + 0.0

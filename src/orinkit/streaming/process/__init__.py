@@ -1,1 +1,1 @@
-"""The streaming process, and the side of it that a program has."""
+"""The streaming process, and the program's interface to it."""

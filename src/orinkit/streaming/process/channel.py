@@ -1,4 +1,4 @@
-"""Messages between a program and its streaming process: a line of JSON each, over a pair of sockets."""
+"""Messages between a program and its streaming process: one line of JSON each, over a socket pair."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _CHUNK: Final = 65536
 
 
 class Channel:
-    """One end.
+    """One end of the channel between a program and its streaming process.
 
     Attributes:
-        open: whether the other side is still there.
+        open: True while the other end is open.
     """
 
     def __init__(self, end: socket.socket) -> None:
@@ -25,7 +25,7 @@ class Channel:
         self.open = True
 
     def send(self, message: dict[str, Any]) -> None:
-        """Send a message; one to a side that is not there any more is dropped."""
+        """Send a message; it is dropped if the other end is closed."""
         try:
             self._socket.settimeout(None)
             self._socket.sendall(json.dumps(message).encode() + b"\n")
@@ -33,7 +33,7 @@ class Channel:
             self.open = False
 
     def receive(self, seconds: float) -> dict[str, Any] | None:
-        """Return the next message, ``None`` if none came within the seconds or the other side has gone."""
+        """Return the next message; ``None`` if none arrives in time, or the other end is closed."""
         while b"\n" not in self._received:
             try:
                 self._socket.settimeout(seconds)
@@ -56,26 +56,26 @@ class Channel:
         self._socket.close()
 
 
-_KINDS: Final[dict[str, type[OrinError]]] = {
+_ERRORS: Final[dict[str, type[OrinError]]] = {
     kind.__name__: kind for kind in (ConnectionLost, ProtocolError, StreamError)
 }
 
 
 def describe(error: Exception) -> dict[str, Any]:
-    """Return an error as a message."""
+    """Return the message that represents an error."""
     if isinstance(error, CallError):
         return {"kind": "CallError", "code": error.code, "detail": error.detail, "function": error.function}
     if isinstance(error, CallTimeout):
         return {"kind": "CallTimeout", "function": error.function, "seconds": error.seconds, "tries": error.tries}
-    known = next((name for name, kind in _KINDS.items() if isinstance(error, kind)), "")
+    known = next((name for name, kind in _ERRORS.items() if isinstance(error, kind)), "")
     return {"kind": known or "StreamError", "text": str(error) if known else f"{type(error).__name__}: {error}"}
 
 
 def rebuild(message: dict[str, Any]) -> OrinError:
-    """Return the error that a message tells of."""
+    """Return the error that a message represents."""
     kind = message.get("kind")
     if kind == "CallError":
         return error_for(hresult.unsigned(message["code"]), message["detail"], message["function"])
     if kind == "CallTimeout":
         return CallTimeout(message["function"], message["seconds"], message["tries"])
-    return _KINDS.get(str(kind), StreamError)(message.get("text", ""))
+    return _ERRORS.get(str(kind), StreamError)(message.get("text", ""))

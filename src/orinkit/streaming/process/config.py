@@ -1,4 +1,4 @@
-"""What a streaming process is told when it begins, and the form in which that goes to it."""
+"""Configuration of a streaming process, and its serialization."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from orinkit.streaming.process.shared_memory import Outputs
 
 @dataclass(slots=True)
 class StreamerConfig:
-    """What the streaming process has to know.
+    """The configuration of a streaming process.
 
     Attributes:
-        controller: handle of the controller object.
-        handle: of the Robot object.
-        mode: how and what it sends.
-        send, receive, window: formats of slvMove.
-        outputs: that go with the first set-point.
-        period: seconds of a cycle.
-        limits: of the planner.
-        start: pose at which the arm stands, as many values as the planner has.
-        beyond: values of the joints that there are no limits for; they stay as they are.
-        serial: of the next packet.
-        timeout: seconds that an answer may take.
-        idle: seconds without a set-point in the queue after which slave mode is left, ``None`` for never.
-        program: number of the program's process.
-        dialect: name of the controller's.
-        tries: how often a request is sent in all where packets may be lost.
+        controller: Handle of the Controller object.
+        handle: Handle of the Robot object.
+        mode: Slave mode: buffering and pose type.
+        send, receive, window: Formats of slvMove.
+        outputs: Outputs sent with the first set-point.
+        period: Period of a cycle, s.
+        limits: Limits of the planner.
+        start: Pose at which the arm stands, with as many values as the planner has.
+        beyond: Values of the joints without limits; they are sent unchanged.
+        serial: Serial number of the next packet.
+        timeout: Time-out of a reply, s.
+        idle: s without a set-point in the queue after which slave mode is left, ``None`` for never.
+        program: Process id of the program.
+        dialect: Name of the controller's dialect.
+        tries: Number of times that a request is sent in total, on transports that may lose packets.
     """
 
     controller: int
@@ -53,11 +53,11 @@ class StreamerConfig:
 
     @property
     def plain(self) -> bool:
-        """Whether slvMove takes the joints and nothing else (VE026A 2.2)."""
+        """True if slvMove takes only the joints (VE026A 2.2)."""
         return not DIALECTS[self.dialect].slave_formats
 
     def to_message(self) -> dict[str, Any]:
-        """Return it as JSON can have it; :meth:`from_message` is the other way."""
+        """Return the configuration as a message for JSON; :meth:`from_message` is the inverse."""
         message: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
         message |= {
             "mode": self.mode.number,
@@ -71,7 +71,7 @@ class StreamerConfig:
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> Self:
-        """Return what a message says."""
+        """Return the configuration that a message represents."""
         mode = mode_of(message["mode"])
         assert mode is not None
         window, limits = message["window"], message["limits"]

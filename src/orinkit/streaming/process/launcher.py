@@ -1,4 +1,4 @@
-"""Starting a streaming process, and what a program has of it."""
+"""Starting a streaming process, and the program's interface to it."""
 
 from __future__ import annotations
 
@@ -27,38 +27,42 @@ sys.path[:] = {path!r}
 from orinkit.streaming.process.main import main
 main({channel}, {link}, {memory}, {adopt!r}, {profile!r})
 """
-_PATIENCE: Final = 15.0  # s; a call of the streaming process is over by then, whatever the controller does
-_LET_GO: Final = 5.0  # s that a process which has nothing more to do may take to end
+_HANG_TIMEOUT: Final = (
+    15.0  # s; every call of the streaming process has ended by then, even if the controller does not reply
+)
+_EXIT_TIMEOUT: Final = 5.0  # s in which an idle process must exit
 
 
 class StreamerProcess:
-    """A streaming process.
+    """A streaming process, as seen from the program.
 
     Args:
-        link: descriptor of the connection that it is to have.
-        kind: of the connection: the name of its profile.
+        link: Descriptor of the connection to hand over.
+        kind: Name of the profile of the connection.
 
     Attributes:
-        shared: memory that it reads and writes.
-        real_time: what it obtained; ``None`` until it is ready.
-        began: whether it has been given the connection.
-        streaming: whether it is in slave mode.
-        ended: whether it has given the connection back.
-        reason: why it ended.
-        error: what it failed with.
-        serial: of the next packet, once it has ended.
+        shared: Shared memory of the two processes.
+        real_time: Real-time properties of the process; ``None`` until it is ready.
+        began: True if the connection was handed over.
+        streaming: True while it is in slave mode.
+        ended: True if the connection was handed back.
+        reason: Why it ended.
+        error: The error with which it ended.
+        serial: Serial number of the next packet, after it has ended.
 
     Raises:
-        StreamError: it cannot be started.
-        MissingExtra: a package is missing.
+        StreamError: If the process cannot be started.
+        MissingExtra: If a package is not installed.
     """
 
     def __init__(self, link: int, kind: str) -> None:
         row = lendable(kind)
-        load_ruckig()  # what the process is going to import; said here, where somebody reads it
+        load_ruckig()  # the process imports it; a missing package is reported here, to the program
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
-                tr("streaming in slave mode needs Linux or another POSIX system, and a Python that can be started")
+                tr(
+                    "streaming in slave mode requires a POSIX system such as Linux, and an executable Python interpreter"
+                )
             )
         self.shared = StreamMemory.make()
         self.real_time: RealTime | None = None
@@ -79,40 +83,40 @@ class StreamerProcess:
             self._channel.close()
             self.shared.close()
             raise StreamError(
-                tr("the streaming process cannot be started: {error}", error=error)
+                tr("cannot start the streaming process: {error}", error=error)
             ) from error  # fmt: skip
         finally:
             theirs.close()
 
     def begin(self, setup: StreamerConfig) -> None:
-        """Have it enter slave mode and stream."""
+        """Make the process enter slave mode and stream."""
         self.began = True
         self._channel.send(setup.to_message())
 
     def look(self) -> None:
-        """Take note of what it has said, without waiting; one that does not go on any more is ended."""
-        with self._lock:  # several threads may look
-            self._look()
-            if not self.ended and self._stuck():
+        """Process the messages received so far, without waiting; kill the process if it hangs."""
+        with self._lock:  # several threads may call
+            self._read_messages()
+            if not self.ended and self._hangs():
                 self._process.kill()
                 self.ended = True
                 self.reason = "died"
                 self.error = StreamError(
                     tr(
-                        "the streaming process has done nothing for {seconds:g} s; it was killed, the "
-                        "connection given up",
-                        seconds=_PATIENCE,
+                        "the streaming process made no progress for {seconds:g} s; it was killed, and the "
+                        "connection was given up",
+                        seconds=_HANG_TIMEOUT,
                     )
                 )
 
-    def _stuck(self) -> bool:
+    def _hangs(self) -> bool:
         state = (self.real_time, self.began, self.streaming, self.shared.samples)
         if state != self._seen:
             self._seen, self._since = state, monotonic()
         waits_for_us = self.real_time is not None and not self.began
-        return not waits_for_us and monotonic() - self._since > _PATIENCE
+        return not waits_for_us and monotonic() - self._since > _HANG_TIMEOUT
 
-    def _look(self) -> None:
+    def _read_messages(self) -> None:
         while not self.ended:
             message = self._channel.receive(0)
             if message is not None:
@@ -141,15 +145,15 @@ class StreamerProcess:
 
     def _exit_code(self) -> int | None:
         try:
-            return self._process.wait(_LET_GO)
+            return self._process.wait(_EXIT_TIMEOUT)
         except subprocess.TimeoutExpired:
             return None
 
     def close(self) -> None:
-        """Let go of it: it ends by itself, at once if it has ended streaming; does nothing the second time."""
+        """Release the process, which exits by itself, at once after the end of streaming; calls may be repeated."""
         self._channel.close()
         if self.ended or not self.began:
-            end = monotonic() + _LET_GO
+            end = monotonic() + _EXIT_TIMEOUT
             while self._process.poll() is None:
                 try:
                     self._process.wait(max(0.01, end - monotonic()))
@@ -159,24 +163,24 @@ class StreamerProcess:
 
 
 def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.Popen[bytes]:
-    """Start a process that has these descriptors.
+    """Start a process that inherits these descriptors.
 
     Raises:
-        OSError: it cannot be started.
+        OSError: If the process cannot be started.
     """
     numbers: list[int] = []
     try:
-        # where a standard stream is closed, one of these may have its number, which the new process needs for that
+        # if a standard stream is closed, a descriptor may have its number, which the new process uses for the stream
         numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
         path = [str(place) for place in sys.path]
         program = _START.format(
             path=path, channel=numbers[0], link=numbers[1], memory=numbers[2], adopt=row.adopt, profile=row.profile
         )
-        return subprocess.Popen(  # noqa: S603 - this very Python
+        return subprocess.Popen(  # noqa: S603 - the running interpreter
             [sys.executable, "-c", program],
             stdin=subprocess.DEVNULL,
             pass_fds=numbers,
-            start_new_session=True,  # Ctrl-C at the terminal is for the program
+            start_new_session=True,  # Ctrl-C at the terminal is handled by the program
         )
     finally:
         for number in numbers:

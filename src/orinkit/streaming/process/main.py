@@ -1,4 +1,4 @@
-"""The streaming process itself: ``python -c "...; orinkit.streaming.process.main.main(3, 4, 5, ...)"``, started by ``launcher``."""
+"""Entry point of the streaming process, which ``launcher`` starts as ``python -c "...; main(3, 4, 5, ...)"``."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def main(
     """Stream for the program at the other end of the channel.
 
     Args:
-        channel_descriptor: of the channel.
-        link_descriptor: of the link.
-        memory_descriptor: of the shared memory.
-        adopt: what makes a link of the descriptor, of the row of its transport.
-        profile: how packets travel, of the same row.
+        channel_descriptor: Descriptor of the channel.
+        link_descriptor: Descriptor of the link.
+        memory_descriptor: Descriptor of the shared memory.
+        adopt: Function of the transport that returns a link for the descriptor.
+        profile: Profile of the transport.
     """
-    for name in ("SIGINT", "SIGHUP"):  # Ctrl-C, the end of the terminal: for the program, which says what is to be done
+    for name in ("SIGINT", "SIGHUP"):  # Ctrl-C and the end of the terminal are handled by the program
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=channel_descriptor))
@@ -59,7 +59,7 @@ def main(
     except OrinError as error:
         connection.leave()
         outcome["error"] = describe(error)
-    except Exception as error:  # noqa: BLE001 - the program is told
+    except Exception as error:  # noqa: BLE001 - reported to the program
         outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
     if outcome["reason"] in ("gone", "abandoned") or not channel.open:
         connection.send_close()
@@ -67,7 +67,7 @@ def main(
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)
     link.release()
-    channel.receive(_FOREVER)  # until the program lets go: what it asks of this process's memory is then done
+    channel.receive(_FOREVER)  # until the program closes the channel; it may still read the shared memory
 
 
 def _stream(

@@ -1,4 +1,4 @@
-"""How set-points are handed over in each of the three modes of RC8 4.3, and at what pace."""
+"""Pacing: when and how set-points are sent in each of the three modes of RC8 4.3."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.rc8.slave_formats import SlaveAnswer
 
-_PARTS: Final = 8  # of a period: how soon a set-point that found the buffer full is sent again
-_LOOKS: Final = 5  # of a period: how often a set-point is repeated until the controller has taken it
-_LATE: Final = 4  # of a period
-_PATIENCE: Final = 1.0  # s for one set-point; a controller that takes none for so long is not consuming
+_PARTS: Final = 8  # a set-point that found the buffer full is sent again after 1/8 of a period
+_LOOKS: Final = 5  # repetitions per period until the controller has taken a set-point
+_LATE: Final = 4  # a reply is late after 1/4 of a period
+_PATIENCE: Final = 1.0  # s for one set-point; a controller that takes none in this time is not consuming
 
 
 class Delivery(NamedTuple):
-    """What became of a set-point.
+    """The result of sending a set-point.
 
     Attributes:
-        sent: when it was sent, monotonic s.
-        answered: when the answer was there.
+        sent: Time of sending, monotonic clock, s.
+        answered: Time of the reply, monotonic clock, s.
         code: S_OK or S_BUF_FULL.
-        answer: what came back.
+        answer: The feedback in the reply.
     """
 
     sent: float
@@ -33,29 +33,29 @@ class Delivery(NamedTuple):
 
 
 Call = Callable[[Any], Delivery]
-"""Sends slvMove with a parameter; raises what a client raises."""
+"""Sends slvMove with a parameter; raises the same errors as a client."""
 
 
 class Pacer(Protocol):
-    """One way of handing over."""
+    """Sends set-points in one of the modes."""
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Hand a set-point over; returns when the next one may be made."""
+        """Send a set-point; return when the next one may be computed."""
 
 
 class HandshakePacer:
-    """Mode 2: the controller itself lets the answer wait until there is room."""
+    """Pacer of mode 2: the controller delays the reply until its buffer has room."""
 
-    def __init__(self, call: Call, period: float) -> None:  # noqa: ARG002 - as the others
+    def __init__(self, call: Call, period: float) -> None:  # noqa: ARG002 - signature of every pacer
         self._call = call
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Hand over."""
+        """Send a set-point."""
         return self._call(parameter)
 
 
 class BufferFillPacer:
-    """Mode 0: as many as there is room for, then a pause until the controller has taken one."""
+    """Pacer of mode 0: fills the controller's buffer, then pauses until the controller has taken a set-point."""
 
     def __init__(self, call: Call, period: float) -> None:
         self._call = call
@@ -63,7 +63,7 @@ class BufferFillPacer:
         self._tick = monotonic()
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Hand over; a set-point that finds the buffer full was not taken, and is sent again (RC8 4.3.1)."""
+        """Send a set-point; it is sent again if the buffer was full and it was not taken (RC8 4.3.1)."""
         end = monotonic() + _PATIENCE
         while True:
             try:
@@ -81,10 +81,10 @@ class BufferFillPacer:
 
 
 class TimedPacer:
-    """Mode 1: one set-point for each cycle of the controller, repeated until the controller's time tells of the next.
+    """Pacer of mode 1: one set-point per cycle of the controller, repeated until its time stamp shows the next cycle.
 
-    The controller takes the newest set-point at each boundary of its cycle. A set-point that came just after one instead
-    of just before would have the arm stop for a cycle; one that is repeated is always there.
+    The controller takes the newest set-point at each cycle boundary. A set-point that arrives just after a boundary,
+    instead of just before, would stop the arm for a cycle; repeating the last one avoids that.
     """
 
     def __init__(self, call: Call, period: float) -> None:
@@ -93,11 +93,11 @@ class TimedPacer:
         self._tick = monotonic()
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Hand over; returns when the controller has taken it, or a period later where it does not tell its time."""
+        """Send a set-point; return when the controller has taken it, or after a period if it sends no time stamps."""
         first = self._call(parameter)
         began = first.answer.timestamp
         if began is None:
-            if first.answered - self._tick > self._period / _LATE:  # the next one is not to come into the same cycle
+            if first.answered - self._tick > self._period / _LATE:  # the next one must not fall into the same cycle
                 self._tick = first.answered
             self._tick = _next_tick(self._tick, self._period)
             sleep_until(self._tick)
@@ -113,18 +113,18 @@ class TimedPacer:
 
 
 def _next_tick(tick: float, period: float) -> float:
-    """Return the tick behind one, or a period from now where that is past or far: it has been late, or was not needed."""
+    """Return the tick after one; or a period from now, if that tick is past (late) or too far away (not needed)."""
     now = monotonic()
     following = tick + period
     return following if now < following <= now + period else now + period
 
 
 def sleep_until(moment: float) -> None:
-    """Sleep until a moment of the monotonic clock; not at all if it has passed."""
+    """Sleep until a time of the monotonic clock; return at once if it has passed."""
     seconds = moment - monotonic()
     if seconds > 0:
         sleep(seconds)
 
 
 FLOWS: Final[dict[int, Callable[[Call, float], Pacer]]] = {0: BufferFillPacer, 1: TimedPacer, 2: HandshakePacer}
-"""By the number of the buffering of RC8 table 4-4."""
+"""Pacers by the number of the buffering in RC8 table 4-4."""

@@ -1,4 +1,4 @@
-"""What a streaming process asks of the operating system, so that nothing keeps it waiting; and what it was given."""
+"""Real-time scheduling and memory locking for the streaming process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Final
 from orinkit.core.i18n import tr
 
 PRIORITY: Final = 80
-"""Of SCHED_FIFO, 1 to 99: above ordinary programs, below the kernel's own threads."""
+"""Priority with SCHED_FIFO, 1 to 99: above ordinary programs, below the kernel's own threads."""
 
 _MCL_CURRENT: Final = 1
 _MCL_FUTURE: Final = 2
@@ -22,11 +22,11 @@ _SHORTEST_SLACK: Final = 1  # ns
 
 @dataclass(frozen=True, slots=True)
 class RealTime:
-    """What was obtained.
+    """The real-time properties that the operating system granted.
 
     Attributes:
-        priority: of SCHED_FIFO; 0 where the system did not permit it.
-        locked: whether the process's memory is locked, so that none of it has to be read back from a disk.
+        priority: Priority with SCHED_FIFO; 0 if the system did not permit it.
+        locked: True if the memory of the process is locked, so that it is never swapped to disk.
     """
 
     priority: int = 0
@@ -37,15 +37,17 @@ class RealTime:
             first = tr("real-time priority {priority}", priority=self.priority)
         else:
             first = tr(
-                "ordinary priority (the system does not permit SCHED_FIFO: rtprio in "
+                "ordinary priority (SCHED_FIFO is not permitted; set rtprio in "
                 "/etc/security/limits.conf, or CAP_SYS_NICE)"
             )
-        second = tr("memory locked") if self.locked else tr("memory not locked (memlock in /etc/security/limits.conf)")
+        second = (
+            tr("memory locked") if self.locked else tr("memory not locked (set memlock in /etc/security/limits.conf)")
+        )
         return f"{first}; {second}"
 
 
 def obtain() -> RealTime:
-    """Ask for what there is, and turn the garbage collector off for good."""
+    """Request real-time priority and locked memory, and disable the garbage collector for good."""
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -70,7 +72,7 @@ def _lock_memory() -> bool:
 
         limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
         boundless = os.geteuid() == 0 or limit == resource.RLIM_INFINITY
-        # what is locked in advance counts against the limit: beyond it the process would get no memory at all
+        # memory locked in advance counts against the limit; beyond the limit the process could not allocate any memory
         flags = _MCL_CURRENT | _MCL_FUTURE if boundless else _MCL_CURRENT
         return bool(ctypes.CDLL(None).mlockall(flags) == 0)
     except (ImportError, OSError, AttributeError, TypeError):
@@ -78,7 +80,7 @@ def _lock_memory() -> bool:
 
 
 def _shorten_sleeps() -> None:
-    """Have sleeps end when they should, where the priority is an ordinary one: by default they are 50 us late."""
+    """Reduce the timer slack, by which sleeps at an ordinary priority end late (50 us by default)."""
     if sys.platform == "linux":
         try:
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SHORTEST_SLACK, 0, 0, 0)

@@ -1,4 +1,4 @@
-"""Where the fields of slave mode stand in records of 8-byte words; it follows from the rows of the table."""
+"""Layout of the fields of slave mode in records of 8-byte words, derived from the rows of the table."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Any, Final, TypeAlias
 from orinkit.rc8.slave_fields import MOST_USER_BYTES, FieldType, SlaveField
 
 WORD: Final = 8
-"""Bytes of a word."""
+"""Bytes per word."""
 
-_Writer: TypeAlias = Callable[..., object]  # takes memory, place and value
+_Writer: TypeAlias = Callable[..., object]  # arguments: memory, offset, value
 _Reader: TypeAlias = Callable[[memoryview, int], Any]
 _Place: TypeAlias = tuple[
     int, int, _Writer, bool
-]  # bit, first byte in the record, writer, whether that takes numbers one by one
-_Codec: TypeAlias = tuple[int, _Writer, _Reader]  # words
+]  # flag bit, offset in the record, writer, True if the writer takes the numbers as separate arguments
+_Codec: TypeAlias = tuple[int, _Writer, _Reader]  # number of words, writer, reader
 
 
 class RecordLayout:
-    """Fields in a record; a word of flags, elsewhere, has a bit for each of them.
+    """The layout of fields in a record; a separate word of flags has a bit for each field.
 
     Args:
-        fields: rows of the table, at most 32.
-        sent: they are sent: bytes have the number of the first point too.
+        fields: Rows of the table, at most 32.
+        sent: True for fields that are sent: bytes then include the number of the first I/O point.
 
     Attributes:
-        size: how many words they take.
+        size: Number of words of the fields.
     """
 
     __slots__ = ("_known", "_places", "_readers", "size")
@@ -35,7 +35,7 @@ class RecordLayout:
     def __init__(self, fields: Iterable[SlaveField], *, sent: bool = False) -> None:
         self._places: dict[str, _Place] = {}
         self._known: list[tuple[str, int, _Reader]] = []
-        self._readers: dict[int, list[tuple[str, int, _Reader]]] = {}  # of the flags that have occurred
+        self._readers: dict[int, list[tuple[str, int, _Reader]]] = {}  # readers by flags, for the flags used so far
         self.size = 0
         for number, field in enumerate(fields):
             words, write, read = _sent_bytes() if sent and field.form is FieldType.BYTES else _CODECS[field.form](field)
@@ -44,7 +44,7 @@ class RecordLayout:
             self.size += words
 
     def write(self, view: memoryview, word: int, values: Iterable[tuple[str, Any]]) -> int:
-        """Write names and values of fields from a word on, but for ``None``; return their flags."""
+        """Write the values of fields from a word on, except ``None``; return the flags of the fields."""
         start, flags = word * WORD, 0
         for name, value in values:
             if value is None:
@@ -63,7 +63,7 @@ class RecordLayout:
         readers = self._readers.get(flags)
         if readers is None:
             readers = [each for bit, each in enumerate(self._known) if flags >> bit & 1]
-            # a record that is being overwritten may have any flags
+            # a record may be overwritten concurrently and have any flags
             self._readers[flags & (1 << len(self._known)) - 1] = readers
         return {name: read(view, start + at) for name, at, read in readers}
 
@@ -91,7 +91,7 @@ def _reals(field: SlaveField) -> _Codec:
         packed[count].pack_into(view, at, count, *values[:count])
 
     def read(view: memoryview, at: int) -> tuple[float, ...]:
-        (count,) = _WHOLE.unpack_from(view, at)  # a record that is being overwritten may have any number there
+        (count,) = _WHOLE.unpack_from(view, at)  # a record may be overwritten concurrently and have any number
         values: tuple[float, ...] = packed[count if 0 <= count <= most else 0].unpack_from(view, at)
         return values[1:]
 

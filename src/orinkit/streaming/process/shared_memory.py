@@ -1,8 +1,8 @@
-"""The memory that a program and its streaming process share: set-points one way, samples the other, without locks.
+"""Shared memory of a program and its streaming process: lock-free queues of set-points and of samples.
 
-It is made of 8-byte words, which this machine's Python writes whole. Each side writes its own words only; a record is
-written before the count that makes it visible, and carries its number, so that one that is being overwritten is seen
-as such. The memory has no name: it is gone with the last of the two, however they end.
+It consists of 8-byte words, which Python writes atomically on this machine. Each side writes only its own words. A
+record is written before the counter that publishes it, and contains its number, so that a reader detects a record that
+is being overwritten. The memory has no name: it is freed when both processes have ended, even if they crash.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.process.record_layout import WORD, RecordLayout
 
 QUEUE_ROOM: Final = 4096
-"""Set-points that there is room for: 32 s at 8 ms."""
+"""Capacity of the queue of set-points: 32 s at 8 ms."""
 SAMPLE_ROOM: Final = 4096
-"""Samples that are kept until the program has read them."""
+"""Capacity of the buffer of samples that the program has not read yet."""
 
 BEHIND: Final = 15
-"""Cycles by which an arm may be behind: 3 set-points that the controller queues (RC8 table 4-4), and some 0.1 s until the
+"""Cycles by which an arm may lag: 3 set-points that the controller queues (RC8 table 4-4), and about 0.1 s until the
 encoders follow (reference: feedback in slave mode)."""
 
 RESTS: Final = 3
-"""Equal set-points at the end; two tell the controller that the arm stands (RC8 4.5)."""
+"""Equal set-points at the end; with two of them the controller detects that the arm stands (RC8 4.5)."""
 
-_MOST_VALUES: Final = 13  # of a pose with extra axes
+_MOST_VALUES: Final = 13  # values of a pose with extra axes
 
 
 class SetPointSource(IntEnum):
-    """Where set-points come from."""
+    """The source of set-points."""
 
     NONE = 0
     QUEUE = 1
@@ -46,21 +46,21 @@ class SetPointSource(IntEnum):
 
 
 class StreamCommand(IntEnum):
-    """What the program wants of the streaming process."""
+    """Commands of the program to the streaming process."""
 
     RUN = 0
     HALT = 1
-    """Bring the arm to rest, forget what is queued, and go on holding it."""
+    """Stop the arm, discard the queue, and hold the arm."""
     FINISH = 2
-    """Take what is queued, then leave slave mode."""
+    """Send the queued set-points, then leave slave mode."""
     LEAVE = 3
-    """Bring the arm to rest and leave slave mode."""
+    """Stop the arm and leave slave mode."""
     GOODBYE = 4
-    """The same; and nobody has the connection afterwards."""
+    """As LEAVE, and close the connection afterwards."""
 
 
 class _Word(IntEnum):
-    """Places in the head."""
+    """Offsets in the head of the memory."""
 
     ORDER = 0
     ORDER_DONE = 1
@@ -91,9 +91,9 @@ _VALUES: Final = [Struct(f"{count}d") for count in range(_MOST_VALUES + 1)]
 _SENT: Final = RecordLayout(OUTPUTS, sent=True)
 _GOT: Final = RecordLayout(RECEIVED)
 _HEAD: Final = _Word.OUTPUTS + _SENT.size
-_POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # in a point: number, flags and count, values, outputs
+_POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # layout of a point: number, flags and count, values, outputs
 _POINT: Final = _POINT_OUTPUTS + _SENT.size
-_SAMPLE_VALUES: Final = 6  # in a sample: number, sent, code, flags and count, delay, answered, command, fields
+_SAMPLE_VALUES: Final = 6  # layout of a sample: number, sent, code, flags and count, delay, answered, command, fields
 _SAMPLE_FIELDS: Final = _SAMPLE_VALUES + _MOST_VALUES
 _SAMPLE: Final = _SAMPLE_FIELDS + _GOT.size
 _QUEUE_AT: Final = _HEAD
@@ -103,12 +103,12 @@ _SIZE: Final = WORD * (_SAMPLES_AT + SAMPLE_ROOM * _SAMPLE)
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """States of outputs, as slvMove sends them (RC8 table 4-2); ``None`` for what is not sent.
+    """States of outputs, as slvMove sends them (RC8 table 4-2); ``None`` for outputs that are not sent.
 
     Attributes:
-        mini: of the mini I/O.
-        hand: of the hand I/O.
-        user: first number and bytes of user I/O.
+        mini: States of the mini I/O.
+        hand: States of the hand I/O.
+        user: First number and bytes of the user I/O.
     """
 
     mini: int | None = None
@@ -116,15 +116,15 @@ class Outputs:
     user: tuple[int, bytes] | None = None
 
     def given(self) -> dict[str, Any]:
-        """Return those that are not ``None``, by their names."""
+        """Return the outputs that are not ``None``, by name."""
         return {name: value for name, value in self.items() if value is not None}
 
     def items(self) -> Iterable[tuple[str, Any]]:
-        """Return names and values, ``None`` too."""
+        """Return names and values, including ``None``."""
         return zip(_OUTPUT_NAMES, _values(self), strict=True)
 
     def changed(self, other: Outputs) -> Outputs:
-        """Return these with what the others have put over them."""
+        """Return these outputs, overridden by those of ``other`` that are not ``None``."""
         return self if other is _NO_OUTPUTS else Outputs(**{**self.given(), **other.given()})
 
 
@@ -137,11 +137,13 @@ class RawSample:
     """A sample as the streaming process writes it; see :class:`~orinkit.streaming.recording.samples.Sample`.
 
     Attributes:
-        sent_ns: of the monotonic clock.
-        answered_ns: the same.
-        delay_ns: how long the live target that it is the first to follow had been set when it was sent; -1: none.
-        values: of the fields that the answer had, by their names.
-        number: of the sample; the memory gives it.
+        sent_ns: Time of sending, monotonic clock, ns.
+        answered_ns: Time of the reply, monotonic clock, ns.
+        code: Return code.
+        command: Values of the set-point.
+        delay_ns: Time from setting a live target to sending the first set-point towards it, ns; -1 for other samples.
+        values: Values of the fields of the reply, by name.
+        number: Number of the sample; assigned by the memory.
     """
 
     sent_ns: int
@@ -157,15 +159,15 @@ _NO_OUTPUTS: Final = Outputs()
 
 
 class StreamMemory:
-    """The memory, seen from either side.
+    """The shared memory, for either side.
 
     Args:
-        descriptor: of the memory; it stays open until :meth:`close`.
+        descriptor: Descriptor of the memory; it stays open until :meth:`close`.
     """
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        self._lock = threading.Lock()  # of this side: several threads of a program may write
+        self._lock = threading.Lock()  # for the threads of this side
         self._memory = mmap.mmap(descriptor, _SIZE)
         self._view = memoryview(self._memory)
         self._words = self._view.cast("q")
@@ -173,24 +175,25 @@ class StreamMemory:
 
     @classmethod
     def make(cls) -> StreamMemory:
-        """Make new memory."""
+        """Create new shared memory."""
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("orinkit-stream", os.MFD_CLOEXEC)
         else:
             descriptor, name = tempfile.mkstemp(prefix="orinkit-stream-")
-            os.unlink(name)  # noqa: PTH108 - it is to have no name
+            os.unlink(name)  # noqa: PTH108 - it must have no name
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
 
     @property
     def closed(self) -> bool:
-        """Whether this side has let go of it."""
+        """True if this side is closed."""
         return self.descriptor < 0
 
     def close(self) -> None:
-        """Close this side; does nothing the second time.
+        """Close this side; further calls have no effect.
 
-        The memory stays mapped until nobody refers to this object any more: another thread may be reading it.
+        The memory stays mapped until the last reference to this object is gone, because another thread may be reading
+        it.
         """
         if self.descriptor >= 0:
             os.close(self.descriptor)
@@ -199,23 +202,23 @@ class StreamMemory:
     # --- the program's side -------------------------------------------------------------------------------------
 
     def order(self, order: StreamCommand) -> None:
-        """Tell the streaming process what to do."""
-        count = self._words[_Word.ORDER] >> 8  # the same order given again is another one
+        """Send a command to the streaming process."""
+        count = self._words[_Word.ORDER] >> 8  # distinguishes a repeated command
         self._words[_Word.ORDER] = count + 1 << 8 | order
 
     @property
     def order_done(self) -> bool:
-        """Whether it has done what it was told last."""
+        """True if the last command is done."""
         return self._words[_Word.ORDER_DONE] == self._words[_Word.ORDER]
 
     @property
     def waiting(self) -> int:
-        """How many set-points wait to be sent."""
+        """The number of set-points in the queue."""
         words = self._words
         return int(words[_Word.WRITTEN] - max(words[_Word.READ], words[_Word.FORGOTTEN]))
 
     def put(self, values: Sequence[float], outputs: Outputs = _NO_OUTPUTS) -> None:
-        """Queue a set-point; there has to be room for it."""
+        """Queue a set-point; the queue must have room for it."""
         with self._lock:
             words = self._words
             count = words[_Word.WRITTEN]
@@ -227,25 +230,25 @@ class StreamMemory:
             words[_Word.WRITTEN] = count + 1
 
     def feed_queue(self) -> None:
-        """Take set-points from the queue."""
+        """Make the queue the source of set-points."""
         self._words[_Word.FEED] = SetPointSource.QUEUE
 
     @property
     def forgotten(self) -> int:
-        """How many set-points had been queued when they were forgotten."""
+        """The number of set-points queued before the queue was last discarded."""
         return int(self._words[_Word.FORGOTTEN])
 
     @property
     def written(self) -> int:
-        """How many set-points have been queued."""
+        """The number of set-points queued so far."""
         return int(self._words[_Word.WRITTEN])
 
     def forget(self) -> None:
-        """Have what is queued until now forgotten."""
+        """Discard the set-points queued so far."""
         self._words[_Word.FORGOTTEN] = self._words[_Word.WRITTEN]
 
     def set_target(self, values: Sequence[float], when_ns: int) -> None:
-        """Set the live target."""
+        """Set the live target, and make it the source of set-points."""
         with self._lock:
             words = self._words
             count = words[_Word.TARGET_BEGUN] + 1
@@ -258,7 +261,7 @@ class StreamMemory:
             words[_Word.FEED] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
-        """Set the outputs that go with every set-point that has none of its own."""
+        """Set the outputs for every set-point that has none of its own."""
         with self._lock:
             words = self._words
             count = words[_Word.OUTPUTS_BEGUN] + 1
@@ -267,55 +270,55 @@ class StreamMemory:
             words[_Word.OUTPUTS_DONE] = count
 
     def hold(self) -> None:
-        """Take set-points from nowhere: the arm comes to rest and is held."""
+        """Remove the source of set-points: the arm stops and is held."""
         self._words[_Word.FEED] = SetPointSource.NONE
 
     @property
     def began_ns(self) -> int:
-        """When the first set-point was sent, of the monotonic clock."""
+        """The time at which the first set-point was sent, monotonic clock, ns."""
         return int(self._words[_Word.BEGAN])
 
     @property
     def samples(self) -> int:
-        """How many samples have been written."""
+        """The number of samples written."""
         return int(self._words[_Word.SAMPLES])
 
     @property
     def sent(self) -> int:
-        """How many set-points of the queue have been sent as they were given."""
+        """The number of set-points taken from the queue."""
         return int(self._words[_Word.SENT])
 
     @property
     def dry(self) -> int:
-        """How often the queue was empty while the arm moved, so that it was brought to rest."""
+        """The number of underflows: the queue was empty while the arm moved, so that the arm was stopped."""
         return int(self._words[_Word.DRY])
 
     @property
     def lateness(self) -> Lateness:
-        """Set-points that came too late for a real controller; none where the controller does not tell.
+        """Set-points that would be too late for a real controller; empty if the controller does not report them.
 
-        ``longest`` is that of those that were told of last.
+        ``longest`` refers to the set-points of the last report.
         """
         words, numbers = self._words, self._numbers
         return Lateness(int(words[_Word.LATE]), numbers[_Word.LATE_LONGEST], numbers[_Word.LATE_TOTAL])
 
     @property
     def at_rest(self) -> bool:
-        """Whether the command stands still."""
+        """True if the command stands still."""
         return bool(self._words[_Word.RESTS])
 
     @property
     def rested(self) -> bool:
-        """Whether the controller knows that it does, and has been asked how late set-points were."""
+        """True if the controller has detected that, and was queried for late set-points."""
         return self._words[_Word.RESTS] >= RESTS
 
     @property
     def settled(self) -> bool:
-        """Whether it has stood still for so long that the arm does too."""
+        """True if the command has stood still for so long that the arm stands too."""
         return self._words[_Word.RESTS] > BEHIND
 
     def sample(self, number: int) -> RawSample | None:
-        """Return a sample, ``None`` for one that is not there any more."""
+        """Return a sample, ``None`` if it was overwritten."""
         words, numbers = self._words, self._numbers
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         flags = words[at + 3]
@@ -336,20 +339,20 @@ class StreamMemory:
 
     @property
     def wanted(self) -> StreamCommand:
-        """What the program wants."""
+        """The command of the program."""
         return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
     def has_done(self) -> None:
-        """Tell that what the program wants has been done."""
+        """Report that the command of the program is done."""
         self._words[_Word.ORDER_DONE] = self._words[_Word.ORDER]
 
     @property
     def feed(self) -> SetPointSource:
-        """Where set-points are to come from."""
+        """The source of set-points."""
         return SetPointSource(self._words[_Word.FEED])
 
     def take(self) -> tuple[tuple[float, ...], Outputs] | None:
-        """Return the next set-point and take it out of the queue; ``None`` when it is empty."""
+        """Remove the next set-point from the queue and return it; ``None`` if the queue is empty."""
         words = self._words
         count = max(words[_Word.READ], words[_Word.FORGOTTEN])
         words[_Word.READ] = count
@@ -364,7 +367,10 @@ class StreamMemory:
         return values, outputs
 
     def target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
-        """Return number, time and values of the live target if it is newer than a number; ``None`` while it is being written."""
+        """Return number, time and values of the live target if it is newer than ``seen``, otherwise ``None``.
+
+        While it is being written, ``None`` is returned too.
+        """
         words = self._words
         done = words[_Word.TARGET_DONE]
         if done == seen:
@@ -375,7 +381,10 @@ class StreamMemory:
         return (done, when, values) if words[_Word.TARGET_BEGUN] == done else None
 
     def outputs(self, seen: int) -> tuple[int, Outputs] | None:
-        """Return number and values of the outputs if they are newer than a number; ``None`` while they are being written."""
+        """Return number and values of the outputs if they are newer than ``seen``, otherwise ``None``.
+
+        While they are being written, ``None`` is returned too.
+        """
         words = self._words
         done = words[_Word.OUTPUTS_DONE]
         if done == seen:
@@ -384,18 +393,18 @@ class StreamMemory:
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
     def note(self, *, sent: int, dry: int, rests: int) -> None:
-        """Tell how it goes: set-points sent, times that there were none, equal ones sent last while nothing is wanted."""
+        """Report the numbers of set-points sent, of underflows, and of equal set-points sent last at standstill."""
         words = self._words
         words[_Word.SENT], words[_Word.DRY], words[_Word.RESTS] = sent, dry, rests
 
     def add_lateness(self, more: Lateness) -> None:
-        """Count further late set-points."""
+        """Add to the late set-points."""
         self._numbers[_Word.LATE_LONGEST] = more.longest
         self._numbers[_Word.LATE_TOTAL] += more.total
         self._words[_Word.LATE] += more.count
 
     def add(self, sample: RawSample) -> None:
-        """Write a sample over the oldest one."""
+        """Write a sample, which replaces the oldest one."""
         words = self._words
         number = words[_Word.SAMPLES]
         if not number:

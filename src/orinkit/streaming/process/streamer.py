@@ -1,4 +1,4 @@
-"""What runs in the streaming process: from set-points, or a live target, to slvMove in each cycle of the controller."""
+"""The main loop of the streaming process: sends slvMove in each cycle of the controller."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from orinkit.streaming.process.shared_memory import (
 from orinkit.transport.runner import Link, run, send_close
 from orinkit.values.variant import ARRAY, Variant, VarType
 
-_AHEAD: Final = 4  # set-points that are there before the first one is sent, or cycles that they are waited for
-_WATCH: Final = 0.02  # s between two looks at the program's process
-_MOST_SECONDS: Final = 3.0  # for the answer to a set-point
-_CYCLES: Final = 1.5  # that a set-point waits for its answer before it is sent again, where packets may be lost
-_TRIPS: Final = 3  # on a serial line the same, by what a command there and back took
+_AHEAD: Final = 4  # set-points to wait for before the first one is sent, or the number of cycles to wait
+_WATCH: Final = 0.02  # s between two checks of the program's process
+_MOST_SECONDS: Final = 3.0  # s: time-out of the reply to a set-point
+_CYCLES: Final = 1.5  # cycles after which a set-point without a reply is sent again, if packets may be lost
+_TRIPS: Final = 3  # the same on a serial line, in round-trip times of a command
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
 _STAMP: Final = next(row.name for row in RECEIVED if row.form is FieldType.STAMP)
 _STOPPED: Final = frozenset(b"Tt")
-_STALL: Final = 0.25  # s for which a program may be stopped: the machine, or a debugger that looks around
+_STALL: Final = 0.25  # s for which a program may be stopped, by a stall of the machine or by a debugger
 _STOPS: Final = {  # bits of SysState (reference: SysState)
     10: N_("the emergency stop is on"),
     12: N_("the protective stop is on"),
@@ -52,12 +52,16 @@ _STOPS: Final = {  # bits of SysState (reference: SysState)
 
 
 Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
-"""Why streaming ended: not by itself (an error), as the program wanted, which may have given up the connection, because its process was stopped (SIGSTOP) for longer than
-a machine may stall, has gone, sent nothing any more, or because the streaming process was told to end (SIGTERM)."""
+"""Why streaming ended.
+
+``""``: an error; ``"left"``: as the program requested; ``"abandoned"``: the same, and the program has given up the
+connection; ``"stopped"``: the program was stopped (SIGSTOP) for longer than a machine may stall; ``"gone"``: the
+program has ended; ``"idle"``: it sent no more set-points; ``"terminated"``: the streaming process received SIGTERM.
+"""
 
 
 class ProgramMonitor:
-    """Looks whether the program still runs."""
+    """Monitors that the program is running."""
 
     def __init__(self, channel: Channel, process: int) -> None:
         self._channel = channel
@@ -67,11 +71,11 @@ class ProgramMonitor:
         self.terminated = False
         try:
             self._stat = os.open(f"/proc/{process}/stat", os.O_RDONLY)
-        except OSError:  # another system than Linux: a program that is stopped is not noticed
+        except OSError:  # not Linux: a stopped program is not detected
             self._stat = -1
 
     def check(self) -> Reason:
-        """Return why to end, ``""`` for going on."""
+        """Return the reason to end, ``""`` to continue."""
         if self.terminated:
             return "terminated"
         now = monotonic()
@@ -79,13 +83,13 @@ class ProgramMonitor:
             return ""
         self._next = now + _WATCH
         self._channel.receive(0)
-        orphan = os.getppid() != self._program  # a child that it forked may keep the channel open
+        orphan = os.getppid() != self._program  # a forked child of the program may keep the channel open
         if orphan or not self._channel.open:
             return "gone"
         return "stopped" if self._has_stopped(now) else ""
 
     def _has_stopped(self, now: float) -> bool:
-        """Tell whether the program has been stopped for longer than a machine may stall."""
+        """Return True if the program has been stopped for longer than a machine may stall."""
         if not self._is_stopped():
             self._stopped_at = None
         elif self._stopped_at is None:
@@ -97,19 +101,19 @@ class ProgramMonitor:
             return False
         try:
             text = os.pread(self._stat, 512, 0)
-        except OSError:  # it has gone
+        except OSError:  # it has ended
             return False
         state = text.rpartition(b")")[2].split()[:1]
         return bool(state) and state[0][0] in _STOPPED
 
 
 class StreamerConnection:
-    """The connection, while this process has it.
+    """The connection to the controller, while this process has it.
 
     Args:
-        link: to the controller.
-        setup: what this process was told.
-        profile: how packets travel.
+        link: Link to the controller.
+        setup: Configuration of this process.
+        profile: Profile of the transport.
     """
 
     def __init__(self, link: Link, setup: StreamerConfig, profile: BcapProfile) -> None:
@@ -119,13 +123,13 @@ class StreamerConnection:
         self._timeout = setup.timeout
         self._tries = setup.tries
         self._cycle = setup.period
-        self._trip = 0.0  # s that a command took
+        self._trip = 0.0  # s: round-trip time of the last command
         self._receive = setup.receive
         self.conversation = BcapConversation(profile=profile, dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
-        """Execute a command of the robot; returns code and result."""
+        """Execute a command of the robot; return code and result."""
         began = monotonic()
         answer = self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout, self._tries)
         self._trip = monotonic() - began
@@ -135,16 +139,17 @@ class StreamerConnection:
         """Send slvMove."""
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
-        # where noise has put a line out of step, the controller finds its place again when the line is silent
+        # after noise on the line, the controller synchronizes again when the line is silent
         later = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
 
     def lateness(self, leave_out: int) -> Lateness | None:
-        """Return how late set-points were, but for the first ones; ``None`` where the controller does not tell.
+        """Return how late set-points were, except the first ``leave_out``; ``None`` if the controller cannot report it.
 
-        A real controller does not know the command: it is to be asked before slave mode is on, and then never again.
+        A real controller does not have this command: call it before slave mode is on, and never again if it returns
+        None.
         """
         try:
             return read_lateness(self.execute(LATENESS, leave_out)[1])
@@ -152,21 +157,21 @@ class StreamerConnection:
             return None
 
     def _patience(self) -> tuple[float, int]:
-        """Return how long to wait for the answer to a set-point, and how often it is sent: one that is lost is soon felt."""
+        """Return the time-out of a set-point, s, and how often it is sent; a lost set-point must be repeated soon."""
         profile = self.conversation.profile
         if not profile.lossy:
             return min(self._timeout, _MOST_SECONDS), 1
         seconds = _CYCLES * self._cycle
-        if profile.shared:  # a slow line is busy with one set-point for longer than that
+        if profile.shared:  # on a slow line, a set-point takes longer than that
             seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
     def send_close(self) -> None:
-        """Tell the controller that nobody has the connection any more, where its end does not."""
+        """Notify the controller that the connection ends, on transports whose end it cannot detect."""
         send_close(self._link, self.conversation.close_sequence())
 
     def leave(self) -> None:
-        """Turn slave mode off after an error; most errors have done so already."""
+        """Turn slave mode off after an error; most errors have already done so."""
         try:
             self.execute("slvChangeMode", OFF)
         except OrinError:
@@ -177,14 +182,14 @@ class StreamerConnection:
     ) -> tuple[int, Any]:
         try:
             return run(self.conversation.call(function, arguments, seconds, tries=tries, later=later), self._link)
-        except CallError as error:  # which command it was says more than the function
+        except CallError as error:  # the name of the command is more specific than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
     def first_error(self, error: CallError) -> CallError:
-        """Return the first of the controller's errors: what follows it only tells that slave mode is off (RC8 4.7).
+        """Return the controller's first error: the following ones only report that slave mode is off (RC8 4.7).
 
         Args:
-            error: what slvMove was answered with; returned where the controller tells of none.
+            error: The error of slvMove; returned if the controller reports none.
         """
         try:
             count = self._ask("GetCurErrorCount", None)
@@ -207,14 +212,14 @@ class StreamerConnection:
 
 @dataclass(slots=True)
 class _ControllerClock:
-    """The controller's time, from stamps that wrap (RC8 table 4-1: VT_I4)."""
+    """The controller's time, computed from time stamps that wrap around (RC8 table 4-1: VT_I4)."""
 
     microseconds: bool
     _last: int | None = None
     _ticks: int = field(default=0)
 
     def read(self, stamp: int) -> float:
-        """Return seconds."""
+        """Return the time of a stamp, s."""
         last = stamp if self._last is None else self._last
         self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
         self._last = stamp
@@ -222,15 +227,15 @@ class _ControllerClock:
 
 
 class Streamer:
-    """Streams until it is told to leave, or there is a reason to.
+    """Streams set-points until the program requests the end, or there is another reason to end.
 
     Args:
-        setup: what and how.
-        connection: to the controller.
-        shared: memory that the program writes to and reads from.
-        watch: looks at the program.
-        planner: within whose limits all is done.
-        tells: whether the controller tells how late set-points were.
+        setup: Configuration of the process.
+        connection: Connection to the controller.
+        shared: Memory shared with the program.
+        watch: Monitor of the program.
+        planner: Planner of the commands.
+        tells: True if the controller reports late set-points.
     """
 
     def __init__(
@@ -250,30 +255,30 @@ class Streamer:
         self._connection = connection
         call: Call = connection.move
         buffering = setup.mode.buffering
-        if setup.plain and buffering == 0:  # a VE026A lets its answer wait for the cycle (VE026A 2.2.1: response style)
+        if setup.plain and buffering == 0:  # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
             buffering = 2
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _ControllerClock(setup.receive.microseconds)
         self._outputs = setup.outputs
-        self._beside: dict[str, Any] = {}  # the pose, in a set-point
+        self._beside: dict[str, Any] = {}  # what a set-point contains besides the pose
         self._note_outputs()
         self._outputs_seen = 0
-        self._target: tuple[float, ...] | None = None  # the last that could be read
+        self._target: tuple[float, ...] | None = None  # the last one that could be read
         self._target_seen = 0
-        self._delay_from = 0  # when the live target was set that has not been sent yet
+        self._delay_from = 0  # when the live target was set, if no set-point towards it was sent yet
         self._sent = 0
         self._dry = 0
         self._was_dry = True
         self._patience = _AHEAD
         self._waits_since = monotonic()
         self._rests = 0
-        self._late = 0 if tells else None  # how many late set-points the controller has told of
-        self._moved = False  # since it was asked
+        self._late = 0 if tells else None  # number of late set-points that the controller has reported
+        self._moved = False  # since the last query
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
 
     def run(self) -> Reason:
-        """Stream; slave mode is on before and after."""
+        """Stream set-points; slave mode is on before and after."""
         reason: Reason = ""
         while True:
             reason = reason or self._reason()
@@ -297,12 +302,12 @@ class Streamer:
         return self._watch.check()
 
     def _finished(self) -> bool:
-        """Whether all set-points of the queue have been sent; a live target is not waited for."""
+        """Return True if all queued set-points were sent; a live target need not be reached."""
         shared = self._shared
         return shared.feed is not SetPointSource.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
-        """Whether set-points were sent, the arm stands, and no more come."""
+        """Return True if set-points were sent, the arm stands, and the queue is empty."""
         shared = self._shared
         return shared.feed is SetPointSource.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
 
@@ -320,7 +325,7 @@ class Streamer:
         newer = self._shared.target(self._target_seen)
         if newer is not None:
             self._target_seen, self._delay_from, self._target = newer
-        # one that is just being written, by a program that may be kept from finishing it, is no reason to brake
+        # do not brake because a target is just being written: the program may be suspended in the middle
         return self._come_to_rest() if self._target is None else self._planner.goto(self._target)
 
     def _from_queue(self) -> tuple[float, ...]:
@@ -336,7 +341,7 @@ class Streamer:
         return self._towards(values, self._planner.track(values))
 
     def _ready(self) -> bool:
-        """Whether to begin: with a few set-points there, one that comes a little late is not felt."""
+        """Return True if streaming can begin: with a few queued set-points, one that is slightly late has no effect."""
         waiting = self._shared.waiting
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
             return True
@@ -344,7 +349,7 @@ class Streamer:
         return self._patience <= 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
-        """There are no more set-points: stay at the last one if the arm is slow enough, or bring it to rest."""
+        """Return the next command if there is no set-point: hold if the arm is slow enough, otherwise stop."""
         if self._was_dry:
             return self._planner.stop()
         self._was_dry = True
@@ -357,7 +362,7 @@ class Streamer:
         return self._planner.track(last)
 
     def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
-        """Remember the last set-point where the command is not there yet."""
+        """Remember the last set-point if the command has not reached it."""
         self._aim = None if command == point else point
         return command
 

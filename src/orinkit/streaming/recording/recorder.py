@@ -1,4 +1,4 @@
-"""What was sent and answered, sample by sample, in a file: CSV, or MCAP for Foxglove, PlotJuggler and the like."""
+"""Recording of samples in a file: CSV, or MCAP for Foxglove, PlotJuggler and similar programs."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
 SAMPLE_TOPIC: Final = "/slave/sample"
-"""Channel of an MCAP file with a message for each set-point."""
+"""Channel of an MCAP file with one message per set-point."""
 INFO_TOPIC: Final = "/slave/info"
-"""Channel with one message: what is the same for all of them."""
+"""Channel with one message: the properties common to all set-points."""
 
 _NANO: Final = 1_000_000_000
-_CHUNK: Final = 64 * 1024  # bytes, about a second: what a process that is killed loses
-_LATEST: Final = 2**63  # ns: times of an MCAP file have 64 bits, and the sample's own is added
+_CHUNK: Final = 64 * 1024  # bytes, about 1 s: the data lost if the process is killed
+_LATEST: Final = 2**63  # ns: times of an MCAP file have 64 bits, and the time of a sample is added
 _ROBOT_JOINTS: Final = 6
 _VALUE: Final = ".6f"
-_EXACT: Final = ".9f"  # commands, so that a recording can be streamed again; parts of a unit vector
+_EXACT: Final = ".9f"  # for commands, so that a recording can be streamed again, and components of unit vectors
 _TIME: Final = ".6f"
 
 
 class Recorder:
-    """Writes samples into a file; :func:`open_recorder` makes it.
+    """Writes samples into a file; created by :func:`open_recorder`.
 
-    Nothing that goes wrong while it writes is an exception, as the arm moves then: it is told in ``error``.
+    Errors while writing do not raise an exception, because the arm is moving; they are reported in ``error``.
 
     Attributes:
-        path: of the file.
-        count: how many samples have been written.
-        error: why it has stopped writing; ``None`` while nothing is wrong.
+        path: Path of the file.
+        count: Number of samples written.
+        error: Message of the error that ended the recording; ``None`` if there was none.
     """
 
     def __init__(self, path: Path, file: _File) -> None:
@@ -57,7 +57,7 @@ class Recorder:
         self._file: _File | None = file
 
     def write(self, sample: Sample) -> None:
-        """Write a sample; nothing happens after an error, and after the file was closed."""
+        """Write a sample; do nothing after an error, or if the file is closed."""
         if self._file is None or self.error is not None:
             return
         try:
@@ -67,7 +67,7 @@ class Recorder:
             self._failed(error)
 
     def close(self) -> None:
-        """Complete the file; what goes wrong is in ``error``. Nothing happens the second time."""
+        """Complete and close the file; errors are reported in ``error``. Further calls have no effect."""
         file, self._file = self._file, None
         if file is None:
             return
@@ -86,7 +86,7 @@ class Recorder:
         if self.error is None:
             reason = _reason(error)
             self.error = tr(
-                "cannot write {path}: {reason}; the recording ends after {count} samples",
+                "cannot write {path}: {reason}; the recording ended after {count} samples",
                 path=self.path,
                 reason=reason,
                 count=self.count,
@@ -94,30 +94,30 @@ class Recorder:
 
 
 def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: int | None = None) -> Recorder:
-    """Open a file for a recording; one that is there is overwritten.
+    """Open a file for a recording; an existing file is overwritten.
 
     Args:
-        path: ends in ``.csv`` or ``.mcap``.
-        kind: what the set-points are.
-        period: s between two of them.
-        start_ns: when the first set-point is sent, ns since 1970, for the times of an MCAP file; ``None``: from the
+        path: Path of the file, with the suffix ``.csv`` or ``.mcap``.
+        kind: Pose type of the set-points.
+        period: Time between two set-points, s.
+        start_ns: Time of the first set-point, ns since 1970, for the times of an MCAP file; ``None``: taken from the
             clock when the first sample is written.
 
     Raises:
-        InvalidValue: another end of the name, no such directory, no right to write there.
-        MissingExtra: for MCAP, the package ``mcap`` is not installed (extra ``log``).
+        InvalidValue: If the suffix is another one, the directory does not exist, or the file cannot be written.
+        MissingExtra: If, for MCAP, the package ``mcap`` is not installed (extra ``log``).
     """
     check_period(period)
     if kind not in ("J", "P", "T"):
-        raise InvalidValue(tr('kind {kind}: "J", "P" or "T" is wanted', kind=brief(kind)))
+        raise InvalidValue(tr('kind is {kind}, but must be "J", "P" or "T"', kind=brief(kind)))
     if start_ns is not None and not 0 <= start_ns <= _LATEST:
-        raise InvalidValue(tr("start_ns {start_ns} is no time", start_ns=brief(start_ns)))
+        raise InvalidValue(tr("start_ns is {start_ns}, which is not a valid time", start_ns=brief(start_ns)))
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".mcap"):
-        raise InvalidValue(tr("{path}: the name of a recording ends in .csv or .mcap", path=path))
+        raise InvalidValue(tr("{path}: the name of a recording must end in .csv or .mcap", path=path))
     if not path.parent.is_dir():
-        raise InvalidValue(tr("there is no directory {parent}", parent=path.parent))
+        raise InvalidValue(tr("the directory {parent} does not exist", parent=path.parent))
     try:
         return Recorder(path, _Csv(path, kind, period) if suffix == ".csv" else _Mcap(path, kind, period, start_ns))
     except (OSError, ValueError) as error:
@@ -125,23 +125,23 @@ def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: 
 
 
 class _File(Protocol):
-    """One format."""
+    """A file format."""
 
     def write(self, sample: Sample) -> None:
-        """Add a sample."""
+        """Write a sample."""
 
     def close(self, *, complete: bool) -> None:
-        """Close the file; without ``complete`` nothing more is written."""
+        """Close the file; if ``complete`` is False, write nothing more."""
 
 
 # --- CSV --------------------------------------------------------------------------------------------------------------
 
 
 class _Csv:
-    """A row for each sample, written at once: a process that is killed loses none.
+    """CSV: a row per sample, written at once, so that a killed process loses none.
 
-    ``time_s`` is the time of the set-point, its number times the period: the controller takes one each period, whenever
-    it was sent (``sent_s``), and differences of it give the velocity that was commanded.
+    ``time_s`` is the number of the set-point times the period: the controller takes one set-point per period,
+    regardless of when it was sent (``sent_s``), so the commanded velocity follows from differences of it.
     """
 
     def __init__(self, path: Path, kind: PoseKind, period: float) -> None:
@@ -161,17 +161,17 @@ class _Csv:
             row.extend(group.texts(sample))
         self._writer.writerow(row)
 
-    def close(self, *, complete: bool) -> None:  # noqa: ARG002 - nothing waits to be written
+    def close(self, *, complete: bool) -> None:  # noqa: ARG002 - nothing is buffered
         self._file.close()
 
 
 class _Group:
-    """Columns that come from one value of a sample.
+    """Columns for one value of a sample.
 
     Args:
-        value: returns it.
-        names: of the columns.
-        form: of a number.
+        value: Returns the value.
+        names: Names of the columns.
+        form: Format of a number.
     """
 
     __slots__ = ("_form", "_value", "names")
@@ -182,7 +182,7 @@ class _Group:
         self._form = form
 
     def texts(self, sample: Sample) -> list[str]:
-        """Return as many texts as there are names, empty ones for what the sample has not."""
+        """Return one text per name, empty for values that the sample does not have."""
         value = self._value(sample)
         if value is None:
             return [""] * len(self.names)
@@ -195,7 +195,7 @@ class _Group:
 
 
 def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
-    """Return the columns after the time, for what the first sample has."""
+    """Return the columns after the time, for the values that the first sample has."""
     count = len(sample.command)
     names = [*_titles(kind), *(f"extra_{number}" for number in range(1, count))][:count]
     groups = [_Group(attrgetter("command"), [f"{name}{COMMAND}" for name in names], _EXACT)]
@@ -207,7 +207,7 @@ def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
     has = [row for row in RECEIVED if row is not POSES["J"] and sample.value(row) is not None]
     groups += [_group_of(row, sample) for row in has if row.form is FieldType.STAMP]
     groups.append(_Group(attrgetter("code"), ["code"], "#010x"))
-    poses = [row for row in has if row.form is FieldType.POSE][:1]  # the columns of another one have the same names
+    poses = [row for row in has if row.form is FieldType.POSE][:1]  # the columns of other poses have the same names
     others = [row for row in has if row.form not in (FieldType.STAMP, FieldType.POSE)]
     return groups + [_group_of(row, sample) for row in (*poses, *others)]
 
@@ -239,7 +239,7 @@ def _titles(kind: PoseKind) -> list[str]:
 
 
 class _Mcap:
-    """A JSON message for each sample, in chunks that are written when they are full."""
+    """MCAP: a JSON message per sample, in chunks that are written when full."""
 
     def __init__(self, path: Path, kind: PoseKind, period: float, start_ns: int | None) -> None:
         writer = _mcap_writer()
@@ -273,7 +273,7 @@ class _Mcap:
             self._file.close()
 
     def _begin(self, kind: PoseKind, period: float) -> int:
-        """Write what comes before the samples; return their channel."""
+        """Write the data before the samples; return the channel of the samples."""
         self._writer.start(profile="", library="orinkit")
         samples = self._channel(SAMPLE_TOPIC, "orinkit.streaming.Sample", _sample_schema())
         info = self._channel(INFO_TOPIC, "orinkit.streaming.Info", _info_schema())
@@ -289,15 +289,15 @@ class _Mcap:
 
 
 def _mcap_writer() -> Any:
-    """Return the class that writes MCAP; its methods have no types."""
-    require(tr("a recording in MCAP"), "log", "mcap")
+    """Return the class that writes MCAP; its methods are untyped."""
+    require(tr("recording in MCAP"), "log", "mcap")
     from mcap.writer import Writer
 
     return Writer
 
 
 def _as_json(sample: Sample) -> dict[str, Any]:
-    """Return what a sample has."""
+    """Return the values that a sample has, by name."""
     found = {name: value for name, get in _GETTERS.items() if (value := get(sample)) is not None}
     for row in _HEXADECIMAL:
         if row.name in found:
@@ -319,17 +319,17 @@ def _finite(entry: Any) -> Any:
 
 
 _JSON_TYPES: Final = {
-    FieldType.STAMP: "number", FieldType.REAL: "number", FieldType.POSE: "array", FieldType.REALS: "array", FieldType.BITS: "integer",
-    FieldType.BYTES: "string",
+    FieldType.STAMP: "number", FieldType.REAL: "number", FieldType.POSE: "array", FieldType.REALS: "array",
+    FieldType.BITS: "integer", FieldType.BYTES: "string",
 }  # fmt: skip
 _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "number": ("integer", N_("number of the set-point, from 0")),
-    "sent": ("number", N_("when it was sent, s since the first one")),
-    "command": ("array", N_("what was sent: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
+    "sent": ("number", N_("time of sending, s since the first set-point was sent")),
+    "command": ("array", N_("set-point: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
     "code": ("integer", N_("return code")),
     **{row.name: (_JSON_TYPES[row.form], row.text) for row in RECEIVED},
-    "delay": ("number", N_("from when a live target was set until this set-point, the first one towards it, was sent, s")),
-    "answered": ("number", N_("when the answer was there, s since the first one was sent")),
+    "delay": ("number", N_("time from setting a live target to sending this set-point, the first one towards it, s")),
+    "answered": ("number", N_("time of the reply, s since the first set-point was sent")),
 }  # fmt: skip
 _ROWS: Final = {row.name: row for row in RECEIVED}
 _GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
@@ -337,17 +337,17 @@ _GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
 }
 _HEXADECIMAL: Final = tuple(row for row in RECEIVED if row.form is FieldType.BYTES)
 _INFO: Final[dict[str, tuple[str, str]]] = {
-    "kind": ("string", N_("what the set-points are: J, P or T")),
+    "kind": ("string", N_("pose type of the set-points: J, P or T")),
     "period": ("number", N_("time between two set-points, s")),
 }
 
 
 def _sample_schema() -> dict[str, Any]:
-    return _schema(tr("A set-point and what came back"), _SAMPLE)
+    return _schema(tr("A set-point and its feedback"), _SAMPLE)
 
 
 def _info_schema() -> dict[str, Any]:
-    return _schema(tr("What is the same for all set-points"), _INFO)
+    return _schema(tr("Properties common to all set-points"), _INFO)
 
 
 def _schema(title: str, fields: dict[str, tuple[str, str]]) -> dict[str, Any]:

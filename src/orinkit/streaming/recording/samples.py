@@ -1,4 +1,4 @@
-"""What comes back for each set-point."""
+"""Samples: set-points and their feedback."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from orinkit.values.poses import J, P, T
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One set-point that was sent, and what the controller answered (RC8 table 4-3).
+    """A set-point that was sent, and the controller's feedback (RC8 table 4-3).
 
     Attributes:
-        number: of the set-point, from 0.
-        sent: when it was sent, s since the first one was.
-        command: its pose, as sent: joints in degrees, or X, Y, Z in mm, angles in degrees and figure, or a T.
-        code: return code, S_OK or S_BUF_FULL.
-        time: the controller's own time, s; ``None`` where it was not asked for (``"time"``), as all that follows.
-        joints: where the arm is, degrees; some 0.1 s behind the command.
-        position: the same as a position, mm and degrees.
-        trans: the same as a homogeneous transformation.
-        mini: states of the mini I/O.
-        hand: states of the hand I/O.
-        user: states of the user I/O that were asked for.
-        current: of the motors, A.
-        delay: s from when a live target was set until this set-point, the first one towards it, was sent; ``None`` for
-            any other.
-        answered: when the answer was there, s of the same clock as ``sent``; in mode 2 that is when there was room.
-        more: fields of the answer that have no attribute here, by their names.
+        number: Number of the set-point, from 0.
+        sent: Time of sending, s since the first set-point was sent.
+        command: Pose as sent: joints in deg, or X, Y, Z in mm, angles in deg and figure, or a T.
+        code: Return code, S_OK or S_BUF_FULL.
+        time: The controller's own time, s; ``None`` if it was not requested (``"time"``), as for all following fields.
+        joints: Actual joint position, deg; about 0.1 s behind the command.
+        position: Actual position as a P, mm and deg.
+        trans: Actual position as a homogeneous transformation.
+        mini: States of the mini I/O.
+        hand: States of the hand I/O.
+        user: States of the requested user I/O.
+        current: Currents of the motors, A.
+        delay: Time from setting a live target until this set-point, the first one towards it, was sent, s; ``None`` for
+            other set-points.
+        answered: Time of the reply, s on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
+        more: Fields of the reply without an attribute here, by name.
     """
 
     number: int
@@ -50,9 +50,9 @@ class Sample:
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
     def value(self, row: SlaveField) -> Any:
-        """Return the value of a field of the answer, ``None`` if there is none."""
+        """Return the value of a field of the reply, ``None`` if there is none."""
         return getattr(self, row.name) if row.name in OWN else self.more.get(row.name)
 
 
 OWN: Final = frozenset(each.name for each in fields(Sample)) & {row.name for row in RECEIVED}
-"""Fields of the answer that have an attribute."""
+"""Fields of the reply that have an attribute."""

@@ -1,1 +1,1 @@
-"""Trajectories: reading, checking, slowing down, resampling."""
+"""Trajectories: reading, checking, retiming, resampling."""

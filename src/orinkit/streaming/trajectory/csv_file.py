@@ -1,19 +1,19 @@
-"""Trajectories in CSV files: what ``orinkit move --record`` and streams write, and tables of other programs.
+"""Trajectories in CSV files: recordings of ``orinkit move --record`` and of streams, and tables of other programs.
 
 =======================================  ==================================================================
-header                                   what the rows are
+header                                   content of the rows
 =======================================  ==================================================================
-``time_s, J1_command, J2_command, ...``  a recording: its commands; encoders and the rest are not looked at
-``X_command, Y_command, ...``            the same of positions or transformations
+``time_s, J1_command, J2_command, ...``  the commands of a recording; encoders and other columns are ignored
+``X_command, Y_command, ...``            the same for positions or transformations
 ``j1, j2, ...``                          joints, degrees
 ``x, y, z, rx, ry, rz[, fig]``           positions, mm and degrees
 ``x, y, z, ox, ..., az[, fig]``          homogeneous transformations
 none, 6 to 8 columns                     joints, degrees
 =======================================  ==================================================================
 
-Capitals do not matter, nor the order of columns with names, nor columns with other names. A column ``time_s``, ``time``
-or ``t`` has the seconds. Values are separated by commas, semicolons, tabs or blanks. Lines that begin with ``#`` and
-empty ones do not count, but a header may be in the last ``#`` line before the numbers.
+Names are case-insensitive, named columns may be in any order, and columns with other names are ignored. A column
+``time_s``, ``time`` or ``t`` contains the time, s. Values are separated by commas, semicolons, tabs or spaces. Empty
+lines and lines that begin with ``#`` are skipped, but the last ``#`` line before the numbers may contain the header.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
 TIME: Final = "time_s"
-"""The column with the seconds."""
+"""The column of the time, s."""
 COMMAND: Final = "_command"
-"""What the name of a column of commands ends with, after that of a joint or another value."""
+"""Suffix of the names of command columns, after the name of a joint or another value."""
 ENCODER: Final = "_encoder"
-"""The same of encoders."""
+"""Suffix of the names of encoder columns."""
 MOST_ROWS: Final = 1_000_000
-"""The most rows of a file."""
+"""The largest number of rows of a file."""
 
 _TIMES: Final = (TIME, "time", "t")
 _JOINT: Final = re.compile(r"j([1-8])")
 _KNOWN: Final = {*_TIMES, *map(str.lower, FIELDS["J"]), *FIELDS["P"], *FIELDS["T"]}
 _FEWEST_TIMES: Final = 3
-_FEWEST_JOINTS: Final = 6  # of a table without names
+_FEWEST_JOINTS: Final = 6  # columns of a table without names
 _MOST_JOINTS: Final = 8
-_UNUSED_JOINT: Final = 7  # a recording leaves it out where only joint 8 is used
+_UNUSED_JOINT: Final = 7  # a recording omits it if only joint 8 is used
 _LONGEST_LINE: Final = 100_000  # characters
 _LONGEST_NAME: Final = 200
 _UNEVEN: Final = 0.01  # of a period
-_ROUNDING: Final = 2e-6  # s: of times with six decimals
+_ROUNDING: Final = 2e-6  # s: times have six decimals
 _LONGEST_PERIOD: Final = 10.0  # s
 _SEPARATORS: Final = ";,\t"
 
 
 class CsvRow(NamedTuple):
-    """One row of a table.
+    """A row of a table.
 
     Attributes:
-        line: its number in the file, from 1.
-        cells: its texts.
+        line: Line number in the file, from 1.
+        cells: Texts of the cells.
     """
 
     line: int
@@ -71,14 +71,14 @@ class CsvRow(NamedTuple):
 
 
 class CsvTable:
-    """A CSV file, row by row.
+    """A CSV file, read row by row.
 
     Args:
-        path: of the file.
+        path: Path of the file.
 
     Attributes:
-        path: of the file.
-        note: the comment read last, with its number and its cells; ``None`` where there was none.
+        path: Path of the file.
+        note: The comment read last, as a single cell, with its line number; ``None`` if there was none.
     """
 
     def __init__(self, path: Path) -> None:
@@ -88,10 +88,10 @@ class CsvTable:
         self._separator: str | None = None
 
     def rows(self) -> Iterator[CsvRow]:
-        """Yield the rows; neither empty ones nor comments.
+        """Yield the rows, without empty lines and comments.
 
         Raises:
-            InvalidValue: the file cannot be read, or is no CSV file, or too long.
+            InvalidValue: If the file cannot be read, is not a CSV file, or is too long.
         """
         count = 0
         try:
@@ -105,7 +105,7 @@ class CsvTable:
         except InvalidValue:
             raise
         except (UnicodeDecodeError, csv.Error) as error:
-            raise wrong(self.path, 0, tr("it is no CSV file in UTF-8 ({error})", error=error)) from None
+            raise wrong(self.path, 0, tr("not a CSV file in UTF-8 ({error})", error=error)) from None
         except (OSError, ValueError) as error:  # a name with a NUL
             reason = error.strerror if isinstance(error, OSError) else error
             raise InvalidValue(tr("cannot read {path}: {reason}", path=_named(self.path), reason=reason)) from None
@@ -114,7 +114,7 @@ class CsvTable:
         while text := file.readline(_LONGEST_LINE + 1):
             self._line += 1
             if len(text) > _LONGEST_LINE:
-                raise wrong(self.path, self._line, tr("it is no CSV file: a line without an end"))  # fmt: skip
+                raise wrong(self.path, self._line, tr("not a CSV file: a line is too long"))  # fmt: skip
             content = text.strip()
             if content.startswith("#"):
                 self.note = CsvRow(self._line, [content.lstrip("#").strip()])
@@ -130,7 +130,7 @@ class CsvTable:
         return csv.reader(lines, delimiter=self._separator, skipinitialspace=True, strict=True)
 
     def noted(self) -> CsvRow | None:
-        """Return the cells of the comment read last, divided as the rows are."""
+        """Return the comment read last, split into cells at the separator of the rows."""
         if self.note is None:
             return None
         return CsvRow(self.note.line, [cell.strip() for cell in self.note.cells[0].split(self._separator)])
@@ -138,12 +138,12 @@ class CsvTable:
 
 @dataclass(frozen=True, slots=True)
 class _CsvLayout:
-    """Where in a row a trajectory is.
+    """The columns of a trajectory in a row.
 
     Attributes:
-        kind: what its values are.
-        columns: of its values; ``None`` for one that is 0 in all rows.
-        time: column of the seconds.
+        kind: Pose type of the values.
+        columns: Columns of the values; ``None`` for a value that is 0 in all rows.
+        time: Column of the time.
     """
 
     kind: PoseKind
@@ -152,15 +152,15 @@ class _CsvLayout:
 
 
 def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]]]:
-    """Return the trajectory of a file: what its values are, the seconds between two rows, and the rows.
+    """Load a trajectory from a file; return its pose type, its period in s, and the rows.
 
     The period is ``None`` if the file has no times.
 
     Raises:
-        InvalidValue: the file cannot be read, or is no trajectory; with its name and the line.
+        InvalidValue: If the file cannot be read, or is not a trajectory; the message has its name and the line.
     """
     if path.suffix.lower() == ".mcap":
-        raise wrong(path, 0, tr("a trajectory is a CSV file; try: record as .csv what is to be run again"))  # fmt: skip
+        raise wrong(path, 0, tr("a trajectory must be a CSV file. Try: record as .csv"))  # fmt: skip
     table = CsvTable(path)
     rows = table.rows()
     first = next(rows, None)
@@ -184,14 +184,14 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
             values.insert(place, 0.0)
         points.append(tuple(values))
     if not points:
-        raise wrong(path, first.line, tr("no row follows the header"))
+        raise wrong(path, first.line, tr("no rows after the header"))
     if not has_names and layout.time is None and layout.kind == "J":
         _refuse_times(path, points)
     return layout.kind, _period(path, times, lines), points
 
 
 def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
-    """Check that the first of more than six columns without names is a joint: an arm that took times for J1 would move."""
+    """Check that the first of more than six unnamed columns is not a time, which would move J1."""
     first = [point[0] for point in points]
     if len(points[0]) <= _FEWEST_JOINTS or len(first) < _FEWEST_TIMES or first[0] != 0.0:
         return
@@ -203,7 +203,7 @@ def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
             path,
             1,
             tr(
-                "the first of {count} columns without names looks like times, {step:g} s apart; try: a "
+                "the first of {count} columns without names looks like times at intervals of {step:g} s. Try: a "
                 "header line such as time_s,j1,j2,j3,j4,j5,j6",
                 count=len(points[0]),
                 step=step,
@@ -215,19 +215,19 @@ def numbers(path: Path, row: CsvRow, count: int, columns: Sequence[int]) -> list
     """Return the numbers in some columns of a row.
 
     Args:
-        path: of the file, for the message.
-        row: as :meth:`CsvTable.rows` yields it.
-        count: how many cells it should have.
-        columns: which of them are wanted.
+        path: Path of the file, for the message.
+        row: A row, as :meth:`CsvTable.rows` yields it.
+        count: Required number of cells of the row.
+        columns: The columns to return.
 
     Raises:
-        InvalidValue: it has another number of cells, or one of those is no finite number.
+        InvalidValue: If the row has another number of cells, or one of the columns is not a finite number.
     """
     if len(row.cells) != count:
         raise wrong(
             path,
             row.line,
-            tr("{count} values, {wanted} are wanted", count=len(row.cells), wanted=count),
+            tr("got {count} values, expected {wanted}", count=len(row.cells), wanted=count),
         )
     try:
         values = [float(row.cells[column]) for column in columns]
@@ -237,7 +237,7 @@ def numbers(path: Path, row: CsvRow, count: int, columns: Sequence[int]) -> list
         place = next(column for column in columns if not _is_finite(row.cells[column]))
         text = f"{row.cells[place]!r:.40}"
         raise wrong(
-            path, row.line, tr("column {column}: {text} is no finite number", column=place + 1, text=text)
+            path, row.line, tr("column {column}: {text} is not a finite number", column=place + 1, text=text)
         )  # fmt: skip
     return values
 
@@ -250,12 +250,12 @@ def _is_finite(text: str) -> bool:
 
 
 def wrong(path: Path, line: int, text: str) -> InvalidValue:
-    """Return the error of a file that cannot be used.
+    """Return the error for a file that cannot be used.
 
     Args:
-        path: of the file.
-        line: its number, 0 where it is about the whole file.
-        text: what is wrong, translated.
+        path: Path of the file.
+        line: Line number, 0 if the error concerns the whole file.
+        text: The message, translated.
     """
     where = tr(", line {line}", line=line) if line else ""
     return InvalidValue(f"{_named(path)}{where}: {text}")
@@ -265,7 +265,7 @@ def wrong(path: Path, line: int, text: str) -> InvalidValue:
 
 
 def _unnamed_layout(table: CsvTable, first: CsvRow) -> _CsvLayout:
-    """Return where the values are in rows of numbers: by the comment before them, or joints."""
+    """Return the layout of rows without a header: that of the comment before them, otherwise joints."""
     note = table.noted()
     if note is not None and len(note.cells) == len(first.cells):
         layout = _find(table.path, note)
@@ -277,7 +277,7 @@ def _unnamed_layout(table: CsvTable, first: CsvRow) -> _CsvLayout:
             table.path,
             first.line,
             tr(
-                "{count} columns without names: 6 to 8 would be joints; try: a header line such as "
+                "{count} columns without names; only 6 to 8 can be read as joints. Try: a header line such as "
                 "j1,j2,j3,j4,j5,j6 or x,y,z,rx,ry,rz",
                 count=count,
             ),
@@ -292,8 +292,8 @@ def _named_layout(path: Path, header: CsvRow) -> _CsvLayout:
             path,
             header.line,
             tr(
-                "no columns of a trajectory; try: j1,j2,j3,j4,j5,j6 or x,y,z,rx,ry,rz, or a file that "
-                "orinkit move --record has written"
+                "no columns of a trajectory. Try: j1,j2,j3,j4,j5,j6 or x,y,z,rx,ry,rz, or a file "
+                "written by orinkit move --record"
             ),
         )
     return layout
@@ -311,7 +311,7 @@ def _find(path: Path, header: CsvRow) -> _CsvLayout | None:
         joints = {int(match[1]): column for name, column in found.items() if (match := _JOINT.fullmatch(name))}
         space = all(name in found for name in "xyz")
         if joints and space:
-            raise wrong(path, header.line, tr("it has joints and positions; try: leave one of them out"))  # fmt: skip
+            raise wrong(path, header.line, tr("the file has both joints and positions. Try: remove one of them"))  # fmt: skip
         if joints:
             return _CsvLayout("J", _joint_columns(path, header.line, joints), time)
         if space:
@@ -349,8 +349,8 @@ def _period(path: Path, times: Sequence[float], lines: Sequence[int]) -> float |
                 path,
                 lines[place],
                 tr(
-                    "{step:g} s after the row before, {mean:g} s between the rows on average; even times up "
-                    "to {longest:g} s apart are wanted (within 1 %); try: leave out the column of the "
+                    "the interval to the row before is {step:g} s, the average is {mean:g} s; intervals must be "
+                    "equal (within 1 %) and at most {longest:g} s. Try: remove the column of the "
                     "times",
                     step=step,
                     mean=mean,

@@ -1,7 +1,7 @@
-"""What a controller sees of a trajectory: the differences of neighbouring set-points, and the differences of these.
+"""First and second differences of set-points, which a controller checks.
 
-The arm stands at ``start`` before, and stands still at the last point after. Each list has an entry for every sample
-and one more: what changes when the arm stands after the last one.
+The arm stands at ``start`` before the trajectory, and at the last point after it. Each list has one entry per sample,
+and one more for the change to standstill after the last sample.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Points: TypeAlias = Sequence[tuple[float, ...]]
 
 
 class Differences(NamedTuple):
-    """Of one quantity.
+    """The differences of one quantity.
 
     Attributes:
-        steps: each sample minus the one before.
-        changes: each step minus the one before.
+        steps: Each sample minus the one before.
+        changes: Each step minus the one before.
     """
 
     steps: list[float]
@@ -39,10 +39,10 @@ def of_column(column: Sequence[float], start: float) -> Differences:
 
 
 def of_path(points: Points, start: Sequence[float], kind: PoseKind) -> tuple[Differences, Differences]:
-    """Return those of the position (lengths, mm) and of the orientation (angles, degrees) of P or T.
+    """Return the differences of the position (lengths, mm) and of the orientation (angles, deg) of P or T.
 
     Raises:
-        InvalidValue: the orientation of a T cannot be made out.
+        InvalidValue: If the orient and approach vectors of a T do not determine its orientation.
     """
     columns = list(zip(start, *points, strict=True))
     x, y, z = (of_column(column[1:], column[0]) for column in columns[:3])
@@ -58,7 +58,7 @@ def orientations(columns: Sequence[Sequence[float]], kind: PoseKind) -> list[Qua
     """Return the orientation of each point of P or T, given as columns.
 
     Raises:
-        InvalidValue: that of a T cannot be made out.
+        InvalidValue: If the orient and approach vectors of a T do not determine its orientation.
     """
     if kind == "P":
         return list(map(of_angles, *columns[3:6]))

@@ -1,4 +1,4 @@
-"""Which sample of a trajectory breaks a limit first, and what is said about it."""
+"""Detection of the first limit violation of a trajectory, and its messages."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 MOST_SAMPLES: Final = 1_000_000
-"""The most set-points of a trajectory: more than two hours of 8 ms."""
+"""The largest number of set-points of a trajectory: more than two hours at 8 ms."""
 
 
 class TrajectoryError(InvalidValue):
     """A trajectory that cannot be used; nothing was sent.
 
     Attributes:
-        sample: number of the set-point, from 0; ``None`` where it is not about one.
-        axis: number of the joint, or of the value of a P or T, from 1; ``None`` where it is not about one.
+        sample: Number of the set-point, from 0; ``None`` if the error does not concern a single one.
+        axis: Number of the joint, or of the value of a P or T, from 1; ``None`` if the error does not concern a single
+            one.
     """
 
     def __init__(self, message: str, sample: int | None = None, axis: int | None = None) -> None:
@@ -36,17 +37,17 @@ class TrajectoryError(InvalidValue):
 
 
 def check_period(period: object) -> None:
-    """Make sure that there can be such a period.
+    """Check a period.
 
     Raises:
-        InvalidValue: it is not above 0 and up to 10 s.
+        InvalidValue: If it is not above 0 and at most 10 s.
     """
     if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period <= 10:
-        raise InvalidValue(tr("period {period}: seconds above 0, up to 10, are wanted", period=brief(period)))
+        raise InvalidValue(tr("the period is {period}, but must be above 0 and at most 10 s", period=brief(period)))
 
 
 RANGE: Final = -1
-"""Rank of a breach that is told before all others of the same sample: a joint is out of its range."""
+"""Rank of a joint out of its range, which is reported before all other limit violations of the same sample."""
 
 _ROUNDING: Final = 1e-9  # deg, mm
 _POSITION_TOLERANCE: Final = 1e-6  # mm
@@ -56,13 +57,13 @@ _SHOWN: Final = 3  # decimals
 
 
 class LimitViolation(NamedTuple):
-    """The first sample that breaks a limit. The smallest of several is told.
+    """The first violation of a limit. Of several, the smallest tuple is reported.
 
     Attributes:
-        sample: its number from 0; the number of samples where the arm would have to stop after the last one.
-        rank: which of several of the same sample comes first.
-        axis: number of the joint from 1, 0 for a tool.
-        value: what is beyond the limit.
+        sample: Number of the sample, from 0; equal to the number of samples for the stop after the last one.
+        rank: Order of several violations at the same sample.
+        axis: Number of the joint, from 1; 0 for a tool.
+        value: The value that exceeds the limit.
     """
 
     sample: int
@@ -72,16 +73,16 @@ class LimitViolation(NamedTuple):
 
 
 class LimitCheck(NamedTuple):
-    """A limit that differences have to keep.
+    """A limit on differences of set-points.
 
     Attributes:
-        rank, axis: as of the breach.
-        values: the differences, one per sample and one after the last.
-        most: of such a difference.
-        limit: in its own unit.
-        per: what a difference is divided by to have that unit.
-        unit: its name.
-        text: what is limited; it is translated where it is shown.
+        rank, axis: As in :class:`LimitViolation`.
+        values: The differences, one per sample and one after the last.
+        most: The largest allowed difference.
+        limit: The limit in its own unit.
+        per: Divisor that converts a difference to that unit.
+        unit: The unit.
+        text: Name of the limited quantity; translated for messages.
     """
 
     rank: int
@@ -94,7 +95,7 @@ class LimitCheck(NamedTuple):
     text: str
 
     def breach(self) -> LimitViolation | None:
-        """Return where it is broken first."""
+        """Return the first violation of the limit, ``None`` if there is none."""
         most = self.most
         if max(self.values) <= most and min(self.values) >= -most:
             return None
@@ -105,7 +106,7 @@ class LimitCheck(NamedTuple):
 def joint_rules(
     column: Sequence[float], start: float, axis: int, limits: Limits, period: float, tolerance: float
 ) -> tuple[LimitCheck, LimitCheck]:
-    """Return what is asked of a joint, ``axis`` from 0, that stands at ``start`` before."""
+    """Return the limit checks of a joint, ``axis`` from 0, that stands at ``start`` before the trajectory."""
     steps, changes = finite_differences.of_column(column, start)
     velocity, acceleration = limits.velocity[axis], limits.acceleration[axis]
     more = 1.0 + tolerance
@@ -122,13 +123,13 @@ def joint_rules(
 def path_rules(
     place: finite_differences.Differences, turn: finite_differences.Differences, limits: PathLimits, period: float
 ) -> list[LimitCheck]:
-    """Return what is asked of a tool, by the differences of its position and its orientation."""
+    """Return the limit checks of a tool, given the differences of its position and its orientation."""
     rows = (
-        (place.steps, limits.speed, 1, "mm/s", N_("speed of the tool"), _POSITION_TOLERANCE),
-        (turn.steps, limits.rotation, 1, "deg/s", N_("speed of rotation"), _ANGLE_TOLERANCE),
-        (place.changes, limits.acceleration, 2, "mm/s^2", N_("acceleration of the tool"),
+        (place.steps, limits.speed, 1, "mm/s", N_("tool velocity"), _POSITION_TOLERANCE),
+        (turn.steps, limits.rotation, 1, "deg/s", N_("angular velocity"), _ANGLE_TOLERANCE),
+        (place.changes, limits.acceleration, 2, "mm/s^2", N_("tool acceleration"),
          _POSITION_TOLERANCE),
-        (turn.changes, limits.rotation_acceleration, 2, "deg/s^2", N_("acceleration of rotation"),
+        (turn.changes, limits.rotation_acceleration, 2, "deg/s^2", N_("angular acceleration"),
          _ANGLE_TOLERANCE),
     )  # fmt: skip
     return [
@@ -147,7 +148,7 @@ def path_rules(
 
 
 def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[LimitViolation]:
-    """Return where joints leave their range first."""
+    """Return the first sample of each joint that is out of range, as limit violations."""
     breaches = []
     for axis, column in enumerate(columns):
         lower, upper = limits.lower[axis] - _ROUNDING, limits.upper[axis] + _ROUNDING
@@ -158,12 +159,12 @@ def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[Lim
 
 
 def broken(rules: Sequence[LimitCheck]) -> list[LimitViolation]:
-    """Return where rules are broken first."""
+    """Return the first violation of each of the limits."""
     return [breach for rule in rules if (breach := rule.breach()) is not None]
 
 
 def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, period: float) -> str:
-    """Return what is said about a breach of a rule."""
+    """Return the message for a limit violation."""
     rule = next(rule for rule in rules if (rule.rank, rule.axis) == (breach.rank, breach.axis))
     name = f"J{rule.axis}: " if rule.axis else ""
     value = f"{breach.value / rule.per:.1f} {rule.unit}"
@@ -172,8 +173,8 @@ def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, per
             _at(count - 1, period)
             + name
             + tr(
-                "the trajectory ends while the arm moves, and to stop there takes {value} of {limit:g}; "
-                "try: slow down before the end, or retime (retime=True, --retime)",
+                "the trajectory ends while the arm moves; the stop requires {value}, the limit is {limit:g}. "
+                "Try: slow down before the end, or retime (retime=True, --retime)",
                 value=value,
                 limit=rule.limit,
             )
@@ -182,7 +183,7 @@ def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, per
         _at(breach.sample, period)
         + name
         + tr(
-            "{what} {value} of {limit:g}; try: retime (retime=True, --retime), which slows down where it is needed",
+            "{what} {value} exceeds the limit of {limit:g}. Try: retime (retime=True, --retime)",
             what=tr(rule.text),
             value=value,
             limit=rule.limit,
@@ -191,11 +192,11 @@ def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, per
 
 
 def outside(breach: LimitViolation, limits: Limits, period: float) -> str:
-    """Return what is said about a joint out of its range."""
+    """Return the message for a joint out of its range."""
     lower, upper = limits.lower[breach.axis - 1], limits.upper[breach.axis - 1]
     return _at(breach.sample, period) + tr(
-        "J{axis}: {value:.{digits}f} is outside its range, {lower:g} to {upper:g}; try: another "
-        "trajectory, or limits of your own if the arm's are set wider",
+        "J{axis}: {value:.{digits}f} is outside the range of {lower:g} to {upper:g}. Try: another "
+        "trajectory, or pass limits= if the arm has a wider range",
         axis=breach.axis,
         digits=_SHOWN,
         value=breach.value,
@@ -205,11 +206,11 @@ def outside(breach: LimitViolation, limits: Limits, period: float) -> str:
 
 
 def joints_away(start: Sequence[float], first: Sequence[float]) -> str:
-    """Return what is said about an arm that is not where the trajectory begins."""
+    """Return the message for an arm that is not at the beginning of the trajectory."""
     far = max(range(len(first)), key=lambda axis: abs(first[axis] - start[axis]))
     by = f"{abs(first[far] - start[far]):.{_SHOWN}f}"
     return tr(
-        "the arm is at {here}, the trajectory begins at {first}, with J{axis} {by} away: move there first",
+        "the arm is at {here}, but the trajectory begins at {first}; J{axis} is off by {by}. Try: move there first",
         here=_short("J", start),
         first=_short("J", first),
         axis=far + 1,
@@ -218,10 +219,10 @@ def joints_away(start: Sequence[float], first: Sequence[float]) -> str:
 
 
 def tool_away(start: Sequence[float], first: Sequence[float], distance: float, angle: float, kind: PoseKind) -> str:
-    """Return the same of a tool, ``distance`` in mm, ``angle`` in degrees."""
+    """Return the same message for a tool, ``distance`` in mm, ``angle`` in degrees."""
     by = f"{distance:.{_SHOWN}f} mm, {angle:.{_SHOWN}f} deg"
     return tr(
-        "the tool is at {here}, the trajectory begins at {first}, {by} away: move there first",
+        "the tool is at {here}, but the trajectory begins at {first}; it is off by {by}. Try: move there first",
         here=_short(kind, start),
         first=_short(kind, first),
         by=by,

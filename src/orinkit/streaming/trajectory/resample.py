@@ -1,4 +1,4 @@
-"""A trajectory with another time between its set-points."""
+"""Resampling of a trajectory to another period."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from orinkit.streaming.trajectory.spline import Curve
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
-_SAME: Final = 1e-4  # of a period: times of a file are rounded
+_SAME: Final = 1e-4  # of a period: times in files are rounded
 _ROUNDING: Final = 1e-9
 
 
 def resample(points: Points, from_period: float, to_period: float, kind: PoseKind) -> list[tuple[float, ...]]:
     """Return the same motion with another period, by cubic interpolation.
 
-    The first and the last set-point stay as they are. Where the whole time is no multiple of the new period, the motion
-    takes a part of a period longer. With a longer period nothing is averaged.
+    The first and the last set-point are not changed. If the duration is not a multiple of the new period, the motion
+    takes a fraction of a period longer. A longer period does not average samples.
 
     Args:
-        points: as ``read_trajectory`` returns them.
-        from_period: s between two of them.
-        to_period: s between two of what is returned.
-        kind: what they are.
+        points: Set-points, as ``read_trajectory`` returns them.
+        from_period: Period of the set-points, s.
+        to_period: Period of the result, s.
+        kind: Pose type of the set-points.
 
     Raises:
-        TrajectoryError: it would be too long; the figure of a P or T changes on the way.
-        InvalidValue: a period is none.
+        TrajectoryError: If the result would be too long, or the figure of a P or T changes between samples.
+        InvalidValue: If a period is not valid.
     """
     check_period(from_period)
     check_period(to_period)
@@ -42,7 +42,7 @@ def resample(points: Points, from_period: float, to_period: float, kind: PoseKin
     if steps >= MOST_SAMPLES:
         raise TrajectoryError(
             tr(
-                "with a period of {period:g} s the trajectory has more than {most} samples",
+                "with a period of {period:g} s the trajectory would have more than {most} samples",
                 period=to_period,
                 most=MOST_SAMPLES,
             )

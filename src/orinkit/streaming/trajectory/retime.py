@@ -1,4 +1,4 @@
-"""The same path, slowed down where it is too fast for the arm."""
+"""Retiming: slows a trajectory down where it exceeds the limits of the arm, without changing its path."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
     from orinkit.streaming.trajectory.finite_differences import Points
 
-_ROUNDS: Final = 20  # of slowing down a little more
-_MORE: Final = 0.005  # of the limits, with each round, where they are broken
-_LITTLE: Final = 0.002  # the same where they are not
+_ROUNDS: Final = 20  # the largest number of attempts, each slower than the one before
+_MORE: Final = 0.005  # reduction of the limits in each round, at limit violations
+_LITTLE: Final = 0.002  # the same elsewhere
 
 
 def retime(
     points: Sequence[Sequence[float]], limits: Limits | PathLimits, period: float, kind: PoseKind = "J"
 ) -> list[tuple[float, ...]]:
-    """Return a trajectory along the same path that keeps the limits: as fast as it may be, nowhere faster than given.
+    """Return the fastest trajectory along the same path within the limits, nowhere faster than the given one.
 
-    It begins at the first point and ends at the last one, at rest. A jump between two points becomes a straight motion
-    (of the joints for J, of the tool for P and T). A trajectory that keeps the limits is returned as it is.
+    It begins at the first point and ends at the last one, at standstill. A jump between two points becomes a straight
+    motion (of the joints for J, of the tool for P and T). A trajectory within the limits is returned unchanged.
 
     Args:
-        points: the trajectory, one point per period.
-        limits: of the joints for J, of the path for P and T.
-        period: s between two set-points.
-        kind: what the points are.
+        points: The trajectory, one point per period.
+        limits: Limits of the joints for J, of the path for P and T.
+        period: Time between two set-points, s.
+        kind: Pose type of the points.
 
     Raises:
-        TrajectoryError: a point is none, or out of range; the figure of a P or T changes on the way; the result would
-            be too long, or cannot be made to keep the limits.
-        InvalidValue: there can be no such period.
+        TrajectoryError: If a point is not valid or out of range, the figure of a P or T changes between samples, or the
+            result would be too long or would still violate the limits.
+        InvalidValue: If the period is not valid.
     """
     check_period(period)
     arm = _arm(limits, period, kind)
@@ -73,25 +73,25 @@ def retime(
 
 
 class _RetimeProblem(Protocol):
-    """Limits, and what is done with them."""
+    """The limits of a trajectory of one pose type, and the checks against them."""
 
     axes: int
     ranges: Sequence[tuple[float, float]]
 
     def fault(self, points: Points) -> TrajectoryError | None:
-        """Return what breaks a limit."""
+        """Return the error for a limit violation, ``None`` if there is none."""
 
     def check_range(self, points: Points) -> None:
-        """Refuse points that no slowing down helps."""
+        """Raise TrajectoryError for points out of range, which retiming cannot correct."""
 
     def bends(self, curve: Curve) -> CurveConstraints:
-        """Return what the limits say about a curve."""
+        """Return the constraints of the limits on a curve."""
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
-        """Return a point that lies beyond a range by a curve between two points, at the end of that range."""
+        """Return a point of the curve, clipped to the range, which the curve may leave between samples."""
 
     def excesses(self, points: Points) -> list[float]:
-        """Return how much of its limits each sample uses, and the rest after the last one; 1 is all of it."""
+        """Return the fraction of the limits that each sample, and the stop after the last one, uses."""
 
 
 class _JointProblem:
@@ -139,7 +139,7 @@ class _PathProblem:
         return _caught(lambda: check_path(points, self._limits, None, self._period, self._kind))
 
     def check_range(self, points: Points) -> None:
-        """There is no range in space."""
+        """Accept all points: poses have no range."""
 
     def bends(self, curve: Curve) -> CurveConstraints:
         return PathConstraints(
@@ -170,7 +170,7 @@ def _arm(limits: object, period: float, kind: PoseKind) -> _RetimeProblem:
         return _PathProblem(limits, period, kind)
     raise InvalidValue(
         tr(
-            "{name} with set-points of kind {kind}: J wants Limits, P and T want PathLimits",
+            "{name} cannot be used with set-points of type {kind}: J requires Limits, P and T require PathLimits",
             name=type(limits).__name__,
             kind=brief(kind),
         )
@@ -180,10 +180,10 @@ def _arm(limits: object, period: float, kind: PoseKind) -> _RetimeProblem:
 def _slow_down(
     allowed: list[float], free: Sequence[bool], samples: Sequence[int], excesses: Sequence[float], number: int
 ) -> None:
-    """Lower what may be used of the limits around each sample that breaks one, and a little of it everywhere.
+    """Reduce the usable fraction of the limits around each limit violation, and slightly everywhere else.
 
-    The little, from the second round on, is for places that are just within the limits and would break them because
-    another one has moved.
+    The slight reduction, from the second round on, is for samples that are just within the limits and could violate
+    them because others have moved.
     """
     last = len(allowed) - 1
     places = [0, *samples, last]
@@ -216,7 +216,7 @@ def _caught(check: Callable[[], None]) -> TrajectoryError | None:
 def _too_long(seconds: float) -> TrajectoryError:
     return TrajectoryError(
         tr(
-            "within these limits the trajectory would take {seconds:.0f} s, more than {most} samples",
+            "within these limits the trajectory would take {seconds:.0f} s, which is more than {most} samples",
             seconds=seconds,
             most=MOST_SAMPLES,
         )
@@ -226,7 +226,7 @@ def _too_long(seconds: float) -> TrajectoryError:
 def _impossible(fault: TrajectoryError | None) -> TrajectoryError:
     return TrajectoryError(
         tr(
-            "the trajectory could not be slowed down so that it keeps the limits: {fault}; try: smoother points",
+            "the trajectory could not be slowed down to keep the limits: {fault}. Try: smoother points",
             fault=fault,
         ),
         *((fault.sample, fault.axis) if fault is not None else ()),

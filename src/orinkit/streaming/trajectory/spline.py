@@ -1,8 +1,8 @@
-"""A smooth curve through the points of a trajectory: cubic splines over the number of the sample.
+"""A smooth curve through the points of a trajectory: cubic splines over the sample number.
 
-Where the points are those of a smooth motion, the curve is the spline whose second derivative is continuous. Such a
-spline swings where points are not: before and after a jump, or where an arm stops at once. There the slopes are
-limited, so that the curve stays between its points: a hold stays a hold, a jump a straight line.
+For points of a smooth motion, the curve is the spline with a continuous second derivative. Such a spline overshoots at
+points of other motions: before and after a jump, or at an abrupt stop. There the slopes are limited, so that the curve
+stays between its points: a pause remains a pause, a jump becomes a straight line.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from orinkit.values.pose_numbers import FIG_AUTO
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
-_RATIO: Final = 2.0 - math.sqrt(3.0)  # of the spline's equations, once solved some way
-_SOLVED: Final = 40  # equations after which it is that to the last digit
-_ROUGH: Final = 0.5  # of its own: a bend that differs from its neighbours by more is not that of a smooth motion
-_STEEPEST: Final = 1.5  # times the smaller slope, where two that meet are not of one smooth motion
-_HIGHEST: Final = 4.0 / 27.0  # times the slope at an end: so far a cubic leaves the range of its two ends
+_RATIO: Final = 2.0 - math.sqrt(3.0)  # limit of the elimination factors of the spline's equations
+_SOLVED: Final = 40  # equations after which the factors equal the limit within rounding
+_ROUGH: Final = 0.5  # relative difference of neighbouring second differences above which a motion is not smooth
+_STEEPEST: Final = 1.5  # largest slope, as a multiple of the smaller adjacent chord, if the motion is not smooth there
+_HIGHEST: Final = 4.0 / 27.0  # overshoot of a cubic beyond its ends, as a multiple of the slope at an end
 
 
 class Cubic(NamedTuple):
-    """One coordinate: ``a + f * (b + f * (c + f * d))`` between sample i and i + 1, f from 0 to 1."""
+    """The cubics of one coordinate: ``a + f * (b + f * (c + f * d))`` between samples i and i + 1, f from 0 to 1."""
 
     a: Sequence[float]
     b: Sequence[float]
@@ -42,17 +42,17 @@ class Curve:
     """The curve of a trajectory.
 
     Args:
-        points: two or more, as ``read_trajectory`` returns them.
-        kind: what they are. P and T are interpolated as positions and orientations.
-        ranges: lowest and highest value of each joint, which the curve does not leave if the points do not; for J.
+        points: Two or more set-points, as ``read_trajectory`` returns them.
+        kind: Pose type of the points. P and T are interpolated as positions and orientations.
+        ranges: For J, lowest and highest value of each joint; the curve stays within them if the points do.
 
     Attributes:
-        coordinates: of J the joints; of P and T three of the position, mm, and four of a quaternion, which is not of
-            length 1 between the samples.
+        coordinates: For J, the joints; for P and T, three coordinates of the position, mm, and four of a quaternion,
+            which is not normalized between the samples.
 
     Raises:
-        TrajectoryError: the figure of a P or T changes on the way.
-        InvalidValue: the orientation of a T cannot be made out.
+        TrajectoryError: If the figure of a P or T changes between samples.
+        InvalidValue: If the orient and approach vectors of a T do not determine its orientation.
     """
 
     __slots__ = ("_figure", "_kind", "coordinates")
@@ -70,7 +70,7 @@ class Curve:
         ]
 
     def at(self, samples: Sequence[int], fractions: Sequence[float]) -> list[tuple[float, ...]]:
-        """Return the poses at many places: each a sample, and how far it is from there to the next, 0 to 1."""
+        """Return the poses at places on the curve, each given as a sample and the fraction to the next one, 0 to 1."""
         columns = []
         for a, b, c, d in self.coordinates:
             columns.append([a[i] + f * (b[i] + f * (c[i] + f * d[i])) for i, f in zip(samples, fractions, strict=True)])
@@ -96,11 +96,13 @@ def _cubic(column: Sequence[float], lower: float, upper: float) -> Cubic:
 
 
 def _slopes(column: Sequence[float], chords: Sequence[float]) -> list[float]:
-    """Return the slopes of the spline at each sample: b0 + 4 b1 + b2 = 3 (y2 - y0), between those of its ends."""
+    """Return the slopes of the spline at each sample: b0 + 4 b1 + b2 = 3 (y2 - y0), with estimates at the ends."""
     if len(chords) < 3:
         bend = 0.5 * (chords[-1] - chords[0])
         return [chord - bend for chord in chords[:1]] + [chords[0] + bend] * (len(chords) - 1) + [chords[-1] + bend]
-    first = (11.0 * chords[0] - 7.0 * chords[1] + 2.0 * chords[2]) / 6.0  # of the cubic through the first four
+    first = (
+        11.0 * chords[0] - 7.0 * chords[1] + 2.0 * chords[2]
+    ) / 6.0  # slope of the cubic through the first four points
     last = (11.0 * chords[-1] - 7.0 * chords[-2] + 2.0 * chords[-3]) / 6.0
     ratio = [0.0]
     while len(ratio) < min(len(chords), _SOLVED):
@@ -120,7 +122,7 @@ def _slopes(column: Sequence[float], chords: Sequence[float]) -> list[float]:
 
 
 def _limited(slopes: list[float], chords: Sequence[float]) -> list[float]:
-    """Return the slopes, those that would make the curve swing limited."""
+    """Limit the slopes that would make the curve overshoot, and return all slopes."""
     if len(chords) < 3:
         return slopes
     bends = list(map(sub, chords[1:], chords))
@@ -150,7 +152,7 @@ def _limited(slopes: list[float], chords: Sequence[float]) -> list[float]:
 def _keep_within(
     column: Sequence[float], slopes: list[float], chords: Sequence[float], lower: float, upper: float
 ) -> None:
-    """Limit the slopes next to where the curve could leave a range, so that it stays between its points there."""
+    """Limit the slopes of intervals that could leave a range, so that the curve stays between its points there."""
     steepest = _HIGHEST * 2 * max(map(abs, slopes))
     if min(column) - steepest >= lower and max(column) + steepest <= upper:
         return
@@ -169,8 +171,8 @@ def _figure_of(column: Sequence[float]) -> float:
         if figure != column[0]:
             raise TrajectoryError(
                 tr(
-                    "sample {sample} (counted from 0): the figure changes from {before:g} to {after:g}, and "
-                    "where between the samples is not known; try: joints, or -1, with which the controller "
+                    "sample {sample} (counted from 0): the figure changes from {before:g} to {after:g} at an "
+                    "unknown point between samples. Try: joints, or the figure -1, with which the controller "
                     "chooses it",
                     sample=sample,
                     before=column[0],
@@ -183,7 +185,7 @@ def _figure_of(column: Sequence[float]) -> float:
 
 
 def _without_flips(turns: list[Quaternion]) -> list[Quaternion]:
-    """Return the same orientations, each of the two quaternions that are one chosen near the one before."""
+    """Return the same orientations, with the sign of each quaternion chosen so that it is near the one before."""
     w, x, y, z = turns[0]
     chosen = []
     for turn in turns:

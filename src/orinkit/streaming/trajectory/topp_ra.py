@@ -1,11 +1,19 @@
-"""How fast a curve can be passed through within limits: time-optimal path parametrisation by reachability analysis.
+"""TOPP-RA: time-optimal path parameterization based on reachability analysis.
 
-The place on the curve is s, the number of the sample. Its rate ds/dt is at most 1 sample per period. What limits say
-of it is linear in z = (ds/dt)^2 and u = d2s/dt2: with q' and q'' of one coordinate, ``|q' u + q'' z| <= acceleration``
-and ``q'^2 z <= velocity^2``. s is divided into cells, u is constant in each. A pass from the end to the start finds at
-each place the greatest z from which the arm still can keep all limits that follow; a pass from the start to the end
-takes the greatest u that stays below it. A second difference of set-points is a mean of accelerations, so set-points
-keep what the motion keeps. Time is in periods, accelerations are in parts of their limit.
+The algorithm is that of H. Pham and Q.-C. Pham, "A New Approach to Time-Optimal Path Parameterization Based on
+Reachability Analysis", IEEE Transactions on Robotics 34(3), 2018.
+
+The path parameter is s, the number of the sample; its rate ds/dt is limited to 1 sample per period. The state is
+z = (ds/dt)^2, the control u = d2s/dt2. All constraints are linear in both: with the derivatives q' and q'' of a
+coordinate, ``|q' u + q'' z| <= acceleration`` and ``q'^2 z <= velocity^2``. The path is divided into cells with
+constant u.
+
+The backward pass, from the end to the start, computes the controllable set at each grid point: the interval of z from
+which some controls keep all following constraints. Only its upper end is needed; Newton's method finds it, instead of a
+linear program. The forward pass, from the start to the end, applies the greatest u that stays in the controllable sets.
+
+A second difference of set-points is a mean of accelerations, so the set-points keep every limit that the motion keeps.
+Time is in periods, and accelerations are fractions of their limits.
 """
 
 from __future__ import annotations
@@ -20,37 +28,37 @@ from orinkit.streaming.planning.quaternions import DEGREE
 from orinkit.streaming.trajectory.spline import Cubic
 
 Terms: TypeAlias = list[tuple[float, float]]
-"""Factors (of u, of z) of accelerations; each sum is to be from -1 to 1."""
+"""Coefficients (of u, of z) of accelerations; each weighted sum must be from -1 to 1."""
 
-_MOST_CELLS: Final = 64  # of one interval between samples
-_MARGIN: Final = 0.998  # between the ends of a cell an acceleration can be a little more than there
-_BENT: Final = 4.0  # where q'' is less, it is the path that bends, and not only how s goes along it
-_STEEPNESS: Final = 5.0  # times the root of q'' / q' at the end: then q' changes by a tenth in the first cell
-_SMOOTH: Final = 0.2  # q'' / q': then q' hardly changes from sample to sample
+_MOST_CELLS: Final = 64  # cells of an interval between samples
+_MARGIN: Final = 0.998  # inside a cell an acceleration can be slightly greater than at its ends
+_BENT: Final = 4.0  # q'' above which a cell may have to be refined
+_STEEPNESS: Final = 5.0  # cells per root of q'' / q' at an end: q' then changes by a tenth in the first cell
+_SMOOTH: Final = 0.2  # q'' / q' up to which q' hardly changes from sample to sample
 _NOTHING: Final = 1e-12
-_LEAST: Final = 0.01  # of the greatest z of a place: so much has to be left of it on the way
-_ENOUGH: Final = 30  # Newton steps; each is exact where the same limits hold, two or three are usual
+_LEAST: Final = 0.01  # lower bound of z, as a fraction of the greatest z at a grid point
+_ENOUGH: Final = 30  # Newton steps; a step is exact while the active constraints are the same, two or three are usual
 _CORNERS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
-_INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # the polygon that these make lies within the circle
+_INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these directions lie within the circle
 
 
 class CurveConstraints(Protocol):
-    """What limits say about a curve."""
+    """The constraints that limits impose on a curve."""
 
     def free(self) -> list[bool]:
-        """Return for each interval between samples whether it can be passed through at full rate."""
+        """Return, for each interval between samples, True if the full rate is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
 
 
 class JointConstraints:
-    """The limits of joints: each on its own.
+    """The constraints of joint limits, independent for each joint.
 
     Args:
-        coordinates: of the curve, one per joint.
-        velocity: of each joint, per period.
-        acceleration: of each joint, per period squared.
+        coordinates: Coordinates of the curve, one per joint.
+        velocity: Velocity limit of each joint, per period.
+        acceleration: Acceleration limit of each joint, per period squared.
     """
 
     __slots__ = ("_count", "_joints")
@@ -64,7 +72,7 @@ class JointConstraints:
         self._count = len(coordinates[0].b)
 
     def free(self) -> list[bool]:
-        """Return for each interval between samples whether it can be passed through at full rate."""
+        """Return, for each interval between samples, True if the full rate is within the limits."""
         free = [True] * self._count
         for b, c, d, scale in self._joints:
             fastest = 1.0 / math.sqrt(scale)
@@ -80,7 +88,7 @@ class JointConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
         terms = []
         fastest = 1.0
         for b, c, d, scale in self._joints:
@@ -94,14 +102,14 @@ class JointConstraints:
 
 
 class PathConstraints:
-    """The limits of a tool: of the lengths of its velocity and acceleration, and of those of its rotation.
+    """The constraints of tool limits, on the magnitudes of velocity and acceleration, linear and angular.
 
     Args:
-        coordinates: of the curve: three of the position, four of a quaternion.
-        speed: mm per period.
-        acceleration: mm per period squared.
-        rotation: degrees per period.
-        rotation_acceleration: degrees per period squared.
+        coordinates: Coordinates of the curve: three of the position, four of a quaternion.
+        speed: Velocity limit, mm per period.
+        acceleration: Acceleration limit, mm per period squared.
+        rotation: Angular velocity limit, degrees per period.
+        rotation_acceleration: Angular acceleration limit, degrees per period squared.
     """
 
     __slots__ = ("_acceleration", "_place", "_rotation", "_rotation_acceleration", "_speed", "_turn")
@@ -119,7 +127,7 @@ class PathConstraints:
         self._rotation, self._rotation_acceleration = rotation, rotation_acceleration
 
     def free(self) -> list[bool]:
-        """Return for each interval between samples whether it can be passed through at full rate."""
+        """Return, for each interval between samples, True if the full rate is within the limits."""
         free = []
         for interval in range(len(self._place[0].b)):
             rows = [self.at(interval, place) for place in (0.0, 0.5, 1.0)]
@@ -127,7 +135,7 @@ class PathConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z that the velocities allow."""
+        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
         rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
         slope, along, across = _along(rows)
         terms = _circle(slope, along, across, self._acceleration)
@@ -139,12 +147,12 @@ class PathConstraints:
 
 
 class SpeedProfile(NamedTuple):
-    """How fast the curve is passed through.
+    """The time parameterization of a curve.
 
     Attributes:
-        squares: z at the end of each cell, from the start on.
-        cells: how many of them each interval has.
-        periods: how long it takes.
+        squares: z at each grid point, beginning with the start of the curve.
+        cells: Number of cells of each interval.
+        periods: Duration, periods.
     """
 
     squares: Sequence[float]
@@ -152,9 +160,9 @@ class SpeedProfile(NamedTuple):
     periods: float
 
     def sampled(self) -> tuple[list[int], list[float]]:
-        """Return where the arm is after each period, the first and the last place left out: sample and fraction.
+        """Return the place of the arm after each period, without the first and the last: samples and fractions.
 
-        The last place is reached after a whole number of periods: everything is slowed down by a part of one.
+        The end is reached after a whole number of periods: the motion is slowed down by a fraction of a period.
         """
         count = math.ceil(self.periods - 1e-6)
         pace = self.periods / count
@@ -186,8 +194,8 @@ class Cells(NamedTuple):
     """The cells of a curve.
 
     Attributes:
-        free: for each interval between samples, whether it can be passed through at full rate.
-        counts: for each, how many cells it has.
+        free: For each interval between samples, True if the full rate is within the limits.
+        counts: Number of cells of each interval.
     """
 
     free: Sequence[bool]
@@ -195,7 +203,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(bends: CurveConstraints) -> Cells:
-    """Return how a curve is divided: where it is slow, into about as many cells as it takes periods."""
+    """Divide a curve into cells: a slow interval into about as many cells as it takes periods."""
     free = bends.free()
     last = len(free) - 1
     return Cells(
@@ -208,12 +216,12 @@ def cells_of(bends: CurveConstraints) -> Cells:
 
 
 def profile_of(bends: CurveConstraints, cells: Cells, allowed: Sequence[float]) -> SpeedProfile:
-    """Return the fastest way through a curve, at rest at both ends.
+    """Return the time-optimal parameterization of a curve, with standstill at both ends.
 
     Args:
-        bends: the limits.
-        cells: of the curve.
-        allowed: for each interval between samples, the part of the limits that may be used.
+        bends: The constraints.
+        cells: The cells of the curve.
+        allowed: For each interval between samples, the fraction of the limits that may be used.
     """
     free = [known and part == 1.0 for known, part in zip(cells.free, allowed, strict=True)]
     greatest = _reachable(bends, allowed, cells.counts, free)
@@ -236,26 +244,26 @@ def _count(bends: CurveConstraints, interval: int, *, at_end: bool) -> int:
     middle, third = bends.at(interval, 0.5)
     largest = max(*slopes, *[abs(row[0]) for row in middle], _NOTHING)
     periods = math.sqrt(max(bend, 1.0 / min(cap, other, third)))
-    if at_end:  # from or to rest
+    if at_end:  # from or to standstill
         return min(_MOST_CELLS, math.ceil(max(periods, math.sqrt(2.0 * largest))))
     changes = [max(abs(b[0] - a[0]), abs(c[0] - b[0])) for a, b, c in zip(begin, middle, end, strict=True)]
-    part = min(1.0, 4.0 * max(changes, default=0.0) / largest)  # fewer where the slopes hardly change
+    part = min(1.0, 4.0 * max(changes, default=0.0) / largest)  # fewer cells if the slopes hardly change
     if min(cap, other) > third:
-        part = max(part, 0.5)  # velocities decide, and most in the middle
+        part = max(part, 0.5)  # the velocity limits are active, most in the middle
     steep = _STEEPNESS * math.sqrt(bend / max(min(slopes), _NOTHING)) if bend > _BENT else 0.0
     return max(1, min(_MOST_CELLS, math.ceil(max(periods * part, steep))))
 
 
 @lru_cache(maxsize=_MOST_CELLS)
 def _places(count: int) -> tuple[float, ...]:
-    """Return where the cells of an interval end, 0 first: short ones at its ends, where an arm may be at rest."""
+    """Return the grid of an interval, from 0 to 1: cells are short at its ends, where an arm may be at standstill."""
     return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
 
 
 def _reachable(
     bends: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
 ) -> list[float]:
-    """Return the greatest z at the end of each cell, the first place included, from the last one backwards."""
+    """Backward pass: return the upper end of the controllable set at each grid point."""
     greatest = [0.0]
     following = 0.0
     for interval in range(len(cells) - 1, -1, -1):
@@ -284,7 +292,7 @@ def _fastest(
     free: Sequence[bool],
     greatest: Sequence[float],
 ) -> list[float]:
-    """Return z at the end of each cell, from the start on."""
+    """Forward pass: return z at each grid point, with the greatest admissible u in each cell."""
     z = 0.0
     squares = [z]
     place = 0
@@ -315,14 +323,14 @@ def _cap(cap: float, part: float) -> float:
 
 
 def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tuple[Terms, float]:
-    """Return the limits of u in a cell: ``-most - fall * z <= u <= most - fall * z``, and the greatest z.
+    """Return the constraints on u in a cell, ``-most - fall * z <= u <= most - fall * z``, and the greatest z.
 
     Args:
-        begin: terms at its begin.
-        end: terms at its end, where z is ``z + width * u``.
-        width: twice the cell's length.
-        part: of the limits that may be used.
-        cap: the greatest z so far.
+        begin: Terms at the beginning of the cell.
+        end: Terms at the end of the cell, at which z is ``z + width * u``.
+        width: Twice the length of the cell.
+        part: Fraction of the limits that may be used.
+        cap: Upper bound of z so far.
     """
     rows = []
     for slope, bend in begin:
@@ -342,10 +350,11 @@ def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tu
 
 
 def _highest(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
-    """Return the greatest z up to ``cap`` for which some u keeps all limits and ``least <= z + width * u <= following``.
+    """Return the greatest controllable z: up to ``cap``, with a u that keeps all limits and leads to a controllable z.
 
-    ``least`` is a little above 0: an arm that comes to rest on its way, with a place behind it that has to be passed
-    slowly, would stay there. The room for u is a concave function of z, so Newton's method comes down to where it ends without ever going below.
+    That is ``least <= z + width * u <= following``. ``least`` is slightly above 0: an arm that stops on its way, before
+    a place that must be passed slowly, could not continue. The width of the interval of u is a concave function of z,
+    so Newton's method converges from above to the z at which it is 0, without undershooting.
     """
     z = cap
     for _ in range(_ENOUGH):
@@ -375,7 +384,7 @@ def _scaled(column: Sequence[float], unit: float) -> list[float]:
 
 
 def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, float, float]:
-    """Return a coordinate, its first and its second derivative."""
+    """Return the value of a coordinate, and its first and second derivatives."""
     a, b, c, d = (column[interval] for column in cubic)
     return (
         a + fraction * (b + fraction * (c + fraction * d)),
@@ -385,7 +394,7 @@ def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, f
 
 
 def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Return the length of the first derivative, and the second one's parts along and across it."""
+    """Return the length of the first derivative, and the components of the second one along and across it."""
     slope = math.hypot(*[row[1] for row in rows])
     bend = math.hypot(*[row[2] for row in rows])
     if slope < _NOTHING:
@@ -395,13 +404,13 @@ def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, fl
 
 
 def _circle(slope: float, along: float, across: float, most: float) -> Terms:
-    """Return a bound of the length of an acceleration as one of a polygon of twelve sides within the circle."""
+    """Return the terms that bound the magnitude of an acceleration, by a twelve-sided polygon within the circle."""
     size = _INSIDE / most
     return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _CORNERS]
 
 
 def _on_sphere(rows: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    """Return derivatives of the unit quaternion that a quaternion stands for, along the sphere, as degrees."""
+    """Return the derivatives of the normalized quaternion, tangential to the unit sphere, in degrees."""
     length = math.hypot(*[row[0] for row in rows])
     unit = [row[0] / length for row in rows]
     out = sum([a * row[1] for a, row in zip(unit, rows, strict=True)])

@@ -1,7 +1,7 @@
-"""Trajectories: set-points, one per period of the controller; read, and checked before the arm moves.
+"""Reading trajectories (set-points, one per period of the controller), and checking them before the arm moves.
 
-The controller stops the arm with an error if a joint goes further in a period than its velocity allows, if that changes
-by more than its acceleration allows (0x8420404*), or if a joint leaves its range (RC8 4.5).
+The controller stops the arm with an error if the step of a joint in a period exceeds its velocity limit, if the change
+of two steps exceeds its acceleration limit (0x8420404*), or if a joint leaves its range (RC8 4.5).
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 LARGEST: Final = 1e6
-"""The largest magnitude of a value, mm or degrees."""
+"""The largest magnitude of a value, mm or deg."""
 TOLERANCE: Final = 5e-7
-"""Part of a limit that a joint may be beyond it, for rounding. A controller may be as strict."""
+"""Relative tolerance of the limits of a joint, for rounding. A controller may be as strict."""
 
 _NUMERIC: Final = frozenset({float, int})
 _SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
@@ -44,23 +44,22 @@ _MOST_JOINTS: Final = _SIZES["J"]
 def read_trajectory(
     source: object, kind: PoseKind, axes: int = 6, *, period: float | None = None
 ) -> list[tuple[float, ...]]:
-    """Return the set-points of a trajectory.
+    """Read a trajectory and return its set-points.
 
     Args:
-        source: one pose per row: a numpy array (samples, values), a sequence of sequences or of P, J or T, or the path
+        source: One pose per row: a numpy array (samples, values), a sequence of sequences or of P, J or T, or the path
             of a CSV file (:func:`orinkit.streaming.trajectory.csv_file.load_csv`).
-        kind: what the values are: J 6 to 8 joints, degrees (mm for linear ones); P 6 or 7 values; T 9 or 10.
-        axes: how many joints the arm has; more than these have to be 0.
-        period: s between two set-points; a file with times of another period is resampled to it. ``None``: the rows as
-            they are.
+        kind: Pose type of the values: J 6 to 8 joints, deg (mm for linear axes); P 6 or 7 values; T 9 or 10.
+        axes: Number of joints of the arm; further values must be 0.
+        period: Time between two set-points, s; a file with times of another period is resampled. ``None``: the rows are
+            not resampled.
 
     Returns:
-        For each sample ``axes`` joints, or the 7 values of a P or the 10 of a T; a figure that was left out is
-        FIG_AUTO.
+        For each sample ``axes`` joints, the 7 values of a P, or the 10 of a T; an omitted figure is FIG_AUTO.
 
     Raises:
-        TrajectoryError: it is empty or too long, or a value is none; with sample and axis.
-        InvalidValue: the file cannot be used; with its name and the line.
+        TrajectoryError: If the trajectory is empty or too long, or a value is not valid; with sample and axis.
+        InvalidValue: If the file cannot be used; the message has its name and the line.
     """
     _check_kind(kind, axes)
     if isinstance(source, str | Path):
@@ -77,7 +76,7 @@ def read_trajectory(
             and max(row) <= LARGEST
             and math.isfinite(sum(row))
             and (kind == "J" or (kind == "P" and row[-1] == int(row[-1])))
-        ):  # the quick way for most
+        ):  # fast path
             points.append(tuple(map(float, row)))
         else:
             points.append(read_point(row, kind, axes, sample))
@@ -85,16 +84,16 @@ def read_trajectory(
 
 
 def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None = None) -> tuple[float, ...]:
-    """Return one set-point, as :func:`read_trajectory` does.
+    """Read one set-point, as :func:`read_trajectory`.
 
     Args:
-        value: a sequence of numbers, a numpy array (values,), a P, J or T.
-        kind: what the values are.
-        axes: how many joints the arm has.
-        sample: its number from 0, for the message.
+        value: A sequence of numbers, a numpy array (values,), a P, J or T.
+        kind: Pose type of the values.
+        axes: Number of joints of the arm.
+        sample: Number of the sample from 0, for the message.
 
     Raises:
-        TrajectoryError: it is no set-point of this kind.
+        TrajectoryError: If it is not a set-point of this type.
     """
     _check_kind(kind, axes)
     numbers = _numbers(value, kind, axes, sample)
@@ -105,7 +104,7 @@ def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None 
                     sample,
                     axis + 1,
                     tr(
-                        "J{axis} is {value}, but the arm has {axes} joints",
+                        "J{axis} is {value}, but the arm has only {axes} joints",
                         axis=axis + 1,
                         value=brief(numbers[axis]),
                         axes=axes,
@@ -118,7 +117,7 @@ def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None 
         raise _refused(
             sample,
             len(numbers),
-            tr("fig is {figure:g}, a whole number is wanted", figure=numbers[-1]),
+            tr("fig is {figure:g}, but must be an integer", figure=numbers[-1]),
         )
     if kind == "T":
         _check_orientation(numbers, sample)
@@ -129,11 +128,11 @@ def _check_kind(kind: object, axes: object) -> None:
     if kind not in _SIZES:
         raise _not_among(kind, '"J", "P", "T"')
     if isinstance(axes, bool) or not isinstance(axes, int) or not 1 <= axes <= _MOST_JOINTS:
-        raise InvalidValue(tr("axes {axes}: 1 to {most}", axes=brief(axes), most=_MOST_JOINTS))
+        raise InvalidValue(tr("axes is {axes}, but must be 1 to {most}", axes=brief(axes), most=_MOST_JOINTS))
 
 
 def _not_among(kind: object, kinds: str) -> InvalidValue:
-    return InvalidValue(tr("kind {kind}: one of {kinds} is wanted", kind=brief(kind), kinds=kinds))
+    return InvalidValue(tr("kind is {kind}, but must be one of {kinds}", kind=brief(kind), kinds=kinds))
 
 
 def _from_file(path: Path, kind: PoseKind, axes: int, period: float | None) -> list[tuple[float, ...]]:
@@ -143,7 +142,7 @@ def _from_file(path: Path, kind: PoseKind, axes: int, period: float | None) -> l
     found, given, rows = load_csv(path)
     if found != kind:
         raise TrajectoryError(
-            tr("{path}: the file has set-points of kind {found}, {kind} is wanted", path=path, found=found, kind=kind)
+            tr("{path}: the file has set-points of type {found}, expected {kind}", path=path, found=found, kind=kind)
         )
     try:
         points = read_trajectory(rows, kind, axes)
@@ -157,8 +156,8 @@ def _rows(source: Any) -> Sequence[Any]:
     if isinstance(rows, str | bytes | bytearray | P | J | T | V) or not isinstance(rows, Sequence):
         raise TrajectoryError(
             tr(
-                "{source} is no trajectory; try: a sequence of poses, an array (samples, values), the "
-                "path of a CSV file, or an iterator (not an asynchronous one)",
+                "{source} is not a trajectory. Try: a sequence of poses, an array (samples, values), the "
+                "path of a CSV file, or a synchronous iterator",
                 source=brief(source),
             )
         )
@@ -167,7 +166,7 @@ def _rows(source: Any) -> Sequence[Any]:
     if len(rows) > MOST_SAMPLES:
         raise TrajectoryError(
             tr(
-                "{count} samples, {most} are the most; try: an iterator, or several streams",
+                "{count} samples exceed the limit of {most}. Try: an iterator, or several streams",
                 count=len(rows),
                 most=MOST_SAMPLES,
             )
@@ -180,18 +179,18 @@ def _numbers(value: Any, kind: PoseKind, axes: int, sample: int | None) -> list[
         raise _refused(
             sample,
             None,
-            tr("{value}, but set-points of kind {kind} are wanted", value=brief(value), kind=kind),
+            tr("{value} is not a set-point of type {kind}", value=brief(value), kind=kind),
         )
     items = value.tolist() if callable(getattr(value, "tolist", None)) else value
     if isinstance(items, str | bytes | bytearray) or not isinstance(items, Sequence):
-        raise _refused(sample, None, tr("{value} is no pose", value=brief(value)))
+        raise _refused(sample, None, tr("{value} is not a pose", value=brief(value)))
     least, most = (axes, _MOST_JOINTS) if kind == "J" else COUNTS[kind]
     if not least <= len(items) <= most:
         count, wanted = len(items), str(least) if least == most else tr("{least} to {most}", least=least, most=most)
         raise _refused(
             sample,
             None,
-            tr("{count} values, {wanted} are wanted for {kind}", count=count, wanted=wanted, kind=kind),
+            tr("got {count} values, expected {wanted} for {kind}", count=count, wanted=wanted, kind=kind),
         )
     return [_number(item, kind, sample, place) for place, item in enumerate(items)]
 
@@ -201,7 +200,7 @@ def _number(item: Any, kind: PoseKind, sample: int | None, place: int) -> float:
     if not isinstance(item, bool | str | bytes | bytearray) and type(item).__name__ not in ("bool_", "bool"):
         try:
             number = float(item)
-        except Exception:  # noqa: BLE001 - whatever somebody's object does
+        except Exception:  # noqa: BLE001 - the object's own conversion may raise anything
             number = math.nan
     if not -LARGEST <= number <= LARGEST:
         name = FIELDS[kind][place]
@@ -209,7 +208,7 @@ def _number(item: Any, kind: PoseKind, sample: int | None, place: int) -> float:
             sample,
             place + 1,
             tr(
-                "{name} is {value}, a finite number up to {largest:,.0f} is wanted",
+                "{name} is {value}, but must be a finite number of magnitude up to {largest:,.0f}",
                 name=name,
                 value=brief(item),
                 largest=LARGEST,
@@ -231,7 +230,7 @@ def _refused(sample: int | None, axis: int | None, text: str) -> TrajectoryError
 
 def _where(sample: int | None) -> str:
     if sample is None:
-        return tr("the set-point: ")
+        return tr("set-point: ")
     return tr("sample {sample} (counted from 0): ", sample=sample)
 
 
@@ -241,19 +240,19 @@ def _where(sample: int | None) -> str:
 def check_trajectory(
     points: Points, limits: Limits, start: Sequence[float] | None, period: float, *, tolerance: float = TOLERANCE
 ) -> None:
-    """Make sure that an arm can do a trajectory of joints: range, velocity and acceleration of every sample.
+    """Check range, velocity and acceleration of every sample of a trajectory of joints.
 
-    The arm stands at ``start`` before the first sample, and stands still at the last one afterwards.
+    The arm stands at ``start`` before the first sample, and at the last sample afterwards.
 
     Args:
-        points: joints, as :func:`read_trajectory` returns them.
-        limits: of as many axes.
-        start: where the arm is; ``None``: at the first sample.
-        period: s between two set-points.
-        tolerance: part of a velocity or an acceleration that a joint may be beyond it.
+        points: Joints, as :func:`read_trajectory` returns them.
+        limits: Limits of as many axes.
+        start: Joint position of the arm; ``None``: the first sample.
+        period: Time between two set-points, s.
+        tolerance: Relative tolerance of the velocity and acceleration limits.
 
     Raises:
-        TrajectoryError: of the first sample that breaks a limit: which one, by how much, what to try.
+        TrajectoryError: If a limit is violated; the message has the first such sample, the values, and a remedy.
     """
     check_period(period)
     axes = len(limits.lower)
@@ -264,7 +263,7 @@ def check_trajectory(
         for axis, column in enumerate(columns)
         for rule in limit_violations.joint_rules(column, begin[axis], axis, limits, period, tolerance)
     ]
-    _tell(
+    _raise_first(
         [*limit_violations.out_of_range(columns, limits), *limit_violations.broken(rules)],
         rules,
         points,
@@ -275,10 +274,10 @@ def check_trajectory(
 
 
 def check_range(points: Points, limits: Limits, period: float) -> None:
-    """Make sure that no joint leaves its range, whatever its velocity.
+    """Check that no joint leaves its range, regardless of velocities.
 
     Raises:
-        TrajectoryError: of the first sample where one does.
+        TrajectoryError: If a joint leaves its range; with the first such sample.
     """
     found = limit_violations.out_of_range(_columns(points, len(limits.lower)), limits)
     if found:
@@ -289,19 +288,19 @@ def check_range(points: Points, limits: Limits, period: float) -> None:
 def check_path(
     points: Points, limits: PathLimits, start: Sequence[float] | None, period: float, kind: PoseKind
 ) -> None:
-    """Make sure that a trajectory of P or T is within limits: speed and acceleration of the tool and of its rotation.
+    """Check linear and angular velocity and acceleration of the tool, for a trajectory of P or T.
 
-    What the joints do is not looked at: that needs the arm's kinematics.
+    The joints are not checked, because that requires the kinematics of the arm.
 
     Args:
-        points: as :func:`read_trajectory` returns them.
-        limits: of the path.
-        start: where the tool is, as a point; ``None``: at the first sample.
-        period: s between two set-points.
-        kind: ``"P"`` or ``"T"``.
+        points: Set-points, as :func:`read_trajectory` returns them.
+        limits: Limits of the path.
+        start: Pose of the tool, as a point; ``None``: the first sample.
+        period: Time between two set-points, s.
+        kind: Pose type, ``"P"`` or ``"T"``.
 
     Raises:
-        TrajectoryError: as :func:`check_trajectory`.
+        TrajectoryError: If a limit is violated, as for :func:`check_trajectory`.
     """
     check_period(period)
     if kind not in ("P", "T"):
@@ -314,7 +313,7 @@ def check_path(
     except InvalidValue as error:
         raise _first_unusable(points, error) from None
     rules = limit_violations.path_rules(place, turn, limits, period)
-    _tell(
+    _raise_first(
         limit_violations.broken(rules),
         rules,
         points,
@@ -330,20 +329,18 @@ def _columns(points: Points, size: int) -> list[tuple[float, ...]]:
     except (TypeError, ValueError):
         usable = False
     if not usable:
-        raise TrajectoryError(tr("each set-point has to be {size} finite numbers; try: read_trajectory", size=size))
+        raise TrajectoryError(tr("each set-point must be {size} finite numbers. Try: read_trajectory", size=size))
     return columns
 
 
 def _start(start: Sequence[float], axes: int) -> tuple[float, ...]:
-    """Return as many joints as there are limits: a controller tells eight of an arm with six."""
+    """Return as many joints as there are limits: a controller reports eight joints for an arm with six."""
     if not axes <= len(start) <= _MOST_JOINTS:
-        raise TrajectoryError(
-            tr("the arm is said to be at {start}, {axes} joints are wanted", start=brief(start), axes=axes)
-        )
+        raise TrajectoryError(tr("start is {start}, but {axes} joints are required", start=brief(start), axes=axes))
     return tuple(_number(value, "J", None, place) for place, value in enumerate(start[:axes]))
 
 
-def _tell(
+def _raise_first(
     found: Sequence[LimitViolation],
     rules: Sequence[LimitCheck],
     points: Points,
@@ -352,7 +349,7 @@ def _tell(
     away: Callable[[], str],
     out: Callable[[LimitViolation], str] | None = None,
 ) -> None:
-    """Raise the error of the first breach, if there is one."""
+    """Raise the error for the first limit violation, if there is one."""
     if not found:
         return
     breach = min(found)
@@ -366,7 +363,7 @@ def _tell(
 
 
 def _first_unusable(points: Points, error: InvalidValue) -> TrajectoryError:
-    """Return the error of the first T whose orientation cannot be made out."""
+    """Return the error for the first T whose vectors do not determine its orientation."""
     for sample, point in enumerate(points):
         try:
             _check_orientation(point, sample)
