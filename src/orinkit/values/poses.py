@@ -251,7 +251,7 @@ class PassMark:
     Attributes:
         mode: ``"0"``: the command value has reached the target; ``"E"``: the encoders have; ``"P"``: near the target, as
             determined by the controller; ``"n"``: within ``radius`` of the target.
-        radius: mm, above 0; only with ``"n"``.
+        radius: Radius in mm, above 0; only with ``"n"``.
 
     Raises:
         InvalidValue: If the mode is unknown, or the radius is not valid for it.

@@ -169,7 +169,7 @@ class ManualClock(Clock):
         """
         if not 0 <= seconds < float("inf"):
             raise ValueError(
-                tr("a clock advances by a finite number of seconds from 0, not by {seconds} s", seconds=seconds)
+                tr("a clock must advance by a finite number of seconds from 0, not by {seconds} s", seconds=seconds)
             )
         self._seconds += seconds
         for advance in list(self._driven):

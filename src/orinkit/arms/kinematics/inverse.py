@@ -193,8 +193,8 @@ def seen_from_forearm(flanges: Array, first: Array, both: Array) -> tuple[Array,
 
     Args:
         flanges: (..., >= 3, >= 3).
-        first: joint 1, rad.
-        both: the sum of joints 2 and 3, rad.
+        first: Joint 1, rad.
+        both: The sum of joints 2 and 3, rad.
     """
     c1, s1, c23, s23 = np.cos(first), np.sin(first), np.cos(both), np.sin(both)
     columns = []

@@ -132,7 +132,8 @@ class VE026AArm:
             The deferred result, or ``None`` if the motor is already in this state.
 
         Raises:
-            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; the present error, when switching on.
+            CallError: E_ACCESSDENIED when switching on while another client is in slave mode; E_ROBOTISBUSY while an
+                operation is in progress; the present error, when switching on.
         """
         self._require(operator, no_error=on, stops=not on)
         if not on:
@@ -152,7 +153,8 @@ class VE026AArm:
             The deferred result; it fails with the error if its cause persists.
 
         Raises:
-            CallError: E_ACCESSDENIED; E_ROBOTISBUSY, also while slave mode is on.
+            CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while slave mode is on or an
+                operation is in progress.
         """
         self._require(operator)
         if self.slave.on or self._change is not None:
@@ -170,8 +172,8 @@ class VE026AArm:
             does not stand still after :data:`LONGEST_WAIT`.
 
         Raises:
-            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; when entering slave mode, also the present error, or E_FAIL if the
-                motor is off.
+            CallError: E_ROBOTISBUSY while an operation is in progress; when entering slave mode, also E_ACCESSDENIED if
+                another client is in it, the present error, or E_FAIL if the motor is off.
         """
         self._require(operator, no_error=mode != OFF, stops=mode == OFF)
         if mode == OFF:
@@ -197,8 +199,9 @@ class VE026AArm:
             read: Function that returns the set-point, deg; its exceptions are passed on.
 
         Raises:
-            CallError: E_ACCESSDENIED or E_ROBOTISBUSY; the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if
-                the set-point is outside the range of axis n, which is then also the present error.
+            CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while an operation is in progress;
+                the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if the set-point is outside the range of
+                axis n, which is then also the present error.
         """
         self._require(operator, no_error=True)
         if self._change is not None:
