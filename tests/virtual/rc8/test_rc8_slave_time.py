@@ -182,7 +182,7 @@ def test_draining_may_end_at_once(late):
     moving(late)
     late.wire.look = None
     pace = late.cycles_.pace
-    pace._look = lambda handled: handled()
+    pace._drain_input = lambda handled: handled()
     late.drive(PERIOD)
     assert late.error == hresult.COMMAND_DELAY
 
@@ -194,7 +194,7 @@ def test_draining_that_delivers_the_set_point_at_once():
         cell.call(NEXT)
         handled()
 
-    cell.cycles_.pace._look = look
+    cell.cycles_.pace._drain_input = look
     cell.drive(PERIOD)
     assert (cell.arm.queue.joints, cell.error) == (NEXT, 0)
     cell.close()

@@ -130,7 +130,9 @@ class CyclePacer:
     def __init__(self, cycles: ControlLoop, slave: PacedSlave, drain_input: DrainInput | None, *, strict: bool) -> None:
         self._cycles = cycles
         self._slave = slave
-        self._look = None if cycles.clock.manual else drain_input  # a manual clock moves after all input is handled
+        self._drain_input = (
+            None if cycles.clock.manual else drain_input
+        )  # a manual clock moves after all input is handled
         self._strict = strict
         self._longest_wait = LONGEST_WAIT  # of the present wait
         self._late_until = 0  # number of the last cycle in which a delay of the server may still affect the client
@@ -206,11 +208,11 @@ class CyclePacer:
         self._waited += passed if clock.manual else min(passed, _MAX_CHECK_INTERVAL)
         self._wait_updated_at = now
 
-    def _end_wait(self, most: float) -> None:
-        """End the wait and restart time; at most ``most`` real seconds count as waiting for the client."""
+    def _end_wait(self, limit: float) -> None:
+        """End the wait and restart time; at most ``limit`` real seconds count as waiting for the client."""
         if self._waited is None:
             return
-        waited, self._waited = min(self._waited, most), None
+        waited, self._waited = min(self._waited, limit), None
         clock, late = self._cycles.clock, self._cycles.late
         if waited * clock.scale <= _TOLERANCE and waited < LONGEST_WAIT:
             return
@@ -225,16 +227,16 @@ class CyclePacer:
 
     def _input_drained(self) -> bool:
         """Request that the input be drained, unless that is pending; return True once it has been drained."""
-        if self._look is None:
+        if self._drain_input is None:
             return True
         clock = self._cycles.clock
         if self._drain_request is None:
             self._drain_request = request = object()
             self._drain_requested_at, self._drained = clock.now(), False
-            self._look(lambda: self._on_drained(request))
+            self._drain_input(lambda: self._on_drained(request))
         if not self._drained and (clock.now() - self._drain_requested_at) / clock.scale > _DRAIN_TIMEOUT:
-            self._look, self._late_until = None, self._cycles.number + _GRACE_CYCLES
-        return self._drained or self._look is None
+            self._drain_input, self._late_until = None, self._cycles.number + _GRACE_CYCLES
+        return self._drained or self._drain_input is None
 
     def _on_drained(self, request: object) -> None:
         if request is self._drain_request:
@@ -264,8 +266,8 @@ class CyclePacer:
         """Return the number of cycles in which to move to the set-point of mode 1."""
         if self._cycles.number > self._lag_expires_at:
             self._lag = self._server_lag = 0.0
-        most = 1 + int((self._lag + late) / PERIOD + _HALF)
-        count = self._slave.bridge(most) if most > 1 else 1
+        limit = 1 + int((self._lag + late) / PERIOD + _HALF)
+        count = self._slave.bridge(limit) if limit > 1 else 1
         if count > 1 and self._server_lag + late > _HALF * PERIOD:
             self._slave.lenient = count + _EXTRA_LENIENT_CYCLES
         return max(1, count)
