@@ -68,8 +68,8 @@ class AxisLimiter:
     """
 
     __slots__ = (
-        "_period", "_velocity", "acceleration", "change", "free", "jerk", "lower", "most", "name", "near", "slight",
-        "upper", "velocity", "widest", "wildest",
+        "_period", "_velocity", "acceleration", "change", "free", "jerk", "lower", "max_step", "max_step_change", "most",
+        "name", "near", "plan_tolerance", "upper", "velocity",
     )  # fmt: skip
 
     def __init__(
@@ -78,8 +78,8 @@ class AxisLimiter:
         self.name = name
         self.lower = lower
         self.upper = upper
-        self.widest = velocity * period * (1.0 + TOLERANCE)  # of steps of a program's own
-        self.wildest = acceleration * period * period * (1.0 + TOLERANCE)  # change of steps of a program's own
+        self.max_step = velocity * period * (1.0 + TOLERANCE)  # of steps of a program's own
+        self.max_step_change = acceleration * period * period * (1.0 + TOLERANCE)  # change of steps of a program's own
         spacing = math.ulp(max(-lower, upper))
         change, most = acceleration * period * period, velocity * period
         if not (min(change, most) > FINEST * spacing and max(change, most) < _GREATEST):
@@ -96,10 +96,10 @@ class AxisLimiter:
         # the tolerance lets set-points pass that brake at the limit, exactly to the end of the range
         self.change = change * (1.0 + 0.5 * TOLERANCE) - ROUNDING * spacing
         self.most = most - ROUNDING * spacing
-        self.free = self.widest * (
-            1.0 + 0.5 * self.widest / self.change
+        self.free = self.max_step * (
+            1.0 + 0.5 * self.max_step / self.change
         )  # distance that is sufficient for braking from any step
-        self.slight = SLIGHT * self.change
+        self.plan_tolerance = SLIGHT * self.change
         self.velocity = velocity * PART
         self.acceleration = acceleration * PART
         self.jerk = jerk
@@ -126,8 +126,8 @@ class AxisLimiter:
         """Return True if a command may follow the commands ``before`` and ``now``."""
         step = value - now
         return (
-            -self.widest <= step <= self.widest
-            and -self.wildest <= step - (now - before) <= self.wildest
+            -self.max_step <= step <= self.max_step
+            and -self.max_step_change <= step - (now - before) <= self.max_step_change
             and -self._fastest(now - self.lower) <= step <= self._fastest(self.upper - now)
             and self.lower <= value <= self.upper
         )
@@ -159,11 +159,11 @@ class AxisLimiter:
         """
         step, step_before = aim - last, last - before
         change = step - step_before
-        if abs(change) > self.wildest or abs(step) > self.widest:
-            held = held or TargetMotion(step_before / self._period if abs(step_before) <= self.widest else 0.0)
+        if abs(change) > self.max_step_change or abs(step) > self.max_step:
+            held = held or TargetMotion(step_before / self._period if abs(step_before) <= self.max_step else 0.0)
             if held.jumps < JUMPS:
                 return TargetMotion(held.velocity, 0.0, held.jumps + 1)
-            return TargetMotion(step / self._period if abs(step) <= self.widest else 0.0, 0.0, held.jumps)
+            return TargetMotion(step / self._period if abs(step) <= self.max_step else 0.0, 0.0, held.jumps)
         most = PUSHED * self.acceleration
         acceleration = min(max(change / self._period**2, -most), most)
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
@@ -194,7 +194,7 @@ class AxisLimiter:
         change = abs(step - (now - before))
         if not self.lower <= value <= self.upper:
             return self._outside(value)
-        if abs(step) > self.widest:
+        if abs(step) > self.max_step:
             most = self._velocity * self._period
             return tr(
                 "{name}: the step of {step:g} to {value:g} exceeds by {excess:.3g} the "
@@ -207,8 +207,8 @@ class AxisLimiter:
                 velocity=self._velocity,
                 period=self._period,
             )
-        if change > self.wildest:
-            most = self.wildest / (1.0 + TOLERANCE)
+        if change > self.max_step_change:
+            most = self.max_step_change / (1.0 + TOLERANCE)
             rate = most / self._period**2
             return tr(
                 "{name}: at {value:g} the step changes by {change:g}, which exceeds by {excess:.3g} the "

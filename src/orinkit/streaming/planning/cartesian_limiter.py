@@ -31,10 +31,12 @@ Basis: TypeAlias = tuple[Vector, Vector, Vector]
 NOTHING: Final[Vector] = (0.0, 0.0, 0.0)
 """The zero vector."""
 
-_ALIKE: Final = 1.0 / math.sqrt(3.0)  # share of the limits for each of three equal axes
-_LEAST: Final = 0.05  # the same for the axes perpendicular to a straight path
-_STRAIGHT: Final = 1e-3  # fraction of the limits up to which a lateral motion is neglected
-_ASIDE: Final = 1.2  # share of the limits for stopping a lateral motion, as a multiple of the fraction that it has
+_EQUAL_SHARE: Final = 1.0 / math.sqrt(3.0)  # share of the limits for each of three equal axes
+_MIN_SHARE: Final = 0.05  # the same for the axes perpendicular to a straight path
+_LATERAL_TOLERANCE: Final = 1e-3  # fraction of the limits up to which a lateral motion is neglected
+_LATERAL_SHARE: Final = (
+    1.2  # share of the limits for stopping a lateral motion, as a multiple of the fraction that it has
+)
 _FAR: Final = 1000.0  # s at full speed: a longer distance need not be planned
 _TINY: Final = 1e-100  # so small that its inverse could overflow
 
@@ -46,11 +48,13 @@ class _Frame(NamedTuple):
     shares: Vector
 
 
-_EVERY_WAY: Final = _Frame(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (_ALIKE, _ALIKE, _ALIKE))
+_FIXED_FRAME: Final = _Frame(
+    ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (_EQUAL_SHARE, _EQUAL_SHARE, _EQUAL_SHARE)
+)
 
 
 class TargetMotion3D(NamedTuple):
-    """The motion of set-points in space, like :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion` of one axis."""
+    """The motion of set-points in space, see :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion`."""
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
@@ -107,21 +111,21 @@ class CartesianLimiter:
         self._name, self._unit = name, unit
         self._period = period
         self._limits = speed, acceleration
-        self._widest = most * (1.0 + TOLERANCE)
-        self._wildest = change * (1.0 + TOLERANCE)
-        self._most = most - ROUNDING * spacing
-        self._change = change - ROUNDING * spacing
+        self._max_step = most * (1.0 + TOLERANCE)
+        self._max_step_change = change * (1.0 + TOLERANCE)
+        self._own_max_step = most - ROUNDING * spacing
+        self._own_max_change = change - ROUNDING * spacing
         self._speed = speed * PART
         self._acceleration = acceleration * PART
         self._jerk = jerk
         self._bend = 0.5 / DEGREE if turning else 0.0
-        self.near = min(jerk * period**3, 0.5 * self._change)
+        self.near = min(jerk * period**3, 0.5 * self._own_max_change)
         self.step = self._before = NOTHING
-        self._velocity = self._push = NOTHING  # velocity and acceleration at the last step
-        self._known = True
-        self._moved = NOTHING  # last step of the set-points
-        self._course: TargetMotion3D | None = None  # motion of the set-points, while catching up
-        self._frame = _EVERY_WAY
+        self._velocity = self._accel = NOTHING  # velocity and acceleration at the last step
+        self._state_known = True
+        self._last_target_step = NOTHING  # last step of the set-points
+        self._target_motion: TargetMotion3D | None = None  # motion of the set-points, while catching up
+        self._frame = _FIXED_FRAME
         self._halting = False  # True if the frame is that of a stop
         self._towards = JerkLimitedMotion(3, period)
         self._to_rest = JerkLimitedMotion(3, period, halting=True)
@@ -129,11 +133,11 @@ class CartesianLimiter:
     @property
     def rests(self) -> bool:
         """True at standstill."""
-        return self.step == self._velocity == self._push == NOTHING
+        return self.step == self._velocity == self._accel == NOTHING
 
     def fits(self, step: Vector) -> bool:
         """Return True if a step may follow the last one."""
-        return _size(step) <= self._widest and _size(_minus(step, self.step)) <= self._wildest
+        return _norm(step) <= self._max_step and _norm(_minus(step, self.step)) <= self._max_step_change
 
     def keep(self, step: Vector, moved: Vector) -> None:
         """Take over a step of the program's own set-points.
@@ -143,12 +147,12 @@ class CartesianLimiter:
             moved: Step of the set-points.
         """
         self._before, self.step = self.step, step
-        self._known = False
-        self._moved, self._course = moved, None
+        self._state_known = False
+        self._last_target_step, self._target_motion = moved, None
 
     def forget(self) -> None:
         """Discard the motion of the set-points."""
-        self._moved, self._course = NOTHING, None
+        self._last_target_step, self._target_motion = NOTHING, None
 
     def chase(self, way: Vector, moved: Vector) -> tuple[Vector, bool]:
         """Return the next step towards moving set-points, and True if it reaches the last one.
@@ -157,8 +161,8 @@ class CartesianLimiter:
             way: Vector to the last set-point.
             moved: Step of the set-points.
         """
-        course = self._course_of(moved)
-        self._moved, self._course = moved, course
+        course = self._estimate_target_motion(moved)
+        self._last_target_step, self._target_motion = moved, course
         return self.towards(way, course, anew=True)
 
     def towards(self, way: Vector, course: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
@@ -169,26 +173,26 @@ class CartesianLimiter:
             course: Motion of the goal.
             anew: True if the goal differs from that of the last step.
         """
-        self._know()
+        self._estimate_state()
         course = course or TargetMotion3D()
         period = self._period
         drift = _times(_plus(course.velocity, _times(course.acceleration, 0.5 * period)), period)
-        left = _shortened(_minus(way, drift), _FAR * self._speed)
-        velocity, push = _minus(self._velocity, course.velocity), _minus(self._push, course.acceleration)
-        pushed = _size(course.acceleration)
-        speed = max(self._speed - _size(course.velocity), SLOWEST * self._speed)
+        left = _clip_norm(_minus(way, drift), _FAR * self._speed)
+        velocity, accel = _minus(self._velocity, course.velocity), _minus(self._accel, course.acceleration)
+        pushed = _norm(course.acceleration)
+        speed = max(self._speed - _norm(course.velocity), SLOWEST * self._speed)
         acceleration = self._acceleration - pushed
         if anew or self._halting:
-            self._frame = _frame_towards(left, _times(velocity, 1.0 / speed), _times(push, 1.0 / acceleration))
+            self._frame = _frame_to_goal(left, _times(velocity, 1.0 / speed), _times(accel, 1.0 / acceleration))
             self._halting = False
         basis = self._frame.basis
         smooth = self._towards
         self._limit(smooth, speed, acceleration, keeping_up(self._jerk, pushed / self._acceleration))
         smooth.aim(list(_into(basis, left)))
-        ended = smooth.step(NOTHING, _into(basis, velocity), _into(basis, push))
+        ended = smooth.step(NOTHING, _into(basis, velocity), _into(basis, accel))
         if ended is None:
-            size = _size(way)
-            wanted = _times(way, min(fastest(size, self._change) / size, 1.0) if size else 0.0)
+            size = _norm(way)
+            wanted = _times(way, min(fastest(size, self._own_max_change) / size, 1.0) if size else 0.0)
         else:
             wanted = way if ended else _plus(drift, _out_of(basis, smooth.position))
         gained = _plus(course.velocity, _times(course.acceleration, period))
@@ -202,16 +206,16 @@ class CartesianLimiter:
 
     def halt(self) -> Vector:
         """Return the next step of a stop."""
-        self._know()
-        if self._velocity == self._push == NOTHING:
+        self._estimate_state()
+        if self._velocity == self._accel == NOTHING:
             return self._advance(NOTHING, NOTHING, NOTHING, planned=True)
         if not self._halting:
-            self._frame = _frame_along(self._velocity, _times(self._push, 1.0 / self._acceleration))
+            self._frame = _frame_for_stop(self._velocity, _times(self._accel, 1.0 / self._acceleration))
             self._halting = True
         basis = self._frame.basis
         smooth = self._to_rest
         self._limit(smooth, self._speed, self._acceleration, self._jerk)
-        ended = smooth.step(NOTHING, _into(basis, self._velocity), _into(basis, self._push))
+        ended = smooth.step(NOTHING, _into(basis, self._velocity), _into(basis, self._accel))
         wanted = NOTHING if ended is None else _out_of(basis, smooth.position)
         if ended:
             return self._advance(wanted, NOTHING, NOTHING, planned=True)
@@ -227,8 +231,8 @@ class CartesianLimiter:
         """
         what, unit = tr(self._name), self._unit
         speed, acceleration = self._limits
-        size, change = _size(step), _size(_minus(step, self.step))
-        if size > self._widest:
+        size, change = _norm(step), _norm(_minus(step, self.step))
+        if size > self._max_step:
             most = speed * self._period
             return tr(
                 "{what}: the step of {size:g} {unit} exceeds by {excess:.3g} the {most:g} that the "
@@ -241,7 +245,7 @@ class CartesianLimiter:
                 speed=speed,
                 period=self._period,
             )
-        if change > self._wildest:
+        if change > self._max_step_change:
             most = acceleration * self._period**2
             return tr(
                 "{what}: the step changes by {change:g} {unit}, which exceeds by {excess:.3g} the {most:g} that "
@@ -261,62 +265,66 @@ class CartesianLimiter:
             unit=unit,
         )
 
-    def _course_of(self, moved: Vector) -> TargetMotion3D:
+    def _estimate_target_motion(self, moved: Vector) -> TargetMotion3D:
         period = self._period
-        change = _minus(moved, self._moved)
-        if _size(change) > self._wildest or _size(moved) > self._widest:
-            held = self._course or TargetMotion3D(self._pace(self._moved))
+        change = _minus(moved, self._last_target_step)
+        if _norm(change) > self._max_step_change or _norm(moved) > self._max_step:
+            held = self._target_motion or TargetMotion3D(self._velocity_of(self._last_target_step))
             if held.jumps < JUMPS:
                 return TargetMotion3D(held.velocity, NOTHING, held.jumps + 1)
-            return TargetMotion3D(self._pace(moved), NOTHING, held.jumps)
-        acceleration = _shortened(_times(change, period**-2), PUSHED * self._acceleration)
+            return TargetMotion3D(self._velocity_of(moved), NOTHING, held.jumps)
+        acceleration = _clip_norm(_times(change, period**-2), PUSHED * self._acceleration)
         return TargetMotion3D(_minus(_times(moved, 1.0 / period), _times(acceleration, 0.5 * period)), acceleration)
 
-    def _pace(self, moved: Vector) -> Vector:
-        return _times(moved, 1.0 / self._period) if _size(moved) <= self._widest else NOTHING
+    def _velocity_of(self, moved: Vector) -> Vector:
+        return _times(moved, 1.0 / self._period) if _norm(moved) <= self._max_step else NOTHING
 
     def _limit(self, smooth: JerkLimitedMotion, speed: float, acceleration: float, jerk: float) -> None:
         shares = self._frame.shares
         speeds, accelerations = _times(shares, speed), _times(shares, acceleration)
         smooth.limit(speeds, speeds, accelerations, accelerations, _times(shares, jerk))
 
-    def _advance(self, wanted: Vector, velocity: Vector, push: Vector, *, planned: bool) -> Vector:
+    def _advance(self, wanted: Vector, velocity: Vector, accel: Vector, *, planned: bool) -> Vector:
         """Take the admissible step nearest to the desired one, which has these derivatives if it was ``planned``."""
-        step = self._within(wanted)
+        step = self._clip(wanted)
         self._before, self.step = self.step, step
-        self._known = planned and _size(_minus(step, wanted)) <= SLIGHT * self._change
+        self._state_known = planned and _norm(_minus(step, wanted)) <= SLIGHT * self._own_max_change
         bend = _times(_cross(step, velocity), self._bend)  # the rotation velocity seen from the new orientation
-        self._velocity, self._push = _plus(velocity, bend), push
+        self._velocity, self._accel = _plus(velocity, bend), accel
         return step
 
-    def _within(self, wanted: Vector) -> Vector:
+    def _clip(self, wanted: Vector) -> Vector:
         """Clip the desired step to the admissible step closest to it along the line from the previous step."""
-        wanted = _shortened(wanted, self._most)
+        wanted = _clip_norm(wanted, self._own_max_step)
         change = _minus(wanted, self.step)
-        return wanted if _size(change) <= self._change else _plus(self.step, _shortened(change, self._change))
+        return (
+            wanted
+            if _norm(change) <= self._own_max_change
+            else _plus(self.step, _clip_norm(change, self._own_max_change))
+        )
 
-    def _know(self) -> None:
+    def _estimate_state(self) -> None:
         """Estimate velocity and acceleration if the last step was not planned."""
-        if self._known:
+        if self._state_known:
             return
-        self._known = True
-        size, period = _size(self.step), self._period
+        self._state_known = True
+        size, period = _norm(self.step), self._period
         if size <= _TINY:  # at standstill, regardless of the deceleration before
-            self._velocity = self._push = NOTHING
+            self._velocity = self._accel = NOTHING
             return
         way = _times(self.step, 1.0 / size)
         speed = min(size / period, self._speed)
-        push = _shortened(_times(_minus(self.step, self._before), period**-2), self._acceleration)
-        along = _dot(push, way)
-        aside = _minus(push, _times(way, along))
+        accel = _clip_norm(_times(_minus(self.step, self._before), period**-2), self._acceleration)
+        along = _dot(accel, way)
+        aside = _minus(accel, _times(way, along))
         along = bearable(speed, along, self._speed, self._jerk)
         speed = min(max(speed + 0.5 * along * period, 0.0), self._speed)
         along = bearable(speed, along, self._speed, self._jerk)
         self._velocity = _plus(_times(way, speed), _times(aside, 0.5 * period))
-        self._push = _plus(_times(way, along), aside)
+        self._accel = _plus(_times(way, along), aside)
 
 
-def _frame_towards(way: Vector, velocity: Vector, push: Vector) -> _Frame:
+def _frame_to_goal(way: Vector, velocity: Vector, accel: Vector) -> _Frame:
     """Return the frame for planning a motion to a goal.
 
     A motion from standstill, or one that already moves towards the goal, is planned on a straight line, nearly as fast
@@ -326,42 +334,42 @@ def _frame_towards(way: Vector, velocity: Vector, push: Vector) -> _Frame:
     Args:
         way: Vector to the goal.
         velocity: Velocity as a fraction of the limit.
-        push: Acceleration as a fraction of the limit.
+        accel: Acceleration as a fraction of the limit.
     """
-    if _size(way) > SNAP:
+    if _norm(way) > SNAP:
         basis = _basis(way)
-        v, a = _into(basis, velocity), _into(basis, push)
-        if max(abs(v[1]), abs(v[2]), abs(a[1]), abs(a[2])) <= _STRAIGHT:
+        v, a = _into(basis, velocity), _into(basis, accel)
+        if max(abs(v[1]), abs(v[2]), abs(a[1]), abs(a[2])) <= _LATERAL_TOLERANCE:
             return _Frame(basis, _shares(0.0))
-    return _EVERY_WAY
+    return _FIXED_FRAME
 
 
-def _frame_along(velocity: Vector, push: Vector) -> _Frame:
+def _frame_for_stop(velocity: Vector, accel: Vector) -> _Frame:
     """Return the frame for planning a stop.
 
     Args:
         velocity: Velocity of the motion.
-        push: Acceleration of the motion as a fraction of the limit.
+        accel: Acceleration of the motion as a fraction of the limit.
     """
-    if _size(velocity) <= _TINY:
-        return _EVERY_WAY
+    if _norm(velocity) <= _TINY:
+        return _FIXED_FRAME
     basis = _basis(velocity)
-    _, y, z = _into(basis, push)
-    return _Frame(basis, _shares(_ASIDE * math.hypot(y, z)))
+    _, y, z = _into(basis, accel)
+    return _Frame(basis, _shares(_LATERAL_SHARE * math.hypot(y, z)))
 
 
 def _shares(across: float) -> Vector:
     """Return the shares of three axes in the limits; their vector sum never exceeds the limit."""
-    across = min(max(across, _LEAST), _ALIKE)
+    across = min(max(across, _MIN_SHARE), _EQUAL_SHARE)
     return math.sqrt(1.0 - 2.0 * across * across), across, across
 
 
 def _basis(first: Vector) -> Basis:
     """Return three orthogonal unit vectors, the first one along a vector."""
-    x = _times(first, 1.0 / _size(first))
+    x = _times(first, 1.0 / _norm(first))
     least = min(range(3), key=lambda axis: abs(x[axis]))
     y = _cross(x, (float(least == 0), float(least == 1), float(least == 2)))
-    y = _times(y, 1.0 / _size(y))
+    y = _times(y, 1.0 / _norm(y))
     return x, y, _cross(x, y)
 
 
@@ -395,10 +403,10 @@ def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _size(a: Vector) -> float:
+def _norm(a: Vector) -> float:
     return math.hypot(a[0], a[1], a[2])
 
 
-def _shortened(a: Vector, most: float) -> Vector:
-    size = _size(a)
+def _clip_norm(a: Vector, most: float) -> Vector:
+    size = _norm(a)
     return a if size <= most else _times(a, most / size)

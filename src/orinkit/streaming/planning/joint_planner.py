@@ -64,13 +64,13 @@ class JointPlanner:
         self._before = self._earlier = self.command  # the commands before the last one
         self._velocity = [0.0] * len(start)  # velocity at the last command
         self._acceleration = [0.0] * len(start)
-        self._known = True  # True if these two are up to date
+        self._state_known = True  # True if these two are up to date
         self._halting = False  # True if stop() made the last command
         # State of track(): the last two set-points, each clipped to the range; the distance of the command from the
         # last one, None if it is reached; and the motion of the set-points while it is not.
-        self._asked: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+        self._last_points: tuple[tuple[float, ...], tuple[float, ...]] | None = None
         self._behind: list[float] | None = None
-        self._courses: list[TargetMotion] | None = None
+        self._target_motions: list[TargetMotion] | None = None
         self._make_smooth()
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
@@ -84,17 +84,17 @@ class JointPlanner:
         Raises:
             InvalidValue: If the number of values is wrong, or a value is not finite.
         """
-        goal = self._inside(self._numbers(target))
-        self._asked = self._behind = self._courses = None
+        goal = self._clip_to_range(self._numbers(target))
+        self._last_points = self._behind = self._target_motions = None
         self._halting = False
         if self.at_rest and goal == self.command:
             return self._advance(goal)
-        self._know()
+        self._estimate_state()
         smooth = self._towards
         smooth.aim(list(goal))
         ended = smooth.step(list(self.command), self._velocity, self._acceleration)
         if ended is None:
-            self._send_roughly(goal)
+            self._send_without_jerk_limit(goal)
         elif ended:
             reached = [aim if abs(aim - x) <= SNAP else x for aim, x in zip(goal, smooth.position, strict=True)]
             self._send(reached, self._zeros(), self._zeros())
@@ -125,9 +125,9 @@ class JointPlanner:
                 for (axis, before, now, value), behind in zip(rows, self._behind, strict=True)
             ]
         if all(fits):
-            self._behind = self._courses = None
-            self._asked = (self._asked or (values, values))[1], values
-            self._known = False
+            self._behind = self._target_motions = None
+            self._last_points = (self._last_points or (values, values))[1], values
+            self._state_known = False
             self.at_rest = values == self.command
             return self._advance(values)
         return self._approach(values, fits)
@@ -137,23 +137,23 @@ class JointPlanner:
 
         The stop is smooth if the range leaves enough distance; otherwise it uses the full acceleration.
         """
-        self._asked = self._behind = self._courses = None
-        self._know()
+        self._last_points = self._behind = self._target_motions = None
+        self._estimate_state()
         smooth = self._to_rest
         if not self._halting:
             self._halting = True
             smooth.restart()
-        if self._stands():
+        if self._is_standing():
             self._send(list(self.command), self._zeros(), self._zeros())
         else:
             ended = smooth.step(list(self.command), self._velocity, self._acceleration)
             if ended is None:
-                self._send_roughly(self.command)
+                self._send_without_jerk_limit(self.command)
             elif ended:
                 self._send(smooth.position, self._zeros(), self._zeros())
             else:
                 self._send(smooth.position, smooth.velocity, smooth.acceleration)
-        self.at_rest = self.command == self._before and self._stands()
+        self.at_rest = self.command == self._before and self._is_standing()
         return self.command
 
     def check(self, point: Sequence[float]) -> None:
@@ -179,11 +179,11 @@ class JointPlanner:
         The motion is planned relative to the moving set-points, as a motion to standstill, so that it ends although
         they continue to move. If they accelerate, the motion may have more jerk, to follow changes of the acceleration.
         """
-        self._know()
+        self._estimate_state()
         axes, now, period = self._axes, self.command, self._period
-        aims = self._inside(values)
-        first, last = self._asked or (aims, aims)
-        held: Sequence[TargetMotion | None] = self._courses or [None] * len(axes)
+        aims = self._clip_to_range(values)
+        first, last = self._last_points or (aims, aims)
+        held: Sequence[TargetMotion | None] = self._target_motions or [None] * len(axes)
         courses = [
             axis.course(before, at, aim, course)
             for axis, before, at, aim, course in zip(axes, first, last, aims, held, strict=True)
@@ -208,7 +208,7 @@ class JointPlanner:
             exact=fits,
             planned=ended is not None,
         )
-        self._asked, self._courses = (last, aims), courses
+        self._last_points, self._target_motions = (last, aims), courses
         behind = [aim - at for aim, at in zip(aims, self.command, strict=True)]
         self._behind = behind if any(behind) else None
         self.at_rest = self.command == self._before == aims
@@ -252,12 +252,12 @@ class JointPlanner:
             tuple(value if fit else axis.within(last, at, value) for axis, last, at, value, fit in rows)
         )
         for number, axis in enumerate(self._axes):
-            off_plan = abs(command[number] - wanted[number]) > axis.slight
+            off_plan = abs(command[number] - wanted[number]) > axis.plan_tolerance
             if off_plan or exact[number] or not planned:
                 velocity[number], acceleration[number] = axis.motion(before[number], now[number], command[number])
-        self._velocity, self._acceleration, self._known = velocity, acceleration, True
+        self._velocity, self._acceleration, self._state_known = velocity, acceleration, True
 
-    def _send_roughly(self, goal: Sequence[float]) -> None:
+    def _send_without_jerk_limit(self, goal: Sequence[float]) -> None:
         """Make a command if Ruckig returns none: towards a goal, within all limits except jerk."""
         wanted = [axis.towards(now, aim) for axis, now, aim in zip(self._axes, self.command, goal, strict=True)]
         self._send(wanted, self._zeros(), self._zeros(), planned=False)
@@ -266,19 +266,19 @@ class JointPlanner:
         self._earlier, self._before, self.command = self._before, self.command, command
         return command
 
-    def _know(self) -> None:
+    def _estimate_state(self) -> None:
         """Estimate velocity and acceleration if the last command was a set-point of the program."""
-        if not self._known:
+        if not self._state_known:
             rows = zip(self._axes, self._earlier, self._before, self.command, strict=True)
             motions = [axis.motion(*commands) for axis, *commands in rows]
             self._velocity = [velocity for velocity, _ in motions]
             self._acceleration = [acceleration for _, acceleration in motions]
-            self._known = True
+            self._state_known = True
 
-    def _stands(self) -> bool:
+    def _is_standing(self) -> bool:
         return not any(self._velocity) and not any(self._acceleration)
 
-    def _inside(self, values: tuple[float, ...]) -> tuple[float, ...]:
+    def _clip_to_range(self, values: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(axis.inside(value) for axis, value in zip(self._axes, values, strict=True))
 
     def _zeros(self) -> list[float]:

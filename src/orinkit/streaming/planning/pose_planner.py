@@ -89,9 +89,9 @@ class PosePlanner:
         self._before = self.command
         self._place = start.place
         self._turn = start.turn
-        self._left: Vector | None = None  # rest of the rotation to the last goal
+        self._rotation_left: Vector | None = None  # rest of the rotation to the last goal
         self._goal: tuple[float, ...] | None = None  # target of goto(), if it made the last command
-        self._asked: _Pose | None = None  # last set-point, if track() made the last command
+        self._last_point: _Pose | None = None  # last set-point, if track() made the last command
         self._behind = 0.0, 0.0  # mm, deg: distance of the last command from it
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
@@ -114,7 +114,7 @@ class PosePlanner:
         step, tip_there = self._tip.towards(_minus(_within_reach(goal.place), self._place), anew=anew)
         way = self._way_to(goal.turn)
         rotation, spin_there = self._spin.towards(way, anew=anew)
-        self._left = _minus(way, rotation)
+        self._rotation_left = _minus(way, rotation)
         place = self._reached(goal, step, there=tip_there)
         self._send_turned(goal, place, rotation, there=spin_there)
         self.at_rest = self.command == self._before and tip_there and spin_there
@@ -135,11 +135,11 @@ class PosePlanner:
         step, rotation = self._steps_to(goal)
         tip_fits, spin_fits = self._fits(goal, step, rotation)
         moved = spun = NOTHING
-        if self._asked is not None:
-            moved, spun = _minus(goal.place, self._asked.place), turn_between(self._asked.turn, goal.turn)
-        self._asked, self._goal = goal, None
+        if self._last_point is not None:
+            moved, spun = _minus(goal.place, self._last_point.place), turn_between(self._last_point.turn, goal.turn)
+        self._last_point, self._goal = goal, None
         if tip_fits and spin_fits:
-            self._left = None
+            self._rotation_left = None
         if tip_fits:
             self._tip.keep(step, moved)
             place = goal.place
@@ -151,7 +151,7 @@ class PosePlanner:
         else:
             way = self._way_to(goal.turn)
             rotation, spin_fits = self._spin.chase(way, spun)
-            self._left = _minus(way, rotation)
+            self._rotation_left = _minus(way, rotation)
         self._send_turned(goal, place, rotation, there=spin_fits)
         self._behind = math.dist(_within_reach(goal.place), place), math.hypot(*turn_between(self._turn, goal.turn))
         self.at_rest = self.command == self._before and not any(self._behind)
@@ -160,7 +160,7 @@ class PosePlanner:
     def stop(self) -> tuple[float, ...]:
         """Return the next command of a stop; at standstill, return the last command."""
         self._forget()
-        self._left = None
+        self._rotation_left = None
         step, rotation = self._tip.halt(), self._spin.halt()
         here = _Pose(self.command, self._place, self._turn)
         self._send_turned(here, _plus(self._place, step), rotation, there=rotation == NOTHING)
@@ -200,11 +200,11 @@ class PosePlanner:
         """Return the rotation to an orientation in the shorter direction; near 180 deg, in the direction begun."""
         way = turn_between(self._turn, turn)
         angle = math.hypot(*way)
-        if self._left is None or angle < _OPPOSITE:
+        if self._rotation_left is None or angle < _OPPOSITE:
             return way
         rest = 1.0 - 360.0 / angle
         other = way[0] * rest, way[1] * rest, way[2] * rest
-        return other if math.dist(other, self._left) < math.dist(way, self._left) else way
+        return other if math.dist(other, self._rotation_left) < math.dist(way, self._rotation_left) else way
 
     def _reached(self, goal: _Pose, step: Vector, *, there: bool) -> Vector:
         return _within_reach(goal.place) if there else _plus(self._place, step)
@@ -226,7 +226,7 @@ class PosePlanner:
 
     def _forget(self) -> None:
         self._goal = None
-        self._asked, self._behind = None, (0.0, 0.0)
+        self._last_point, self._behind = None, (0.0, 0.0)
         self._tip.forget()
         self._spin.forget()
 

@@ -60,9 +60,7 @@ class StreamerProcess:
         load_ruckig()  # the process imports it; a missing package is reported here, to the program
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
-                tr(
-                    "streaming in slave mode requires a POSIX system such as Linux, and an executable Python interpreter"
-                )
+                tr("streaming in slave mode requires a POSIX system such as Linux, and a Python executable")
             )
         self.shared = StreamMemory.make()
         self.real_time: RealTime | None = None

@@ -32,14 +32,16 @@ Terms: TypeAlias = list[tuple[float, float]]
 
 _MOST_CELLS: Final = 64  # cells of an interval between samples
 _MARGIN: Final = 0.998  # inside a cell an acceleration can be slightly greater than at its ends
-_BENT: Final = 4.0  # q'' above which a cell may have to be refined
+_HIGH_CURVATURE: Final = 4.0  # q'' above which a cell may have to be refined
 _STEEPNESS: Final = 5.0  # cells per root of q'' / q' at an end: q' then changes by a tenth in the first cell
-_SMOOTH: Final = 0.2  # q'' / q' up to which q' hardly changes from sample to sample
+_LOW_CURVATURE: Final = 0.2  # q'' / q' up to which q' hardly changes from sample to sample
 _NOTHING: Final = 1e-12
 _LEAST: Final = 0.01  # lower bound of z, as a fraction of the greatest z at a grid point
-_ENOUGH: Final = 30  # Newton steps; a step is exact while the active constraints are the same, two or three are usual
-_CORNERS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
-_INSIDE: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these directions lie within the circle
+_MAX_NEWTON_STEPS: Final = (
+    30  # Newton steps; a step is exact while the active constraints are the same, two or three are usual
+)
+_DIRECTIONS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
+_INSCRIBED: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these directions lie within the circle
 
 
 class CurveConstraints(Protocol):
@@ -138,11 +140,11 @@ class PathConstraints:
         """Return the terms of the accelerations, and the greatest z within the velocity limits."""
         rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
         slope, along, across = _along(rows)
-        terms = _circle(slope, along, across, self._acceleration)
+        terms = _polygon_terms(slope, along, across, self._acceleration)
         fastest = max(1.0, (slope / self._speed) ** 2)
         rows = _on_sphere([_derivatives(cubic, interval, fraction) for cubic in self._turn])
         slope, along, across = _along(rows)
-        terms += _circle(slope, along, across, self._rotation_acceleration)
+        terms += _polygon_terms(slope, along, across, self._rotation_acceleration)
         return terms, 1.0 / max(fastest, (slope / self._rotation) ** 2)
 
 
@@ -185,7 +187,7 @@ class SpeedProfile(NamedTuple):
     def _walk(self) -> Iterator[tuple[int, float, float, float, float]]:
         place = 0
         for interval, count in enumerate(self.cells):
-            for begin, end in pairwise(_places(count)):
+            for begin, end in pairwise(_grid(count)):
                 yield interval, begin, end - begin, self.squares[place], self.squares[place + 1]
                 place += 1
 
@@ -224,12 +226,12 @@ def profile_of(bends: CurveConstraints, cells: Cells, allowed: Sequence[float]) 
         allowed: For each interval between samples, the fraction of the limits that may be used.
     """
     free = [known and part == 1.0 for known, part in zip(cells.free, allowed, strict=True)]
-    greatest = _reachable(bends, allowed, cells.counts, free)
-    squares = _fastest(bends, allowed, cells.counts, free, greatest)
+    controllable = _backward_pass(bends, allowed, cells.counts, free)
+    squares = _forward_pass(bends, allowed, cells.counts, free, controllable)
     periods = 0.0
     place = 0
     for count in cells.counts:
-        for begin, end in pairwise(_places(count)):
+        for begin, end in pairwise(_grid(count)):
             periods += 2.0 * (end - begin) / (math.sqrt(squares[place]) + math.sqrt(squares[place + 1]))
             place += 1
     return SpeedProfile(squares, cells.counts, periods)
@@ -239,7 +241,7 @@ def _count(bends: CurveConstraints, interval: int, *, at_end: bool) -> int:
     (begin, cap), (end, other) = bends.at(interval, 0.0), bends.at(interval, 1.0)
     bend = max([abs(row[1]) for row in (*begin, *end)], default=0.0)
     slopes = max([abs(row[0]) for row in begin], default=0.0), max([abs(row[0]) for row in end], default=0.0)
-    if not at_end and bend <= _SMOOTH * min(slopes) and bend <= 1.0:
+    if not at_end and bend <= _LOW_CURVATURE * min(slopes) and bend <= 1.0:
         return 1
     middle, third = bends.at(interval, 0.5)
     largest = max(*slopes, *[abs(row[0]) for row in middle], _NOTHING)
@@ -250,69 +252,69 @@ def _count(bends: CurveConstraints, interval: int, *, at_end: bool) -> int:
     part = min(1.0, 4.0 * max(changes, default=0.0) / largest)  # fewer cells if the slopes hardly change
     if min(cap, other) > third:
         part = max(part, 0.5)  # the velocity limits are active, most in the middle
-    steep = _STEEPNESS * math.sqrt(bend / max(min(slopes), _NOTHING)) if bend > _BENT else 0.0
+    steep = _STEEPNESS * math.sqrt(bend / max(min(slopes), _NOTHING)) if bend > _HIGH_CURVATURE else 0.0
     return max(1, min(_MOST_CELLS, math.ceil(max(periods * part, steep))))
 
 
 @lru_cache(maxsize=_MOST_CELLS)
-def _places(count: int) -> tuple[float, ...]:
+def _grid(count: int) -> tuple[float, ...]:
     """Return the grid of an interval, from 0 to 1: cells are short at its ends, where an arm may be at standstill."""
     return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
 
 
-def _reachable(
+def _backward_pass(
     bends: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
 ) -> list[float]:
     """Backward pass: return the upper end of the controllable set at each grid point."""
-    greatest = [0.0]
+    controllable = [0.0]
     following = 0.0
     for interval in range(len(cells) - 1, -1, -1):
         if free[interval] and following == 1.0 and cells[interval] == 1:
-            greatest.append(1.0)
+            controllable.append(1.0)
             continue
         count, part = cells[interval], allowed[interval] * _MARGIN
         end, cap_end = bends.at(interval, 1.0)
-        greatest[-1] = following = min(following, _cap(cap_end, part))
-        for place, after in pairwise(reversed(_places(count))):
+        controllable[-1] = following = min(following, _cap(cap_end, part))
+        for place, after in pairwise(reversed(_grid(count))):
             begin, cap = bends.at(interval, after)
             width = 2.0 * (place - after)
-            rows, most = _rows(begin, end, width, part, _cap(cap, part))
+            rows, most = _cell_constraints(begin, end, width, part, _cap(cap, part))
             least = _LEAST * min([following, *[limit * width for limit, _ in rows]])
-            following = _highest(rows, most, following, least, width)
-            greatest.append(following)
+            following = _max_controllable(rows, most, following, least, width)
+            controllable.append(following)
             end = begin
-    greatest.reverse()
-    return greatest
+    controllable.reverse()
+    return controllable
 
 
-def _fastest(
+def _forward_pass(
     bends: CurveConstraints,
     allowed: Sequence[float],
     cells: Sequence[int],
     free: Sequence[bool],
-    greatest: Sequence[float],
+    controllable: Sequence[float],
 ) -> list[float]:
     """Forward pass: return z at each grid point, with the greatest admissible u in each cell."""
     z = 0.0
     squares = [z]
     place = 0
     for interval, count in enumerate(cells):
-        if free[interval] and z == 1.0 and count == 1 and greatest[place + 1] == 1.0:
+        if free[interval] and z == 1.0 and count == 1 and controllable[place + 1] == 1.0:
             place += 1
             squares.append(z)
             continue
         part = allowed[interval] * _MARGIN
         begin, _ = bends.at(interval, 0.0)
-        for before, after in pairwise(_places(count)):
+        for before, after in pairwise(_grid(count)):
             end, _ = bends.at(interval, after)
             width = 2.0 * (after - before)
-            rows, _ = _rows(begin, end, width, part, 1.0)
+            rows, _ = _cell_constraints(begin, end, width, part, 1.0)
             place += 1
-            rate = (greatest[place] - z) / width
+            rate = (controllable[place] - z) / width
             for most, fall in rows:
                 if most - fall * z < rate:
                     rate = most - fall * z
-            z = min(max(z + width * rate, 0.0), greatest[place])
+            z = min(max(z + width * rate, 0.0), controllable[place])
             squares.append(z)
             begin = end
     return squares
@@ -322,7 +324,7 @@ def _cap(cap: float, part: float) -> float:
     return 1.0 if cap >= 1.0 else cap * part * part
 
 
-def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tuple[Terms, float]:
+def _cell_constraints(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tuple[Terms, float]:
     """Return the constraints on u in a cell, ``-most - fall * z <= u <= most - fall * z``, and the greatest z.
 
     Args:
@@ -349,7 +351,7 @@ def _rows(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tu
     return rows, cap
 
 
-def _highest(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
+def _max_controllable(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
     """Return the greatest controllable z: up to ``cap``, with a u that keeps all limits and leads to a controllable z.
 
     That is ``least <= z + width * u <= following``. ``least`` is slightly above 0: an arm that stops on its way, before
@@ -357,7 +359,7 @@ def _highest(rows: Terms, cap: float, following: float, least: float, width: flo
     so Newton's method converges from above to the z at which it is 0, without undershooting.
     """
     z = cap
-    for _ in range(_ENOUGH):
+    for _ in range(_MAX_NEWTON_STEPS):
         top, top_slope = (following - z) / width, -1.0 / width
         bottom, bottom_slope = (least - z) / width, -1.0 / width
         for most, fall in rows:
@@ -403,10 +405,10 @@ def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, fl
     return slope, along, math.sqrt(max(0.0, bend * bend - along * along))
 
 
-def _circle(slope: float, along: float, across: float, most: float) -> Terms:
+def _polygon_terms(slope: float, along: float, across: float, most: float) -> Terms:
     """Return the terms that bound the magnitude of an acceleration, by a twelve-sided polygon within the circle."""
-    size = _INSIDE / most
-    return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _CORNERS]
+    size = _INSCRIBED / most
+    return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _DIRECTIONS]
 
 
 def _on_sphere(rows: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
