@@ -1,4 +1,4 @@
-"""Clients against a server that misbehaves: the right error each time, never a wrong answer, never out of step."""
+"""Clients against a misbehaving server: correct errors, no wrong replies, and no loss of synchronization."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from support.waiting import TooSlow, with_longer_times
 
 pytestmark = pytest.mark.slow
 
-PATIENT = 20.0  # a time-out that no test may reach
-SHORT = 0.15  # a time-out that is meant to pass
-HELLO = "hello"  # is answered at once
+PATIENT = 20.0  # a time-out that must not expire
+SHORT = 0.15  # a time-out that is expected to expire
+HELLO = "hello"  # has an immediate reply
 PIECES = only("tcp", "serial", "http", because="a datagram comes whole")
 PACKETS = only(
     "tcp", "udp", "serial", because="it is about packets; what is between the replies of HTTP: tests/transport"
@@ -48,27 +48,27 @@ CONNECTIONS = only("tcp", "http", because="the others have no connection")
 
 @pytest.fixture
 def peer_class(listen_at: str) -> type[BadPeer]:
-    """Makes a peer on each kind of wire. Its clients have one try; what more of them do: tests/bcap/test_lossy.py."""
+    """Return the class of a peer for each transport. Its clients send each request once; repetitions: tests/bcap/test_lossy.py."""
     return PEERS[listen_at.partition(":")[0]]
 
 
 def echo(request: Packet) -> bytes:
-    """The right answer: the last argument comes back. A goodbye has none."""
+    """Return the correct reply, the last argument; closing requests have none."""
     return reply(request, *request.arguments[-1:])
 
 
-def for_nobody(client: Any, number: int) -> int:
-    """How many answers are dropped: with HTTP none, as what comes too late has no connection any more."""
+def stray_replies(client: Any, number: int) -> int:
+    """Return the number of dropped replies; none on HTTP, because a late reply no longer has a connection."""
     return 0 if client.wire.name == "http" else number
 
 
 def ask(both: Both, client: Any, token: object, **options: Any) -> Any:
-    """Make a call whose right answer is the token."""
+    """Make a call whose correct reply is the token."""
     return both.run(client.request(f.controller_execute, 1, "Echo", token, **options)).value
 
 
 def ask_in_vain(both: Both, client: Any, token: object) -> CallTimeout:
-    """Make a call that times out soon. With HTTP the connection is there before, as making it takes time too."""
+    """Make a call that times out soon. On HTTP, connect first, because connecting takes time, too."""
     if client.wire.name == "http":
         assert ask(both, client, HELLO) == HELLO
     with pytest.raises(CallTimeout) as caught:
@@ -77,21 +77,21 @@ def ask_in_vain(both: Both, client: Any, token: object) -> CallTimeout:
 
 
 def request_of(line: Line) -> Packet:
-    """The next request that is no hello."""
+    """Return the next request other than hello."""
     while (request := line.request()).arguments[-1:] == [HELLO]:
         line.send(echo(request))
     return request
 
 
 def requests_up_to(line: Line, last: object) -> list[Packet]:
-    """All requests up to one with this token; with HTTP one that has timed out may not have been sent."""
+    """Yield the requests up to the one with a token; on HTTP, a request that timed out may not have been sent."""
     requests = [request_of(line)]
     while requests[-1].arguments[-1] != last:
         requests.append(request_of(line))
     return requests
 
 
-# --- serial numbers: late, twice, foreign ---------------------------------------------------------------------------
+# --- serial numbers: late, repeated and foreign replies -------------------------------------------------------------
 
 
 def test_a_late_answer_does_not_answer_the_next_call(both: Both, peer_class: type[BadPeer]) -> None:
@@ -105,9 +105,9 @@ def test_a_late_answer_does_not_answer_the_next_call(both: Both, peer_class: typ
         late = ask_in_vain(both, client, "first")
         assert (late.function, late.seconds) == ("Controller_Execute", SHORT)
         assert ask(both, client, "second") == "second"
-        assert client.dropped == for_nobody(client, 1)
+        assert client.dropped == stray_replies(client, 1)
         assert ask(both, client, "third") == "third"
-        assert client.dropped == for_nobody(client, 1)
+        assert client.dropped == stray_replies(client, 1)
         both.run(client.close())
 
 
@@ -121,7 +121,7 @@ def test_many_late_answers_are_all_dropped(both: Both, peer_class: type[BadPeer]
         for number in range(5):
             ask_in_vain(both, client, number)
         assert ask(both, client, 5) == 5
-        assert client.dropped == for_nobody(client, 5)
+        assert client.dropped == stray_replies(client, 5)
         both.run(client.close())
 
 
@@ -131,7 +131,7 @@ def test_an_answer_that_comes_twice_counts_once(both: Both, peer_class: type[Bad
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         for number in range(20):
             assert ask(both, client, number) == number
-        assert client.dropped == 19  # the copy of the last has not been looked at
+        assert client.dropped == 19  # the copy of the last reply has not been read
         both.run(client.close())
 
 
@@ -169,16 +169,16 @@ def test_a_flood_of_foreign_answers_neither_answers_nor_prolongs_a_call(both: Bo
 
         peer._scripts = (flood,)
         client = both.client(peer.url, tries=1, timeout=PATIENT)
-        while client.dropped == 0:  # the flood had not begun
+        while client.dropped == 0:  # wait for the beginning of the flood
             with pytest.raises(
                 (CallTimeout, ProtocolError), match="no answer"
-            ):  # a flood that is fast enough is given up
+            ):  # the client closes the connection if the flood is fast enough
                 ask(both, client, "mine", timeout=SHORT)
         both.run(client.close())
 
 
 @PACKETS
-def test_serials_wrap_without_a_crossed_answer(both: Both, peer_class: type[BadPeer]) -> None:
+def test_serials_wrap_without_mixing_up_replies(both: Both, peer_class: type[BadPeer]) -> None:
     serials: list[int] = []
 
     def script(line: Line) -> None:
@@ -231,7 +231,7 @@ def test_answers_split_at_every_point(both: Both, peer_class: type[BadPeer]) -> 
 
 @only("tcp", "serial", because="one packet follows the other")
 def test_an_answer_split_across_other_packets(both: Both, peer_class: type[BadPeer]) -> None:
-    """The end of one packet and the beginning of the next come in one piece."""
+    """The end of one packet and the beginning of the next arrive together."""
 
     def script(line: Line) -> None:
         while True:
@@ -249,7 +249,7 @@ def test_an_answer_split_across_other_packets(both: Both, peer_class: type[BadPe
 
 @only("tcp", "http", because="a datagram has few bytes, and a line takes its time")
 def test_a_large_answer(both: Both, peer_class: type[BadPeer]) -> None:
-    content = bytes(range(256)) * 1024 * (32 if peer_class is BadPeer else 1)  # as text they are longer
+    content = bytes(range(256)) * 1024 * (32 if peer_class is BadPeer else 1)  # text is longer
     with peer_class(lambda line: line.serve(echo)) as peer:
         client = both.client(peer.url, timeout=PATIENT)
         assert ask(both, client, content) == content
@@ -264,7 +264,7 @@ def test_a_large_answer(both: Both, peer_class: type[BadPeer]) -> None:
 )
 @pytest.mark.parametrize("how", ["close", "reset"])
 @CONNECTIONS
-def test_the_peer_goes_in_the_middle(both: Both, peer_class: type[BadPeer], sent: str, how: str) -> None:
+def test_the_peer_disconnects_during_a_call(both: Both, peer_class: type[BadPeer], sent: str, how: str) -> None:
     def script(line: Line) -> None:
         request = line.request()
         answer = on_the_wire(line, echo(request))
@@ -288,7 +288,7 @@ def test_the_peer_goes_in_the_middle(both: Both, peer_class: type[BadPeer], sent
         client = both.client(peer.url, timeout=PATIENT)
         with pytest.raises(ConnectionLost):
             ask(both, client, "token")
-        with pytest.raises(ConnectionClosed):  # known at once, nothing is sent
+        with pytest.raises(ConnectionClosed):  # raised immediately, nothing is sent
             ask(both, client, "token")
         assert peer.connections == 1
         both.run(client.close())
@@ -307,8 +307,8 @@ def test_the_peer_closes_between_two_calls(both: Both) -> None:
 
 
 @CONNECTIONS
-def test_an_answer_before_the_end_is_still_taken(both: Both, peer_class: type[BadPeer]) -> None:
-    """The answer and the end of the stream arrive together: the call has succeeded."""
+def test_a_reply_before_the_end_of_the_stream_is_accepted(both: Both, peer_class: type[BadPeer]) -> None:
+    """If the reply and the end of the stream arrive together, the call succeeds."""
     with peer_class(lambda line: line.send(echo(line.request()))) as peer:
         for number in range(20):
             client = both.client(peer.url, timeout=PATIENT)
@@ -347,7 +347,7 @@ def test_a_refused_connect_closes_the_connection(both: Both, peer_class: type[Ba
             both.connect(peer.url, timeout=PATIENT)
         assert (caught.value.code, caught.value.function) == (hresult.E_MAX_CONNECT, refused.name)
         both.run(asyncio.sleep(0) if both.kind == "async" else None)
-        assert peer.ended.acquire(timeout=PATIENT)  # it has seen the end of the stream
+        assert peer.ended.acquire(timeout=PATIENT)  # the peer has seen the end of the stream
 
 
 @CONNECTIONS
@@ -391,7 +391,7 @@ def test_closing_from_another_task_ends_a_call(peer_class: type[BadPeer]) -> Non
 def test_closing_a_controller_that_is_silent_takes_one_timeout(
     both: Both, peer_class: type[BadPeer], short: float
 ) -> None:
-    """Not one for every object: a ``with`` block must end when the cable has been pulled."""
+    """One time-out in all, not one per object: a ``with`` block must end after the cable has been pulled."""
     asked: list[int] = []
 
     def script(line: Line) -> None:
@@ -442,8 +442,8 @@ def test_a_cancelled_close_closes_the_connection(peer_class: type[BadPeer]) -> N
 
 
 @pytest.mark.parametrize("begin", [b"\x01", b"\x01\x10\x20\x00\x00", b"\x01\x00\x01\x00\x00"])
-def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both, begin: bytes) -> None:
-    """It swallows answers until its length is reached: calls time out, none is answered wrongly, then it is closed."""
+def test_garbage_that_looks_like_a_long_packet_finally_closes_the_connection(both: Both, begin: bytes) -> None:
+    """The apparent packet absorbs replies: calls time out, without wrong results, until the connection is closed."""
 
     def script(line: Line) -> None:
         line.send(begin)
@@ -463,7 +463,7 @@ def test_garbage_that_looks_like_a_long_packet_is_given_up_in_the_end(both: Both
 )
 @PACKETS
 def test_junk_before_the_answer_ends_the_connection(both: Both, peer_class: type[BadPeer], garbage: bytes) -> None:
-    """On a stream; between the packets of a serial line, and where each datagram is a packet, it is passed over."""
+    """This applies to streams. Junk between packets of a serial line, and invalid datagrams, are skipped."""
 
     def script(line: Line) -> None:
         while True:
@@ -501,11 +501,11 @@ def corrupt(answer: bytes, *, length: int | None = None, end: int | None = None)
         (lambda answer: corrupt(answer, end=0x00), ProtocolError),
         (lambda answer: corrupt(answer, end=0x01), ProtocolError),
         (lambda answer: b"\x01\x02\x03\x04\x05" + answer, LimitExceeded),
-        (lambda answer: b"\x01\x14\x00\x00\x00" + answer, ProtocolError),  # swallows the answer's beginning
+        (lambda answer: b"\x01\x14\x00\x00\x00" + answer, ProtocolError),  # absorbs the beginning of the reply
     ],
     ids=["no length", "length 15", "short by 1", "17 MiB", "4 GiB", "EOT 00", "EOT 01", "SOH before", "swallow"],
 )
-def test_a_stream_that_has_lost_its_place_is_closed(both: Both, spoil: Any, error: type[ProtocolError]) -> None:
+def test_a_stream_without_packet_boundaries_is_closed(both: Both, spoil: Any, error: type[ProtocolError]) -> None:
     def script(line: Line) -> None:
         line.send(spoil(echo(line.request())))
         line.wait_for_end()
@@ -519,11 +519,11 @@ def test_a_stream_that_has_lost_its_place_is_closed(both: Both, spoil: Any, erro
         with pytest.raises(ConnectionClosed):
             ask(both, client, "token")
         both.run(asyncio.sleep(0) if both.kind == "async" else None)
-        assert peer.ended.acquire(timeout=PATIENT)  # the client has hung up by itself
+        assert peer.ended.acquire(timeout=PATIENT)  # the client closed the connection
 
 
 def test_a_length_longer_than_the_packet_ends_with_a_timeout_or_an_error(both: Both) -> None:
-    """The client waits for bytes that belong to the next answer; it must not take either for an answer."""
+    """The client waits for bytes of the next reply; it must not accept either packet as a reply."""
     with BadPeer(
         lambda line: line.serve(lambda request: corrupt(echo(request), length=len(echo(request)) + 4))
     ) as peer:
@@ -561,7 +561,7 @@ WRONG_PACKETS = {
 WRONG_BODIES = {
     "a comma only": b"0x00000000,x",
     "no value": b"0x00000000,3,",
-    "VT_I4 that is none": b"0x00000000,3,five",
+    "VT_I4 that is not a number": b"0x00000000,3,five",
     "VT_I4 that is too large": b"0x00000000,3,2147483648",
     "unknown type": b"0x00000000,99,5",
     "text without its end": b'0x00000000,8200,"a","b',
@@ -573,7 +573,7 @@ WRONG_BODIES = {
 
 
 def wrong_answers() -> list[Any]:
-    """What a call may be answered with, over each wire; a packet, or the body of a reply, may be wrong in its own ways."""
+    """Yield wrong replies for a transport: invalid packets, or invalid bodies of HTTP responses."""
     packets = {name: lambda r, body=body: frame(r, 1, bytes.fromhex(body)) for name, body in WRONG_PACKETS.items()}
     bodies = {name: lambda r, body=body: ecap(body) for name, body in WRONG_BODIES.items()}
     rows = [(wire, name, *row) for wire in LISTEN_AT for name, row in WRONG.items()]
@@ -584,7 +584,7 @@ def wrong_answers() -> list[Any]:
 
 
 @pytest.mark.parametrize(("listen_at", "function", "answer"), wrong_answers(), indirect=["listen_at"])
-def test_a_wrong_result_is_refused_and_the_connection_goes_on(
+def test_a_wrong_result_is_refused_and_the_connection_stays_usable(
     both: Both, peer_class: type[BadPeer], function: Any, answer: Any
 ) -> None:
     def script(line: Line) -> None:
@@ -625,7 +625,7 @@ def test_an_error_code_with_a_result_is_an_error(both: Both, peer_class: type[Ba
 
 
 def test_executing_prolongs_the_wait(both: Both, peer_class: type[BadPeer]) -> None:
-    """Six notices 0.3 s apart are 1.8 s, more than the time-out of 1.6 s: each starts it anew."""
+    """Six reports at intervals of 0.3 s take 1.8 s, longer than the time-out of 1.6 s: each restarts it."""
     with peer_class() as peer:
 
         def script(line: Line) -> None:
@@ -718,7 +718,7 @@ def test_executing_for_ever_can_be_cancelled(peer_class: type[BadPeer]) -> None:
 
 
 def test_a_peer_that_never_reads(both: Both) -> None:
-    """The client does not hang, and does not keep request after request in memory."""
+    """The client does not hang, and does not accumulate requests in memory."""
     with BadPeer() as peer:
         peer._scripts = (lambda line: peer.stopping.wait(PATIENT) and None,)
         client = both.client(peer.url, timeout=PATIENT)
@@ -732,21 +732,21 @@ def test_a_peer_that_never_reads(both: Both) -> None:
                 errors.append(type(error))
         assert len(errors) == 12
         assert set(errors) <= {CallTimeout, ConnectionLost, ConnectionClosed}
-        assert errors[-1] is ConnectionClosed  # it has been given up
+        assert errors[-1] is ConnectionClosed  # the client has closed the connection
         both.run(client.close())
 
 
-# --- everything at random -------------------------------------------------------------------------------------------
+# --- random faults --------------------------------------------------------------------------------------------------
 
 
 TRICKS = 14
-NO_ANSWER, GARBAGE, WRONG_LENGTH = 0, 6, 7  # tricks after which nothing may come, the last two for long
+NO_ANSWER, GARBAGE, WRONG_LENGTH = 0, 6, 7  # faults after which no reply may arrive, for the last two for a long time
 
 
 class Chaos:
-    """Misbehaves at random, but never lies: an answer with a call's serial is that call's answer.
+    """A script with random faults; a reply with the serial number of a call is always the reply to that call.
 
-    A token begins with the number of the trick that its call is answered with.
+    A token begins with the number of the fault in the reply to its call.
     """
 
     def __init__(self, seed: int) -> None:
@@ -754,11 +754,11 @@ class Chaos:
         self.late: list[bytes] = []
 
     def script(self, line: Line) -> None:
-        self.late.clear()  # another connection
+        self.late.clear()  # a new connection
         while True:
             request = line.request()
             answer = echo(request)
-            if request.code == f.service_stop.id:  # with HTTP a client takes leave, and waits a little
+            if request.code == f.service_stop.id:  # on HTTP, a client waits briefly for the reply
                 line.send(answer)
                 continue
             trick = int(request.arguments[-1].partition(":")[0])
@@ -797,10 +797,10 @@ class Chaos:
 
 @pytest.mark.parametrize("seed", range(2))
 @CONNECTIONS
-def test_whatever_the_peer_does_no_answer_is_wrong(both: Both, peer_class: type[BadPeer], seed: int) -> None:
+def test_random_faults_cause_no_wrong_result(both: Both, peer_class: type[BadPeer], seed: int) -> None:
     chance = random.Random(seed)
     right = refused = 0
-    swallows = False  # what has come may be the beginning of a packet that the next answers belong to
+    swallows = False  # the received bytes may be the beginning of a packet that absorbs the next replies
     with peer_class(Chaos(seed).script) as peer:
         client = both.client(peer.url, timeout=PATIENT)
         for number in range(200):
@@ -825,8 +825,8 @@ def test_whatever_the_peer_does_no_answer_is_wrong(both: Both, peer_class: type[
     assert refused > 3
 
 
-def test_time_is_not_wasted_on_a_closed_client(both: Both, peer_class: type[BadPeer]) -> None:
-    """A call on a closed client fails at once, not after its time-out."""
+def test_a_call_on_a_closed_client_fails_immediately(both: Both, peer_class: type[BadPeer]) -> None:
+    """The error does not wait for the time-out."""
     with peer_class(lambda line: line.serve(echo)) as peer:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         both.run(client.close())

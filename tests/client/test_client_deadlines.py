@@ -1,4 +1,4 @@
-"""Servers that say for ever that they are at work: what has a deadline ends, and a flood costs little."""
+"""Servers that report S_EXECUTING without end: calls with a deadline end, and a flood of reports costs little CPU time."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nOrinkit-Executing: 100\r
 
 
 class Hostile:
-    """A server that answers the first calls, and then says that it is at work, without end.
+    """A server that replies to the first calls, and then reports S_EXECUTING without end.
 
     Args:
         kind: ``"tcp"`` or ``"http"``.
-        answered: calls that are answered.
-        pause: seconds between two signs; 0 is as many as the client takes.
+        answered: Number of calls that receive a reply.
+        pause: Time between two reports in s; 0 for the maximum rate.
     """
 
     def __init__(self, kind: str, answered: int, pause: float) -> None:
@@ -124,7 +124,7 @@ def hostile(kind: str, answered: int, pause: float = 0.02) -> Iterator[str]:
 
 
 def costs(call: Callable[[], Any]) -> float:
-    """Return the CPU seconds of this thread that a call takes."""
+    """Return the CPU time in s that a call takes in this thread."""
     before = time.thread_time()
     call()
     return time.thread_time() - before
@@ -185,7 +185,7 @@ def test_a_flood_costs_little_and_ends_the_connection(both: Both, kind: str) -> 
         both.run(client.close())
 
 
-def test_calls_go_on_where_there_is_no_deadline(both: Both, listen_at: str) -> None:
+def test_calls_continue_without_a_deadline(both: Both, listen_at: str) -> None:
     shop = Workshop()
     with orinkit.serve(shop, listen_at) as server:
         controller = both.connect(server.url, provider="Test.Workshop", timeout=0.5, deadline=PATIENCE)
@@ -197,7 +197,7 @@ def test_calls_go_on_where_there_is_no_deadline(both: Both, listen_at: str) -> N
 
 
 @pytest.mark.parametrize("bad", [0, -1, float("nan"), "1"])
-def test_deadlines_that_cannot_be(both: Both, bad: Any) -> None:
+def test_invalid_deadlines(both: Both, bad: Any) -> None:
     with orinkit.serve(Workshop(), "tcp://127.0.0.1:0") as server:
         with pytest.raises(InvalidValue, match="deadline"):
             both.connect(server.url, deadline=bad)

@@ -1,4 +1,4 @@
-"""What is of its own with clients over HTTP: who they are to the server, and how they leave."""
+"""Clients over HTTP: sessions, closing, tokens and late errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from support.peers import Line, reply
 from support.waiting import until
 
 ANYWHERE = "http://127.0.0.1:0"
-PATIENCE = 30.0  # less than a server takes to forget a client that has not taken leave
+PATIENCE = 30.0  # less than the time after which a server forgets a client that was not closed
 PROVIDER = "Test.Workshop"
 
 
@@ -51,7 +51,7 @@ def server(workshop: Workshop) -> Iterator[Server]:
 
 
 def forget_clients(server: Server) -> None:
-    """Have a server find that nothing has been heard of its clients for too long."""
+    """Make a server forget its clients, as after a long idle period."""
 
     def look() -> None:
         for session in list(server._server._connections.open):
@@ -64,7 +64,7 @@ def forget_clients(server: Server) -> None:
     until(lambda: server.clients == 0)
 
 
-def test_a_client_that_was_silent_for_too_long_is_told(both: Both) -> None:
+def test_a_client_that_was_idle_for_too_long_gets_an_error(both: Both) -> None:
     recorder = Recorder()
     with orinkit.serve(recorder, ANYWHERE) as server:
         controller = both.connect(server.url, provider="Test.Recorder", name="RC")
@@ -80,7 +80,7 @@ def test_a_client_that_was_silent_for_too_long_is_told(both: Both) -> None:
         both.run(controller.close())
 
 
-def test_a_server_that_was_started_again_is_another_one(both: Both, workshop: Workshop) -> None:
+def test_a_restarted_server_does_not_know_the_session(both: Both, workshop: Workshop) -> None:
     with orinkit.serve(workshop, ANYWHERE) as server:
         url = server.url
         controller = both.connect(url, provider=PROVIDER)
@@ -90,8 +90,8 @@ def test_a_server_that_was_started_again_is_another_one(both: Both, workshop: Wo
         both.run(controller.close())
 
 
-def test_a_client_that_is_closed_in_a_call_takes_leave(server: Server, workshop: Workshop) -> None:
-    """By another thread; the call ends, and the server lets everything go at once."""
+def test_a_client_that_is_closed_during_a_call_ends_its_session(server: Server, workshop: Workshop) -> None:
+    """If another thread closes it, the call ends, and the server releases everything immediately."""
     client = orinkit.connect(server.url, provider=PROVIDER).client
 
     def close() -> None:
@@ -107,7 +107,7 @@ def test_a_client_that_is_closed_in_a_call_takes_leave(server: Server, workshop:
     assert workshop.released == ["Controller"]
 
 
-def test_a_client_that_is_closed_while_threads_call_takes_leave(server: Server, workshop: Workshop) -> None:
+def test_a_client_that_is_closed_while_threads_call_ends_its_session(server: Server, workshop: Workshop) -> None:
     for turn in range(1, 16):
         client = orinkit.connect(server.url, provider=PROVIDER).client
         handle = client.call(f.controller_connect, "", PROVIDER, "localhost", "")
@@ -132,7 +132,7 @@ def test_a_client_that_is_closed_while_threads_call_takes_leave(server: Server, 
         until(lambda turn=turn: len(workshop.released) == 2 * turn, PATIENCE)
 
 
-def test_a_client_that_is_closed_while_tasks_call_takes_leave(server: Server, workshop: Workshop) -> None:
+def test_a_client_that_is_closed_while_tasks_call_ends_its_session(server: Server, workshop: Workshop) -> None:
     async def body(turns: int) -> None:
         client = (await aio.connect(server.url, provider=PROVIDER)).client
 
@@ -153,7 +153,7 @@ def test_a_client_that_is_closed_while_tasks_call_takes_leave(server: Server, wo
         until(lambda turns=turns: len(workshop.released) == 2 * turns, PATIENCE)
 
 
-def test_a_client_whose_connection_broke_takes_leave_over_another_one(both: Both) -> None:
+def test_a_client_whose_connection_broke_ends_its_session_over_another_one(both: Both) -> None:
     def breaks(line: Line) -> None:
         line.send(reply(line.request()))
         line.request()
@@ -168,7 +168,7 @@ def test_a_client_whose_connection_broke_takes_leave_over_another_one(both: Both
         assert [post.body.partition(b",")[0] for post in peer.posts] == [b"Func=1", b"Func=17", b"Func=2"]
 
 
-def test_taking_leave_of_a_silent_server_takes_a_second_at_most(both: Both) -> None:
+def test_closing_with_an_unresponsive_server_takes_one_second_at_most(both: Both) -> None:
     def script(line: Line) -> None:
         line.send(reply(line.request()))
         while True:
@@ -179,12 +179,12 @@ def test_taking_leave_of_a_silent_server_takes_a_second_at_most(both: Both) -> N
         both.run(client.call(f.service_start))
         began = time.monotonic()
         both.run(client.close())
-        assert time.monotonic() - began < PATIENCE  # the time-out has not passed
+        assert time.monotonic() - began < PATIENCE  # the time-out has not expired
         with pytest.raises(ConnectionClosed):
             both.run(client.call(f.service_start))
 
 
-def test_being_cancelled_while_one_takes_leave_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cancelled_close_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.ecap.client._FAREWELL", PATIENCE)
 
     def script(line: Line) -> None:
@@ -212,7 +212,7 @@ def test_being_cancelled_while_one_takes_leave_leaves_nothing_open(monkeypatch: 
         assert [post.body[:7] for post in peer.posts] == [b"Func=1,", b"Func=2,"]
 
 
-# --- what there is not ------------------------------------------------------------------------------------------------
+# --- errors -----------------------------------------------------------------------------------------------------------
 
 
 def test_a_call_that_timed_out_does_not_keep_the_next_one_waiting(
@@ -228,7 +228,7 @@ def test_a_call_that_timed_out_does_not_keep_the_next_one_waiting(
     assert workshop.released == ["Controller"]
 
 
-def test_a_server_that_wants_a_token(both: Both, workshop: Workshop) -> None:
+def test_a_server_that_requires_a_token(both: Both, workshop: Workshop) -> None:
     with orinkit.serve(workshop, ANYWHERE, http=HttpOptions(token="s3cret")) as server:
         for options in ({}, {"token": "other"}):
             with pytest.raises(ConnectFailed, match="token"):
@@ -247,10 +247,10 @@ def test_a_stream_of_set_points_needs_b_cap() -> None:
     ):
         with pytest.raises(StreamError, match="tcp://"), robot.slave_mode():
             pass
-        assert robot.joints  # the connection goes on
+        assert robot.joints  # the connection stays usable
 
 
-def test_a_client_that_was_forgotten_is_told_so_whichever_call_hears_of_it(both: Both) -> None:
+def test_any_call_of_a_forgotten_client_reports_it(both: Both) -> None:
     with orinkit.serve(Recorder(), ANYWHERE) as server:
         controller = both.connect(server.url, provider="Test.Recorder")
         forget_clients(server)
@@ -258,13 +258,13 @@ def test_a_client_that_was_forgotten_is_told_so_whichever_call_hears_of_it(both:
             both.run(controller.client.request(f.controller_get_name, controller.handle, timeout=0.0001))
         contact = controller.client._link._contact
         while both.loop is not None and not contact._forgotten:
-            both.run(asyncio.sleep(0.002))  # the answer comes to nobody
+            both.run(asyncio.sleep(0.002))  # the reply is dropped
         with pytest.raises((ConnectionLost, ConnectionClosed)):
             both.run(controller.get_name())
         both.run(controller.close())
 
 
-def test_an_error_says_what_the_server_said_of_it(both: Both, server: Server) -> None:
+def test_an_error_contains_the_detail_from_the_server(both: Both, server: Server) -> None:
     controller = both.connect(server.url, provider=PROVIDER)
     with pytest.raises(CallError) as caught:
         both.run(controller.execute("Crash"))
@@ -273,7 +273,7 @@ def test_an_error_says_what_the_server_said_of_it(both: Both, server: Server) ->
 
 
 class Late(orinkit.Device):
-    """Fails after signs that it is at work have been sent."""
+    """A device that fails after reports of S_EXECUTING have been sent."""
 
     provider_names = ("Test.Late",)
 
@@ -283,9 +283,7 @@ class Late(orinkit.Device):
         raise error_for(hresult.E_TIMEOUT, "the lamp, which  is\nof 60 W, is not lit: 電球")
 
 
-def test_what_a_server_says_of_a_failure_comes_however_long_it_takes(
-    both: Both, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_detail_of_a_late_failure_is_received(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.transport.http.response._SIGNS", 80)  # ms
     with orinkit.serve(Late(), ANYWHERE) as server:
         controller = both.connect(server.url, provider="Test.Late")

@@ -40,7 +40,7 @@ from support.both import Both, only
 from support.devices import Call, Recorder, Workshop, answer
 
 PROVIDER = "Test.Recorder"
-PATIENT = 20.0  # a time-out that no test may reach: nothing is sent twice
+PATIENT = 20.0  # a time-out that must not expire: nothing is sent twice
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def server(listen_at: str, recorder: Recorder) -> Iterator[Server]:
 
 
 class Wire:
-    """A trace that knows which functions were called and answered."""
+    """A trace that records the functions in requests and replies."""
 
     def __init__(self) -> None:
         self.sent: list[int] = []
@@ -88,7 +88,7 @@ def sample(argument: Argument) -> Any:
 
 
 def natural_name(function: Function[..., Any]) -> str:
-    """The method of an object that makes the call."""
+    """Return the method of an object that calls a function."""
     if function.creates or function.name.endswith("Names"):
         return function.method.removeprefix("get_")
     return "close" if function.releases else function.method
@@ -126,7 +126,7 @@ def test_every_function_is_reached_by_a_natural_method(both: Both, server: Serve
             assert recorder.calls[1:] == [
                 Call(f"{function.creates}_Release", f"{path}/{values[0] if values else 'message'}", ())
             ]
-            result._open = False  # it is released already
+            result._open = False  # it has already been released
         elif natural_name(function).endswith("names"):
             assert result == [str(item) for item in answer(function, path, values)]
         else:
@@ -203,7 +203,7 @@ def test_every_function_is_reached_by_a_raw_call(both: Both, server: Server, rec
         ("Variable", lambda o: o.put_id(5), Call("Variable_PutID", "RC/IO150", (5,))),
     ],
 )
-def test_arguments_that_may_be_left_out(
+def test_optional_arguments(
     both: Both, server: Server, recorder: Recorder, interface: str, use: Callable[[Any], Any], arrives: Call
 ) -> None:
     controller = both.connect(server.url, provider=PROVIDER, name="RC")
@@ -214,7 +214,7 @@ def test_arguments_that_may_be_left_out(
 
 
 def test_properties_of_the_synchronous_client(server: Server, recorder: Recorder) -> None:
-    """``x`` reads as ``get_x`` and is set as ``put_x``, on every object that has them."""
+    """On all objects, reading ``x`` calls ``get_x``, and setting it calls ``put_x``."""
     with orinkit.connect(server.url, provider=PROVIDER, name="RC") as controller:
         both, checked = Both("sync"), 0
         for interface in ("Controller", *WHERE):
@@ -254,7 +254,7 @@ def test_the_controller_releases_everything_newest_first(both: Both, server: Ser
     task = both.run(controller.task("Pro1"))
     both.run(controller.close())
     assert releases(recorder) == ["RC/Pro1", "RC/Arm/b", "RC/Arm", "RC/a", "RC"]
-    assert wire.sent[-6:] == [99, 111, 84, 111, 4, 2]  # each by a call of its own, Service_Stop last
+    assert wire.sent[-6:] == [99, 111, 84, 111, 4, 2]  # one call each, Service_Stop last
     assert all("closed" in repr(thing) for thing in (first, robot, below, task, controller))
 
 
@@ -272,7 +272,7 @@ def test_closing_twice_is_no_error_and_releases_once(both: Both, server: Server,
         both.run(controller.execute("x"))
 
 
-def test_a_closed_parent_closes_what_is_below_it(both: Both, server: Server, recorder: Recorder) -> None:
+def test_a_closed_parent_closes_its_children(both: Both, server: Server, recorder: Recorder) -> None:
     controller = both.connect(server.url, provider=PROVIDER, name="RC")
     robot = both.run(controller.robot("Arm"))
     variable = both.run(robot.variable("b"))
@@ -350,10 +350,10 @@ def test_a_broken_connection_does_not_disturb_closing(both: Both, server: Server
     both.run(variable.close())
     both.run(controller.close())
     assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
-    assert releases(recorder) == ["RC/a", "RC"]  # by the server, when the client had gone
+    assert releases(recorder) == ["RC/a", "RC"]  # by the server, after the client has disconnected
 
 
-def test_dropped_objects_are_released_before_the_next_one_is_made(
+def test_deleted_objects_are_released_before_the_next_one_is_created(
     both: Both, server: Server, recorder: Recorder
 ) -> None:
     controller = both.connect(server.url, provider=PROVIDER, name="RC")
@@ -365,7 +365,7 @@ def test_dropped_objects_are_released_before_the_next_one_is_made(
     assert releases(recorder) == ["RC/a", "RC/b", "RC/c", "RC"]
 
 
-def test_a_parent_lives_as_long_as_what_is_below_it(both: Both, server: Server, recorder: Recorder) -> None:
+def test_a_parent_lives_as_long_as_its_children(both: Both, server: Server, recorder: Recorder) -> None:
     controller = both.connect(server.url, provider=PROVIDER, name="RC")
     variable = both.run(both.run(controller.robot("Arm")).variable("b"))
     gc.collect()
@@ -375,7 +375,7 @@ def test_a_parent_lives_as_long_as_what_is_below_it(both: Both, server: Server, 
     both.run(controller.close())
 
 
-@only("tcp", because="objects are counted where there are no packets any more")
+@only("tcp", because="the count of objects is independent of the transport")
 def test_three_thousand_writes_in_a_row_do_not_hit_the_object_limit(both: Both, server: Server) -> None:
     controller = both.connect(server.url)
     for number in range(3000):
@@ -387,7 +387,9 @@ def test_three_thousand_writes_in_a_row_do_not_hit_the_object_limit(both: Both, 
     both.run(controller.close())
 
 
-def test_the_object_limit_says_so_and_the_connection_goes_on(both: Both, listen_at: str, recorder: Recorder) -> None:
+def test_the_object_limit_is_reported_and_the_connection_stays_usable(
+    both: Both, listen_at: str, recorder: Recorder
+) -> None:
     with orinkit.serve(recorder, listen_at, objects=10) as server:
         controller = both.connect(server.url, provider=PROVIDER, name="RC")
         kept = [both.run(controller.variable(f"v{number}")) for number in range(9)]
@@ -476,7 +478,7 @@ def test_wrong_timeouts(both: Both, server: Server, timeout: float) -> None:
     ids=["tcp", "http"],
 )
 def test_trace_shows_every_packet(both: Both, server: Server, sent: bytes, answered: bytes) -> None:
-    """The bytes over UDP and serial lines: tests/bcap."""
+    """For the bytes on UDP and serial lines, see tests/bcap."""
     seen: list[tuple[str, bytes]] = []
     client = both.client(server.url, trace=lambda direction, data: seen.append((direction, data)))
     both.run(client.call(f.service_start, "WDT=400"))
@@ -484,7 +486,7 @@ def test_trace_shows_every_packet(both: Both, server: Server, sent: bytes, answe
     both.run(client.close())
 
 
-def test_request_gives_code_and_exact_type(both: Both, server: Server) -> None:
+def test_request_returns_code_and_exact_type(both: Both, server: Server) -> None:
     client = both.client(server.url)
     controller = both.run(client.call(f.controller_connect, "", orinkit.client._shared.common.RC8, "localhost"))
     variable = both.run(client.call(f.controller_get_variable, controller, "IO150"))
@@ -494,7 +496,7 @@ def test_request_gives_code_and_exact_type(both: Both, server: Server) -> None:
     both.run(client.close())
 
 
-def test_an_error_tells_everything(both: Both, server: Server) -> None:
+def test_an_error_has_all_details(both: Both, server: Server) -> None:
     controller = both.connect(server.url, provider="Test.Workshop")
     with pytest.raises(CallError) as caught:
         both.run(controller.execute("Fail", hresult.signed(hresult.E_ACCESSDENIED)))
@@ -546,7 +548,7 @@ def test_a_bad_argument_is_refused_before_anything_is_sent(
     both.run(client.close())
 
 
-def test_a_named_argument_that_there_is_not(both: Both, server: Server) -> None:
+def test_an_unknown_named_argument(both: Both, server: Server) -> None:
     client = both.client(server.url)
     with pytest.raises(TypeError, match="colour"):
         both.run(client.call(f.controller_execute, handle=1, command="x", colour="red"))
@@ -555,7 +557,7 @@ def test_a_named_argument_that_there_is_not(both: Both, server: Server) -> None:
     both.run(client.close())
 
 
-@only("tcp", "http", because="elsewhere a call at work is told of when it is asked for again, and does not time out")
+@only("tcp", "http", because="other transports report S_EXECUTING to repeated requests, so the call does not time out")
 def test_errors_survive_pickling(both: Both, server: Server) -> None:
     caught: list[Exception] = []
     controller = both.connect(server.url, provider="Test.Workshop", timeout=20)
@@ -583,7 +585,7 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
     ]
 
 
-def test_errors_that_are_cleared_meanwhile_end_the_list(both: Both, listen_at: str) -> None:
+def test_errors_that_are_cleared_concurrently_end_the_list(both: Both, listen_at: str) -> None:
     class Shrinking(VirtualRC8):
         def connect(self, *arguments: Any) -> Any:
             made = super().connect(*arguments)

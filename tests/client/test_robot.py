@@ -1,4 +1,4 @@
-"""Robots and motions of both clients: against the virtual RC8, and against a robot that answers by script."""
+"""Robots and motions of both clients: against the virtual RC8, and against a scripted robot."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from support.waiting import TooSlow, until, with_longer_times
 HOME = J(0, 45, 90, 0, 45, 0)
 THERE = J(45, 30, 120, 0, -60, 0)
 PATIENCE = 20.0
-SLOWLY = 0.1  # % of the speed: it takes far longer than a test does before something stops it
+SLOWLY = 0.1  # % of the speed: the motion takes far longer than the test before it is stopped
 SEVERAL = only("tcp", "udp", "http", because="a line has one client at a time")
 
 
-# --- what the calls are ---------------------------------------------------------------------------------------------
+# --- calls ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ MOVE, EXECUTE = "Robot_Move", "Robot_Execute"
         (lambda r: r.depart(1e-7, line=True), EXECUTE, ("Depart", [2, "@0 0.0000001"])),
         (lambda r: r.drive({1: 10, 2: -5.5}), EXECUTE, ("DriveEx", ["@0 (1,10),(2,-5.5)"])),
         (lambda r: r.drive({7: 1}, "@E", absolute=True, speed=3), EXECUTE, ("DriveAEx", ["@E (7,1)", "SPEED=3"])),
-        # as CAO has them
+        # the form of CAO
         (lambda r: r.move(1, "P1"), MOVE, (1, "P1", "")),
         (lambda r: r.move(2, [1.0, 2.0, 3.0], "NEXT"), MOVE, (2, [1.0, 2.0, 3.0], "NEXT")),
         (lambda r: r.move(interpolation=1, pose="P1", option="Next"), MOVE, (1, "P1", "Next")),
@@ -139,7 +139,10 @@ def test_a_method_is_one_call(
         (lambda r: r.move_l(HOME, None), "None is not a pass mark"),
         (lambda r: r.drive({1: 1}, 10), "10 is not a pass mark"),
         (lambda r: r.depart(10, 10), "10 is not a pass mark"),
-        (lambda r: r.move(1, [0.0, 45, 90, 0, 45, 0]), r"6 numbers may be joints or a position. Try: J\(...\) or P\(...\)"),
+        (
+            lambda r: r.move(1, [0.0, 45, 90, 0, 45, 0]),
+            r"6 numbers may be joints or a position. Try: J\(...\) or P\(...\)",
+        ),
         (lambda r: r.move(2, (0, 45, 90, 0, 45, 0), "NEXT"), "6 numbers"),
         (lambda r: r.move(interpolation=1, pose=Variant(0x2005, [0.0] * 6)), "6 numbers"),
         (lambda r: r.move("J(0,45"), r"'J\(0,45' is not a pose: column 7: .*move\(1, text\)"),
@@ -234,8 +237,8 @@ def test_a_list_without_an_end(both: Both, recorded: Any) -> None:
         both.run(recorded.execute("OutRange", endless))
 
 
-def test_a_dropped_robot_is_released_before_the_next_object(both: Both, recorder: Recorder, recorded: Any) -> None:
-    """Nothing that a motion leaves behind keeps it: no garbage collection is needed."""
+def test_a_deleted_robot_is_released_before_the_next_object(both: Both, recorder: Recorder, recorded: Any) -> None:
+    """A finished motion creates no reference cycle, so that no garbage collection is required."""
     controller = recorded._parent
     gc.disable()
     try:
@@ -281,7 +284,7 @@ def robot(both: Both, url: str) -> Iterator[Any]:
 
 @pytest.fixture
 def moving(both: Both, robot: Any) -> Any:
-    """The robot with the arm taken and the motor on."""
+    """Return a robot with the arm taken and the motor on."""
     both.run(robot.execute("TakeArm", [0, 0]))
     both.run(robot.execute("Motor", [1, 0]))
     return robot
@@ -292,7 +295,7 @@ def standing_at(joints: J) -> Any:
 
 
 def progress_of(both: Both, motion: Any, then: Callable[[], object] = lambda: None) -> list[float]:
-    """What a motion gives until it is over; after each, something may be done."""
+    """Return the progress values of a motion until it is over; call a function after each."""
     if both.kind == "sync":
         return [(fraction, then())[0] for fraction in motion]
 
@@ -303,7 +306,7 @@ def progress_of(both: Both, motion: Any, then: Callable[[], object] = lambda: No
 
 
 def finished(both: Both, motion: Any) -> None:
-    """``motion.wait()``, or ``await motion``."""
+    """Wait for a motion: ``motion.wait()`` or ``await motion``."""
     both.run(motion.wait() if both.kind == "sync" else motion)
 
 
@@ -317,8 +320,8 @@ def test_a_motion_that_is_waited_for(both: Both, moving: Any) -> None:
     assert both.run(moving.get_moving()) is False
 
 
-def test_a_motion_that_goes_on_by_itself(both: Both, moving: Any, clock: HeldClock) -> None:
-    with clock.held():  # it takes 7 s
+def test_a_motion_without_waiting(both: Both, moving: Any, clock: HeldClock) -> None:
+    with clock.held():  # the motion takes 7 s
         motion = both.run(moving.move(THERE, speed=5, wait=False))
         assert both.run(moving.get_moving()) is True
         assert both.run(moving.get_destination()) == standing_at(THERE)
@@ -329,7 +332,7 @@ def test_a_motion_that_goes_on_by_itself(both: Both, moving: Any, clock: HeldClo
     assert all(0.0 <= fraction < 1.0 for fraction in fractions[:-1])
     assert both.run(motion.get_done()) is True
     finished(both, motion)
-    until(lambda: both.run(moving.motion_complete(1)))  # the encoders come to rest a moment later
+    until(lambda: both.run(moving.motion_complete(1)))  # the encoders lag behind the command
     assert both.run(moving.get_joints()) == pytest.approx([*THERE, 0, 0], abs=0.1)
 
 
@@ -353,7 +356,7 @@ def test_waiting_has_a_limit(both: Both, moving: Any) -> None:
         lambda r: r.drive({1: 10}, absolute=True, wait=False),
     ],
 )
-def test_every_kind_of_motion_is_followed(both: Both, moving: Any, use: Callable[[Any], Any]) -> None:
+def test_the_progress_of_all_kinds_of_motions(both: Both, moving: Any, use: Callable[[Any], Any]) -> None:
     motion = both.run(use(moving))
     end = both.run(moving.get_destination())
     assert progress_of(both, motion)[-1] == 1.0
@@ -362,10 +365,10 @@ def test_every_kind_of_motion_is_followed(both: Both, moving: Any, use: Callable
 
 
 def test_motions_that_follow_each_other(both: Both, moving: Any, clock: HeldClock) -> None:
-    """The first one is over when the robot is on its way to the end of the second, which begins where it ended."""
+    """The first motion is over when the robot executes the second, which begins at the end of the first."""
     with clock.held():
         first = both.run(moving.move(THERE, "@P", speed=10, wait=False))
-        second = both.run(moving.move(HOME, speed=SLOWLY, wait=False))  # it takes 350 s
+        second = both.run(moving.move(HOME, speed=SLOWLY, wait=False))  # the motion takes 350 s
         assert both.run(first.get_done()) is False
         assert both.run(second.get_progress()) == 0.0
     finished(both, first)
@@ -389,7 +392,7 @@ def test_a_motion_whose_follower_is_stopped_is_over(both: Both, moving: Any, url
 
 
 @SEVERAL
-def test_a_stop_before_the_follower_has_begun_is_the_followers(both: Both, moving: Any, url: str) -> None:
+def test_a_stop_before_a_queued_motion_begins_is_reported_for_it(both: Both, moving: Any, url: str) -> None:
     both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     for pose in (HOME, P(380, 0, 250, 180, 0, 180, 5)):
         second = both.run(moving.move(pose, wait=False))
@@ -420,7 +423,7 @@ def test_another_client_halts(both: Both, moving: Any, url: str) -> None:
     with pytest.raises(CallError):
         progress_of(both, motion)
     assert "stopped" in repr(motion)
-    both.run(moving.move(HOME))  # the next one is another matter
+    both.run(moving.move(HOME))  # the next motion is not affected
 
 
 @SEVERAL
@@ -437,7 +440,7 @@ def test_another_client_halts_a_motion_that_is_waited_for(both: Both, moving: An
     assert caught.value.code == hresult.STOPPED_DURING_PC_MOTION
 
 
-def test_the_reason_of_a_stop_is_told(both: Both, moving: Any, rc8: VirtualRC8) -> None:
+def test_the_error_contains_the_cause_of_a_stop(both: Both, moving: Any, rc8: VirtualRC8) -> None:
     motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     rc8.raise_error(0x83204071, "axis 1 is at its limit")
     rc8.raise_error(hresult.COMMAND_GENERATION_STOPPED)
@@ -454,7 +457,7 @@ def test_the_emergency_stop_ends_a_motion(both: Both, moving: Any, rc8: VirtualR
         both.run(moving.move(THERE))
 
 
-def test_halting_it_oneself(both: Both, moving: Any) -> None:
+def test_a_motion_halted_by_this_program(both: Both, moving: Any) -> None:
     motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))
     both.run(motion.halt())
     assert both.run(moving.get_moving()) is False
@@ -467,7 +470,7 @@ def test_a_paused_motion_is_not_over(both: Both, moving: Any, clock: HeldClock) 
     both.run(moving.hold())
     assert both.run(motion.get_done()) is False
     until(lambda: both.run(motion.get_progress()) == both.run(motion.get_progress()))
-    clock.advance(1000)  # it would take 350 s
+    clock.advance(1000)  # the motion would take 350 s
     assert both.run(motion.get_progress()) < 1
     assert both.run(motion.get_done()) is False
     both.run(moving.unhold())
@@ -484,7 +487,7 @@ def test_a_machine_lock_is_no_stop(both: Both, robot: Any, rc8: VirtualRC8) -> N
 
 
 def test_a_refused_motion_is_no_motion(both: Both, moving: Any, clock: HeldClock) -> None:
-    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))  # it takes 350 s
+    motion = both.run(moving.move(THERE, speed=SLOWLY, wait=False))  # the motion takes 350 s
     for refused in (P(5000, 0, 0, 0, 0, 0), "P9999"):
         with pytest.raises(CallError):
             both.run(moving.move(refused, wait=False))
@@ -493,7 +496,7 @@ def test_a_refused_motion_is_no_motion(both: Both, moving: Any, clock: HeldClock
     assert fractions[-1] == 1.0
 
 
-def test_where_it_is(both: Both, robot: Any) -> None:
+def test_the_position_of_the_arm(both: Both, robot: Any) -> None:
     assert both.run(robot.get_joints()) == standing_at(HOME)
     position = both.run(robot.get_position())
     assert isinstance(position, P)
@@ -563,7 +566,7 @@ class Trouble(Exception):
 
 
 def holding(both: Both, robot: Any, body: Callable[[], None]) -> None:
-    """``with robot.arm(), robot.motor(): body()``."""
+    """Execute ``with robot.arm(), robot.motor(): body()``."""
     both.within(robot.arm(), lambda _: both.within(robot.motor(), lambda _: body()))
 
 
@@ -572,7 +575,7 @@ def status(rc8: VirtualRC8, *names: str) -> list[Any]:
     return [found[name] for name in names]
 
 
-def test_a_block_that_ends_well_waits_for_its_motion(both: Both, robot: Any, rc8: VirtualRC8) -> None:
+def test_a_block_that_ends_normally_waits_for_its_motion(both: Both, robot: Any, rc8: VirtualRC8) -> None:
     def body() -> None:
         assert status(rc8, "motor") == ["on"]
         assert status(rc8, "arm_holder") != [""]
@@ -596,7 +599,7 @@ def test_a_block_that_fails_halts(both: Both, robot: Any, rc8: VirtualRC8) -> No
 
 
 @SEVERAL
-def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
+def test_the_error_of_a_stop_propagates_from_the_block(both: Both, robot: Any, rc8: VirtualRC8, url: str) -> None:
     def body() -> None:
         both.run(robot.move(THERE, speed=SLOWLY, wait=False))
         halt_from_elsewhere(url)
@@ -606,7 +609,7 @@ def test_a_stop_in_a_block_comes_out_of_it(both: Both, robot: Any, rc8: VirtualR
     assert status(rc8, "motor", "moving", "arm_holder") == ["off", False, ""]
 
 
-def test_keeping_what_is_set(both: Both, robot: Any) -> None:
+def test_keeping_the_settings(both: Both, robot: Any) -> None:
     both.within(robot.arm(), lambda _: both.run(robot.put_tool(3)))
     both.within(robot.arm(keep=True), lambda _: None)
     assert both.run(robot.get_tool()) == 3
@@ -617,7 +620,7 @@ def test_keeping_what_is_set(both: Both, robot: Any) -> None:
 
 
 @SEVERAL
-def test_an_arm_that_another_one_has(both: Both, robot: Any, url: str) -> None:
+def test_an_arm_that_another_client_holds(both: Both, robot: Any, url: str) -> None:
     entered = []
     with orinkit.connect(url) as other:
         other.robot().execute("TakeArm")
@@ -636,7 +639,7 @@ def test_a_motor_that_cannot_go_on_gives_the_arm_back(both: Both, robot: Any, rc
 
 
 @only("tcp", "http", because="on the others nobody tells of it")
-def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str, rc8: VirtualRC8) -> None:
+def test_the_controller_disconnects_during_a_motion(both: Both, listen_at: str, rc8: VirtualRC8) -> None:
     server = orinkit.serve(rc8, listen_at)
     controller = both.connect(server.url, timeout=3 * PATIENCE)
     robot = both.run(controller.robot())
@@ -649,14 +652,14 @@ def test_the_controller_goes_away_in_the_middle(both: Both, listen_at: str, rc8:
     began = time.monotonic()
     with pytest.raises(TransportError) as caught:
         holding(both, robot, body)
-    assert time.monotonic() - began < PATIENCE  # no time-out has passed
+    assert time.monotonic() - began < PATIENCE  # no time-out has expired
     assert ["the connection is lost" in note for note in caught.value.__notes__] == [True]
     both.run(controller.close())
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
 def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str, clock: HeldClock) -> None:
-    """The connection is closed, so the controller stops the arm; over UDP after some seconds of silence."""
+    """The connection is closed, so that the controller stops the arm; on UDP after some seconds without a request."""
 
     def interrupt() -> None:
         until(lambda: status(rc8, "moving") == [True])
@@ -678,8 +681,8 @@ def test_ctrl_c_while_a_motion_is_waited_for(rc8: VirtualRC8, url: str, clock: H
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
-def test_ctrl_c_while_a_motion_goes_on_by_itself(rc8: VirtualRC8, url: str) -> None:
-    """Between two looks at it the connection stays: arm and motor are given back in good order."""
+def test_ctrl_c_during_a_motion_without_waiting(rc8: VirtualRC8, url: str) -> None:
+    """Between two queries, the connection stays open: the arm and the motor are given back as usual."""
     with orinkit.connect(url) as controller:
         robot = controller.robot()
 
@@ -698,7 +701,7 @@ def test_ctrl_c_while_a_motion_goes_on_by_itself(rc8: VirtualRC8, url: str) -> N
 
 
 def test_cancelling_a_motion_that_is_waited_for(rc8: VirtualRC8, url: str) -> None:
-    """The call cannot be taken back and the connection is busy with it, so the connection is closed."""
+    """The call cannot be withdrawn and occupies the connection, so the connection is closed."""
 
     async def body() -> None:
         async with aio.connect(url) as controller:
@@ -740,11 +743,11 @@ def test_cancelling_the_wait_for_a_motion(rc8: VirtualRC8, url: str) -> None:
     asyncio.run(body())
 
 
-# --- a robot that answers by script ---------------------------------------------------------------------------------
+# --- a scripted robot -----------------------------------------------------------------------------------------------
 
 
 class ScriptedRobot(p.RobotObject):
-    """Notes what it is called with; answers with what its device has in store for a call, the last one for ever."""
+    """A robot that records its calls and returns the scripted results of its device; the last one is repeated."""
 
     def __init__(self, device: Scripted) -> None:
         super().__init__("Arm")
@@ -775,15 +778,15 @@ class ScriptedController(p.ControllerObject):
         return ScriptedRobot(self._device)
 
 
-TIMES_OUT = only("tcp", because="elsewhere a call at work is told of, and never times out")
+TIMES_OUT = only("tcp", because="other transports report S_EXECUTING, so the call never times out")
 
 
 class Scripted(Provider):
-    """A controller whose robot does what a test says.
+    """A controller with a scripted robot.
 
     Attributes:
-        answers: what each call is answered with, one after the other; an exception is raised.
-        calls: what was called, without the questions.
+        answers: Results of each call, in order; an exception is raised.
+        calls: Recorded calls, without queries.
     """
 
     provider_names = ("Test.Scripted",)
@@ -827,14 +830,14 @@ def scripted(both: Both, listen_at: str, device: Scripted) -> Iterator[Any]:
         both.run(controller.close())
 
 
-SHORT = 0.1  # a time-out that is meant to pass
+SHORT = 0.1  # a time-out that is expected to expire
 
 
 def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
-    """Have the next calls of some commands, one each, time out soon after the device has got them.
+    """Let the next call of each command time out shortly after the device has received it.
 
     Returns:
-        what is released once for each of these calls that has timed out.
+        A semaphore that is released for each of these calls after its time-out.
     """
     conversation, given_up, left = robot.client._conversation, threading.Semaphore(0), list(names)
     call = conversation.call
@@ -844,7 +847,7 @@ def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
         exchange = next(operation)
         while True:
             received = yield exchange
-            while received is None and device.asked.count(name) == before:  # it is still on its way
+            while received is None and device.asked.count(name) == before:  # the device has not received it yet
                 received = yield b"", SHORT
             try:
                 exchange = operation.send(received)
@@ -866,7 +869,7 @@ def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
 
 
 def until_given_up(given_up: threading.Semaphore) -> BlockingCall:
-    """A command that is at work until its client does not wait for it any more."""
+    """Execute a command until its client no longer waits for it."""
     return BlockingCall(lambda: given_up.acquire(timeout=PATIENCE) and None)
 
 
@@ -879,7 +882,7 @@ def raising(_: object = None) -> None:
     raise Trouble
 
 
-def test_the_order_of_a_block_that_ends_well(both: Both, scripted: Any, device: Scripted) -> None:
+def test_the_order_of_a_block_that_ends_normally(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["MotionComplete"] = [True, False, False, True]
     device.answers["CurJnt"] = [[0.0] * 8, [10.0] * 8]
     holding(both, scripted, lambda: both.run(scripted.move("P1", wait=False)))
@@ -893,7 +896,7 @@ def test_the_order_of_a_block_that_fails(both: Both, scripted: Any, device: Scri
     assert device.calls == [*TAKEN, "Halt", *GIVEN]
 
 
-def test_nothing_is_asked_where_nothing_moved(both: Both, scripted: Any, device: Scripted) -> None:
+def test_no_queries_without_motion(both: Both, scripted: Any, device: Scripted) -> None:
     holding(both, scripted, lambda: None)
     assert device.asked == ["TakeArm", "Motor", "Motor", "GiveArm"]
 
@@ -910,12 +913,14 @@ def test_a_paused_motion_is_halted_at_the_end_of_the_block(both: Both, scripted:
 def test_a_raw_motion_is_waited_for_too(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["MotionComplete"] = [False, True]
     holding(both, scripted, lambda: both.run(scripted.move(1, "P1", "NEXT")))
-    asked = ["MotionComplete"] * 3  # it runs; it is over; it is still over, so it had begun
+    asked = ["MotionComplete"] * 3  # executing; over; still over, so it had begun
     assert device.asked == ["TakeArm", "Motor", "Move", *asked, "Motor", "GiveArm"]
 
 
 @pytest.mark.parametrize("failing", ["Halt", "Motor", "GiveArm"])
-def test_a_step_that_fails_hides_nothing(both: Both, scripted: Any, device: Scripted, failing: str) -> None:
+def test_a_failed_step_of_the_clean_up_hides_no_error(
+    both: Both, scripted: Any, device: Scripted, failing: str
+) -> None:
     def body() -> None:
         device.answers[failing] = [REFUSED]
         raising()
@@ -928,8 +933,8 @@ def test_a_step_that_fails_hides_nothing(both: Both, scripted: Any, device: Scri
     assert "MOTOR_OFF_WHILE_MOVING" in note
 
 
-def test_the_end_of_a_good_block_may_fail(both: Both, scripted: Any, device: Scripted) -> None:
-    """Then that is the error; the arm is halted and given back all the same."""
+def test_the_end_of_a_block_may_fail(both: Both, scripted: Any, device: Scripted) -> None:
+    """The error is raised, and the arm is still halted and given back."""
 
     def body() -> None:
         device.answers["Motor"] = [REFUSED]
@@ -957,13 +962,13 @@ def test_each_step_takes_one_timeout_at_most(
 
     with pytest.raises(Trouble) as caught:
         holding(both, scripted, body)
-    assert device.calls == [*TAKEN, "Halt", ("Motor", [0, 0]), "Halt", "GiveArm"]  # each of the blocks halts
+    assert device.calls == [*TAKEN, "Halt", ("Motor", [0, 0]), "Halt", "GiveArm"]  # both blocks halt
     assert len(caught.value.__notes__) == 4
 
 
 @TIMES_OUT
-def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: Any, device: Scripted) -> None:
-    """The controller does not answer within the time-out and is busy with the motion from then on."""
+def test_an_arm_that_can_only_be_stopped_by_closing_the_connection(both: Both, scripted: Any, device: Scripted) -> None:
+    """The controller does not reply within the time-out, and is busy with the motion from then on."""
     device.answers["Move"] = [device.never]
     impatient(scripted, device, "Move")
     with pytest.raises(CallTimeout) as caught:
@@ -976,7 +981,7 @@ def test_an_arm_that_only_the_end_of_the_connection_stops(both: Both, scripted: 
 
 @only("http", because="elsewhere the controller is busy with the call before")
 @with_longer_times(0.05, 1.0, PATIENCE)
-def test_a_call_that_is_at_work_does_not_keep_the_arm_from_being_halted(
+def test_the_arm_can_be_halted_while_a_call_is_executing(
     both: Both, scripted: Any, device: Scripted, short: float
 ) -> None:
     del device.calls[:]
@@ -991,7 +996,7 @@ def test_a_call_that_is_at_work_does_not_keep_the_arm_from_being_halted(
 
 
 @TIMES_OUT
-def test_a_call_that_is_only_slow_is_waited_for(
+def test_the_clean_up_waits_for_a_slow_call(
     both: Both, scripted: Any, device: Scripted, patient_with_halting: None
 ) -> None:
     impatient(scripted, device, "Slow")
@@ -1011,7 +1016,7 @@ def test_a_call_that_is_only_slow_is_waited_for(
 
 
 @TIMES_OUT
-def test_taking_of_which_nobody_knows_is_undone(both: Both, scripted: Any, device: Scripted) -> None:
+def test_an_arm_that_may_have_been_taken_is_given_back(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["Motor"] = [until_given_up(impatient(scripted, device, "Motor")), None]
     with pytest.raises(CallTimeout):
         holding(both, scripted, lambda: None)
@@ -1029,7 +1034,9 @@ def test_a_robot_that_is_closed_in_its_block(both: Both, scripted: Any, device: 
     assert "closed" in caught.value.__notes__[0]
 
 
-def test_a_motion_that_has_hardly_been_taken_is_no_stopped_one(both: Both, scripted: Any, device: Scripted) -> None:
+def test_a_motion_that_was_just_accepted_is_not_reported_as_stopped(
+    both: Both, scripted: Any, device: Scripted
+) -> None:
     device.answers["MotionComplete"] = [True, True, False, False, True]
     device.answers["CurJnt"] = [[0.0] * 8, [0.0] * 8, [10.0] * 8]
     motion = both.run(scripted.move("P1", wait=False))
@@ -1038,18 +1045,18 @@ def test_a_motion_that_has_hardly_been_taken_is_no_stopped_one(both: Both, scrip
     assert both.run(motion.get_done()) is True
 
 
-def test_encoders_that_are_late_are_no_stop(both: Both, scripted: Any, device: Scripted) -> None:
+def test_late_encoders_are_not_reported_as_a_stop(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["MotionComplete"] = [True]
     device.answers["CurJnt"] = [[0.0] * 8, [9.0] * 8, [10.0] * 8]
     finished(both, both.run(scripted.move("P1", wait=False)))
 
 
-def test_a_controller_that_does_not_tell_where_a_motion_ends(both: Both, scripted: Any, device: Scripted) -> None:
+def test_a_controller_that_does_not_report_the_end_of_a_motion(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["DestJnt"] = [CallError(hresult.E_NOTIMPL)]
     device.answers["MotionComplete"] = [True, False, False, True]
     motion = both.run(scripted.move("P1", wait=False))
     assert progress_of(both, motion) == [0.0, 0.0, 1.0]
-    # a pose in joints tells it itself
+    # a pose in joints determines the end
     device.answers["MotionComplete"] = [True]
     motion = both.run(scripted.move(J(*[20.0] * 8), wait=False))
     with pytest.raises(CallError, match="STOPPED_DURING_PC_MOTION"):
@@ -1057,21 +1064,21 @@ def test_a_controller_that_does_not_tell_where_a_motion_ends(both: Both, scripte
 
 
 @pytest.mark.parametrize("answer", [None, "x", [1.0, "x"], [float("nan")] * 8, [], 5])
-def test_answers_that_are_no_joints(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
+def test_results_that_are_not_joints(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
     device.answers["CurJnt"] = [answer]
     with pytest.raises(ProtocolError, match="CurJnt returned an unexpected value"):
         both.run(scripted.get_joints())
 
 
 @pytest.mark.parametrize("answer", [None, "yes", [True], float("inf")])
-def test_answers_that_are_no_numbers(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
+def test_results_that_are_not_numbers(both: Both, scripted: Any, device: Scripted, answer: Any) -> None:
     device.answers["MotionComplete"] = [answer]
     with pytest.raises(ProtocolError, match="MotionComplete returned an unexpected value"):
         both.run(scripted.motion_complete())
 
 
 @TIMES_OUT
-def test_a_busy_controller_is_told_so(both: Both, scripted: Any, device: Scripted) -> None:
+def test_a_busy_controller_raises_busy_error(both: Both, scripted: Any, device: Scripted) -> None:
     device.answers["Move"] = [device.never]
     impatient(scripted, device, "Move")
     with pytest.raises(CallTimeout):

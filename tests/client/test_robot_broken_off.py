@@ -1,4 +1,4 @@
-"""A motion that is broken off stops, over every wire: where there is no connection, the client says goodbye."""
+"""An interrupted motion stops, on all transports; on those without connections, the client sends a closing request."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_ctrl_c(url: str, device: VirtualRC8) -> None:
 
 
 def test_ctrl_c_the_moment_the_call_has_been_sent(url: str, device: VirtualRC8) -> None:
-    """Also over UDP, where a link that closes at once could not say goodbye any more."""
+    """This includes UDP, where a link that is closed immediately could not send the closing request."""
 
     def interrupt(_frame: FrameType, event: str, function: object) -> None:
         sender = isinstance(getattr(function, "__self__", None), socket.socket | FileIO)

@@ -1,4 +1,4 @@
-"""Motions after motions that may still run, and why a motion was stopped: both clients against the virtual RC8."""
+"""Motions that follow unfinished motions, and causes of stops: both clients against the virtual RC8."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEFT = J(-30, 45, 90, 0, 45, 0)
 RIGHT = J(20, 45, 90, 0, 45, 0)
 PLACE = P(380, 0, 250, 180, 0, 180, 5)
 OTHER = P(364, 20, 290, 180, 0, 180, 5)
-SLOWLY = 0.1  # % of the speed: it takes far longer than a test does before something stops it
+SLOWLY = 0.1  # % of the speed: the motion takes far longer than the test before it is stopped
 
 MARKS = ("@P", "@10", "@0", "@E", "")
 FIRST: dict[str, Callable[[Any, str], Any]] = {
@@ -67,7 +67,7 @@ def url(rc8: VirtualRC8) -> Iterator[str]:
 
 @pytest.fixture
 def moving(both: Both, url: str) -> Iterator[Any]:
-    """A robot with the arm taken and the motor on."""
+    """Return a robot with the arm taken and the motor on."""
     controller = both.connect(url)
     robot = both.run(controller.robot())
     both.run(robot.execute("TakeArm", [0, 0]))
@@ -80,13 +80,13 @@ def at_rest(both: Both, robot: Any) -> None:
     until(lambda: bool(both.run(robot.motion_complete(1))))
 
 
-# --- no false alarm -------------------------------------------------------------------------------------------------
+# --- no false stops -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mark", MARKS)
 @pytest.mark.parametrize("name", FIRST)
-def test_a_motion_after_one_that_was_answered(both: Both, moving: Any, name: str, mark: str) -> None:
-    """It may still run: where it ends is not where the next one ends."""
+def test_a_motion_after_one_with_a_reply_at_its_pass_mark(both: Both, moving: Any, name: str, mark: str) -> None:
+    """The first motion may still be executing; its end is not the end of the second."""
     for second in SECOND.values():
         both.run(moving.move(HOME))
         both.run(FIRST[name](moving, mark))
@@ -119,8 +119,8 @@ def test_a_chain_after_raw_motions(both: Both, moving: Any) -> None:
     assert both.run(moving.motion_complete())
 
 
-def test_a_chain_that_comes_back(both: Both, moving: Any, clock: HeldClock) -> None:
-    """The same end twice: the third is not over because the first one has the same end."""
+def test_a_chain_that_returns_to_an_earlier_end(both: Both, moving: Any, clock: HeldClock) -> None:
+    """The third motion is not over when the first, with the same end, is."""
     ways = ((LEFT, 3), (HOME, 3), (LEFT, 3), (RIGHT, SLOWLY))
     with clock.held():
         motions = [both.run(moving.move(pose, speed=speed, wait=False)) for pose, speed in ways]
@@ -140,14 +140,14 @@ def test_a_motion_that_was_commanded_by_another_object(both: Both, moving: Any) 
     assert both.run(moving.motion_complete())
 
 
-def test_those_before_an_answered_motion_are_over(both: Both, moving: Any) -> None:
+def test_motions_before_a_completed_motion_are_over(both: Both, moving: Any) -> None:
     first = both.run(moving.move(LEFT, wait=False))
     both.run(moving.move(RIGHT, speed=50))
     assert both.run(first.get_done()) is True
 
 
 @pytest.mark.parametrize("mark", ["@P", "@10"])
-def test_a_block_ends_when_the_arm_stands(both: Both, url: str, rc8: VirtualRC8, mark: str) -> None:
+def test_a_block_ends_at_standstill(both: Both, url: str, rc8: VirtualRC8, mark: str) -> None:
     controller = both.connect(url)
     robot = both.run(controller.robot())
     both.within(robot.arm(), lambda _: both.within(robot.motor(), lambda _: both.run(robot.move(LEFT, mark, speed=50))))
@@ -157,12 +157,12 @@ def test_a_block_ends_when_the_arm_stands(both: Both, url: str, rc8: VirtualRC8,
     both.run(controller.close())
 
 
-# --- stops are still told -------------------------------------------------------------------------------------------
+# --- stops ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mark", MARKS)
 @pytest.mark.parametrize("name", SECOND)
-def test_a_stop_after_an_answered_motion_is_told(
+def test_a_stop_after_a_motion_with_a_reply_at_its_pass_mark(
     both: Both, moving: Any, url: str, clock: HeldClock, name: str, mark: str
 ) -> None:
     both.run(moving.move(LEFT, mark))
@@ -171,7 +171,7 @@ def test_a_stop_after_an_answered_motion_is_told(
         motion = both.run(SECOND[name](moving))
         while both.run(motion.get_progress()) == 0:
             clock.advance(0.1)
-        clock.pace(0.2)  # it would go on for seconds
+        clock.pace(0.2)  # the motion would take several seconds
     with orinkit.connect(url) as other:
         other.robot().halt()
     with pytest.raises(CallError) as caught:
@@ -194,7 +194,7 @@ def test_a_stop_after_an_answered_motion_is_told(
         (lambda rc8, motion: motion.halt(), "halted by this program"),
     ],
 )
-def test_why_it_was_stopped(both: Both, moving: Any, rc8: VirtualRC8, stop: Callable[..., Any], words: str) -> None:
+def test_causes_of_stops(both: Both, moving: Any, rc8: VirtualRC8, stop: Callable[..., Any], words: str) -> None:
     motion = both.run(moving.move(LEFT, speed=SLOWLY, wait=False))
     result = stop(rc8, motion)
     if result is not None and both.kind == "async":
@@ -206,7 +206,7 @@ def test_why_it_was_stopped(both: Both, moving: Any, rc8: VirtualRC8, stop: Call
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system sends no signals to threads")
-def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
+def test_ctrl_c_during_a_motion_adds_one_note(rc8: VirtualRC8, url: str) -> None:
     def interrupt() -> None:
         until(lambda: bool(rc8.pendant.status()["moving"]))
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
@@ -225,10 +225,10 @@ def test_ctrl_c_in_a_motion_is_told_once(rc8: VirtualRC8, url: str) -> None:
     )
 
 
-# --- what is known of a way -----------------------------------------------------------------------------------------
+# --- motion segments ------------------------------------------------------------------------------------------------
 
 
-def test_a_way_begins_when_another_end_is_told() -> None:
+def test_a_segment_begins_when_the_destination_changes() -> None:
     way = MotionSegment()
     way.begin(MotionSegment.leading_to(HOME), HOME, HOME)
     assert [way.waits, way.begun, way.end] == [True, False, None]
@@ -238,7 +238,7 @@ def test_a_way_begins_when_another_end_is_told() -> None:
     assert way.left_behind(RIGHT)
 
 
-def test_a_way_behind_an_unknown_one_is_never_sure() -> None:
+def test_a_segment_after_an_unknown_one_stays_unknown() -> None:
     way = MotionSegment()
     way.begin(MotionSegment(), None, HOME)
     way.see(LEFT)
@@ -247,7 +247,7 @@ def test_a_way_behind_an_unknown_one_is_never_sure() -> None:
     assert way.end is None
 
 
-def test_a_long_chain_is_given_up() -> None:
+def test_a_long_chain_is_not_tracked() -> None:
     way = MotionSegment.leading_to(HOME)
     for _ in range(10_000):
         new = MotionSegment(LEFT)
@@ -269,5 +269,5 @@ def test_a_long_chain_is_given_up() -> None:
         (P(1, 2, 3, 0, 0, 0), P(1, 2, 3, 1, 0, 0), False),
     ],
 )
-def test_positions_that_are_the_same(one: P, other: P, same: bool) -> None:
+def test_equal_positions(one: P, other: P, same: bool) -> None:
     assert same_place(one, other) is same

@@ -29,7 +29,7 @@ FAULTY = "Sub Main\n  I[1] = 1\n  I[2] = 1 / (I[1] - 1)\nEnd Sub\n"
 def controller(both: Both, listen_at: str) -> Iterator[Any]:
     device = VirtualRC8(clock=Clock(20), language="en")
     with orinkit.serve(device, listen_at) as server:
-        made = both.connect(server.url, timeout=PATIENCE)  # the first start of a program makes the compiler
+        made = both.connect(server.url, timeout=PATIENCE)  # the first start of a program builds the compiler
         yield made
         both.run(made.close())
     device.close()
@@ -66,7 +66,7 @@ def test_one_cycle(both: Both, controller: Any, mode: tuple[Any, ...]) -> None:
     assert integer(both, controller, 1) == 2
 
 
-def test_again_and_again_until_it_is_stopped(both: Both, controller: Any) -> None:
+def test_continuous_execution_until_it_is_stopped(both: Both, controller: Any) -> None:
     task = task_of(both, controller, COUNTING)
     both.run(task.start("continuous"))
     until(lambda: integer(both, controller, 1) > 3)
@@ -75,14 +75,14 @@ def test_again_and_again_until_it_is_stopped(both: Both, controller: Any) -> Non
     assert both.run(task.wait(PATIENCE)) is TaskStatus.READY
 
 
-def test_a_statement_at_a_time(both: Both, controller: Any) -> None:
+def test_single_steps(both: Both, controller: Any) -> None:
     task = task_of(both, controller, "Sub Main\n  I[1] = 1\n  I[2] = 2\nEnd Sub\n")
     lines = []
     for _ in range(2):
         both.run(task.start("step"))
         assert both.run(task.wait(PATIENCE)) is TaskStatus.STEP_STOPPED
         lines.append(both.run(task.get_line()))
-    assert lines == [3, 4]  # the statement that comes next
+    assert lines == [3, 4]  # the next statement
     assert integer(both, controller, 2) == 2
 
 
@@ -130,13 +130,13 @@ def test_the_error_that_has_ended_a_program(both: Both, controller: Any) -> None
     assert (info.program, info.line) == ("Job", 3)
     store(both, controller, "Other.pcs", COUNTING)
     other = both.run(controller.task("Other"))
-    assert both.run(other.wait(check=True)) is TaskStatus.READY  # the error is another one's
+    assert both.run(other.wait(check=True)) is TaskStatus.READY  # the error belongs to another program
     both.run(controller.clear_error())
     assert both.run(task.wait(check=True)) is TaskStatus.READY
 
 
 @pytest.mark.parametrize("details", [(), (0, 1), (0, 1, "", 5), (0, 1, 7, 5), (0, 1, "Job", "x")])
-def test_errors_that_do_not_tell_a_line(details: tuple[Any, ...]) -> None:
+def test_errors_without_a_line(details: tuple[Any, ...]) -> None:
     info = ErrorInfo(1, "x", details)
     assert info.line == 0
     assert info.program in ("", "Job")
@@ -152,11 +152,11 @@ def test_errors_that_do_not_tell_a_line(details: tuple[Any, ...]) -> None:
         ("", "", False),
     ],
 )
-def test_whose_error_it_is(program: str, task: str, same: bool) -> None:
+def test_the_program_of_an_error(program: str, task: str, same: bool) -> None:
     assert is_program(program, task) is same
 
 
-def test_a_syntax_error_says_what_it_is(both: Both, controller: Any) -> None:
+def test_a_syntax_error_has_the_message_of_the_log(both: Both, controller: Any) -> None:
     task = task_of(both, controller, "Sub Main\n  I[1] = = 1\nEnd Sub\n")
     with pytest.raises(CallError, match="SYNTAX_ERROR") as caught:
         both.run(task.start())
@@ -165,7 +165,7 @@ def test_a_syntax_error_says_what_it_is(both: Both, controller: Any) -> None:
 
 
 @pytest.mark.parametrize("answer", [None, 5, [], [1] * 13, ["x"] * 13, [5, *[""] * 12]])
-def test_records_of_the_log_that_say_nothing(answer: Any) -> None:
+def test_log_records_without_a_message(answer: Any) -> None:
     assert logged_message(answer, 5) == ""
 
 
@@ -176,7 +176,7 @@ def test_modes_and_status_are_written_by_name() -> None:
 
 
 @pytest.mark.parametrize("use", [lambda t: t.start("twice"), lambda t: t.stop("now"), lambda t: t.start("")])
-def test_modes_that_there_are_not(both: Both, controller: Any, use: Callable[[Any], Any]) -> None:
+def test_unknown_modes(both: Both, controller: Any, use: Callable[[Any], Any]) -> None:
     task = task_of(both, controller, COUNTING)
     with pytest.raises(InvalidValue, match=r'unknown mode .*"cycle"') as caught:
         both.run(use(task))
@@ -189,7 +189,7 @@ def test_modes_that_there_are_not(both: Both, controller: Any, use: Callable[[An
         both.run(task.start(9))
 
 
-def test_a_status_that_is_none(both: Both) -> None:
+def test_an_invalid_status(both: Both) -> None:
     with orinkit.serve(Recorder(), "tcp://127.0.0.1:0") as server:
         controller = both.connect(server.url, provider="Test.Recorder")
         task = both.run(controller.task("Pro1"))
@@ -198,7 +198,7 @@ def test_a_status_that_is_none(both: Both) -> None:
         both.run(controller.close())
 
 
-def test_a_task_that_there_is_not(both: Both, controller: Any) -> None:
+def test_a_task_that_does_not_exist(both: Both, controller: Any) -> None:
     with pytest.raises(ObjectNotFound):
         both.run(controller.task("Nobody"))
 
@@ -231,11 +231,11 @@ def test_a_file_that_is_missing(both: Both, controller: Any) -> None:
     assert both.run(file.get_exists())
     assert both.run(file.get_text()) == ""
     assert both.run(file.get_data()) == b""
-    both.run(controller.file("a/note.txt"))  # it is there now
+    both.run(controller.file("a/note.txt"))  # it exists now
     assert both.run(both.run(controller.file("a")).get_names()) == ["note.txt"]
 
 
-def test_a_file_that_is_missing_is_made_when_it_is_written(both: Both, controller: Any) -> None:
+def test_a_missing_file_is_created_when_it_is_written(both: Both, controller: Any) -> None:
     file = both.run(controller.file("a/b/note.txt"))
     both.run(file.put_text("first"))
     assert both.run(file.get_text()) == "first"
@@ -244,13 +244,13 @@ def test_a_file_that_is_missing_is_made_when_it_is_written(both: Both, controlle
     assert both.run(other.get_text()) == "first"
     late = both.run(both.run(controller.file("a")).file("late.txt"))
     both.run(both.run(controller.file("a/late.txt", create=True)).put_data(b"here"))
-    assert both.run(late.get_data()) == b"here"  # somebody else has made it meanwhile
+    assert both.run(late.get_data()) == b"here"  # another client has created it
     both.run(file.delete())
     with pytest.raises(CallError, match="FILE_NOT_FOUND"):
         both.run(file.get_text())
 
 
-def test_a_name_that_cannot_be_is_refused_at_once(both: Both, controller: Any) -> None:
+def test_an_invalid_name_is_refused_immediately(both: Both, controller: Any) -> None:
     with pytest.raises(CallError, match="E_INVALIDARG"):
         both.run(controller.file("../x"))
 
@@ -273,7 +273,7 @@ def test_bytes(both: Both, controller: Any, data: bytes) -> None:
     assert both.run(file.get_size()) == len(data)
 
 
-def test_bytes_that_are_no_text(both: Both, controller: Any) -> None:
+def test_bytes_that_are_not_text(both: Both, controller: Any) -> None:
     file = both.run(controller.file("data.bin", create=True))
     both.run(file.put_data(b"\x81\x00\xff"))
     with pytest.raises(InvalidValue, match=r"not text. Try: \.data"):
@@ -304,7 +304,7 @@ def test_copying_moving_deleting(both: Both, controller: Any) -> None:
     assert "three.txt" not in both.run(controller.file_names())
 
 
-def test_files_below_a_folder(both: Both, controller: Any) -> None:
+def test_files_in_a_folder(both: Both, controller: Any) -> None:
     folder = both.run(controller.file("jobs/", create=True))
     both.run(both.run(folder.file("a.txt", create=True)).put_text("a"))
     assert not both.run(both.run(folder.file("b.txt")).get_exists())
@@ -312,7 +312,7 @@ def test_files_below_a_folder(both: Both, controller: Any) -> None:
     assert both.run(folder.get_names()) == both.run(folder.file_names()) == ["a.txt"]
 
 
-def test_options_stay_beside_create(both: Both) -> None:
+def test_options_are_combined_with_create(both: Both) -> None:
     recorder = Recorder()
     with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
         controller = both.connect(server.url, provider="Test.Recorder", name="RC")
@@ -350,7 +350,7 @@ def test_dates(both: Both, controller: Any) -> None:
         ([1], [1]),
     ],
 )
-def test_dates_that_cannot_be_read_come_as_they_are(answer: Any, read: Any) -> None:
+def test_dates_that_cannot_be_parsed_are_unchanged(answer: Any, read: Any) -> None:
     assert parse_date(answer) == read
 
 

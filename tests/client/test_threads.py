@@ -1,4 +1,4 @@
-"""One connection used by many threads or tasks, calls cancelled and interrupted: no answer may go astray."""
+"""One connection used by many threads or tasks, with cancelled and interrupted calls: replies reach the right call."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def workshop() -> Workshop:
 
 @pytest.fixture(params=["tcp", "http"])
 def listen_at(request: pytest.FixtureRequest) -> str:
-    """Threads and tasks know nothing of packets: the other wires are as TCP."""
+    """Return a TCP address; threads and tasks are independent of the transport."""
     return LISTEN_AT[request.param]
 
 
@@ -50,7 +50,7 @@ def server(listen_at: str, workshop: Workshop) -> Iterator[Server]:
 
 @pytest.fixture
 def web(listen_at: str) -> bool:
-    """Whether it is HTTP: several calls of one client may be at work at a time, and each takes longer."""
+    """Return True for HTTP, where calls of one client may execute concurrently, and each takes longer."""
     return listen_at.startswith("http")
 
 
@@ -95,7 +95,7 @@ def test_threads_that_fail_do_not_disturb_the_others(server: Server) -> None:
 
 
 def test_closing_while_other_threads_call(server: Server) -> None:
-    """Every call gets its own answer or an error of this library; nothing hangs."""
+    """Each call gets its own reply or an OrinError; nothing hangs."""
     for _ in range(5):
         controller = orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT)
         begun = threading.Semaphore(0)
@@ -138,7 +138,7 @@ def test_fifty_tasks_on_one_client(server: Server, web: bool) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_calls_cancelled_at_random_moments(server: Server, web: bool, seed: int) -> None:
-    """A call that follows a cancelled one gets its own answer, or is told that the controller is still busy."""
+    """A call after a cancelled one gets its own reply, or an error that the controller is still busy."""
 
     async def body() -> None:
         chance = random.Random(seed)
@@ -225,10 +225,10 @@ async def _connect(url: str) -> aio.AsyncController:
     return await aio.connect(url, provider=PROVIDER)
 
 
-def test_a_call_given_up_while_the_device_works_leaves_the_connection_usable(
+def test_a_call_abandoned_during_execution_leaves_the_connection_usable(
     server: Server, workshop: Workshop, web: bool
 ) -> None:
-    """asyncio.timeout around a call; the device is at work for ever so long, and says so to the next call, or takes it."""
+    """asyncio.timeout ends a long call; the next call is executed, or refused because the device is busy."""
 
     async def body() -> None:
         async with aio.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
@@ -251,11 +251,11 @@ def test_a_call_given_up_while_the_device_works_leaves_the_connection_usable(
 
 
 class Interrupt(BaseException):
-    """What KeyboardInterrupt is: raised by a signal handler wherever the program happens to be."""
+    """An exception like KeyboardInterrupt, raised by a signal handler at an arbitrary point of the program."""
 
 
 class Interrupter:
-    """Raises :class:`Interrupt` in the main thread once whenever it has been armed."""
+    """Raises :class:`Interrupt` in the main thread, once each time it is armed."""
 
     def __init__(self) -> None:
         self.armed = False
@@ -294,9 +294,9 @@ def _in_pieces(line: Line) -> None:
             line.send(answer[begin:end])
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # in a callback that has no caller
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # raised in a callback without a caller
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this system has no such signals")
-def test_an_interrupted_call_leaves_the_connection_in_step_or_closed(peer_class: type[BadPeer], web: bool) -> None:
+def test_an_interrupted_call_leaves_the_connection_usable_or_closed(peer_class: type[BadPeer], web: bool) -> None:
     interrupted = right = closed = 0
     with peer_class(_in_pieces) as peer:
         client = _connected(peer)
@@ -323,14 +323,14 @@ def test_an_interrupted_call_leaves_the_connection_in_step_or_closed(peer_class:
 
 
 def _connected(peer: BadPeer) -> orinkit.Client:
-    """Return a client that has made such a call: with HTTP nothing is opened before, and there is nothing to import any more."""
+    """Return a client that has made a call, so that its HTTP connection is open and all imports are done."""
     client = orinkit.open_client(peer.url, timeout=PATIENT)
     assert client.call(f.controller_execute, 1, "Echo", "first") == "first"
     return client
 
 
-def test_a_trace_that_raises_leaves_the_connection_in_step_or_closed(peer_class: type[BadPeer]) -> None:
-    """The same for an exception out of the user's own trace function."""
+def test_a_trace_that_raises_leaves_the_connection_usable_or_closed(peer_class: type[BadPeer]) -> None:
+    """The same applies to an exception in the user's trace callback."""
     with peer_class(_in_pieces) as peer:
         chance = random.Random(3)
 
@@ -355,7 +355,7 @@ def test_a_trace_that_raises_leaves_the_connection_in_step_or_closed(peer_class:
     assert right > 50
 
 
-def test_timeouts_from_several_threads_are_their_own(server: Server, workshop: Workshop, web: bool) -> None:
+def test_timeouts_of_several_threads_are_independent(server: Server, workshop: Workshop, web: bool) -> None:
     with orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
         with pytest.raises(CallTimeout):
             controller.client.request(f.controller_execute, controller.handle, "Wait", 1, timeout=0.05)
@@ -379,8 +379,8 @@ def _outcome(controller: orinkit.Controller, number: int) -> str:
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no interval timers")
-def test_signals_do_not_put_off_the_time_out(peer_class: type[BadPeer]) -> None:
-    """An interrupted wait goes on for what is left of it, not for the whole time-out again."""
+def test_signals_do_not_postpone_the_time_out(peer_class: type[BadPeer]) -> None:
+    """An interrupted wait continues for the remaining time; the time-out does not restart."""
     ticks = []
     before = signal.signal(signal.SIGALRM, lambda *_: ticks.append(1))
     stop = threading.Event()
@@ -390,7 +390,7 @@ def test_signals_do_not_put_off_the_time_out(peer_class: type[BadPeer]) -> None:
         line.wait_for_end()
 
     with peer_class(answers_once) as peer, orinkit.open_client(peer.url, timeout=PATIENT) as client:
-        client.call(orinkit.functions.service_start)  # with HTTP nothing is opened before
+        client.call(orinkit.functions.service_start)  # opens the HTTP connection
         client.timeout = 0.5
         signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
         watch = threading.Timer(20.0, stop.set)
@@ -429,7 +429,7 @@ def test_a_client_of_another_event_loop_is_refused_before_anything_is_sent(liste
 
 
 @pytest.mark.parametrize("seconds", [0, -1, float("nan"), float("inf"), None, "3", 1e300])
-def test_a_time_out_that_cannot_be_is_refused_when_it_is_set(seconds: object) -> None:
+def test_an_invalid_time_out_is_refused_when_it_is_set(seconds: object) -> None:
     with BadPeer(lambda line: line.wait_for_end()) as peer, orinkit.open_client(peer.url) as client:
         with pytest.raises(InvalidValue):
             client.timeout = seconds

@@ -1,4 +1,4 @@
-"""A client on UDP that the controller has forgotten is told why its handles are no more."""
+"""Errors of a UDP client that the controller has forgotten explain why its handles are invalid."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) ->
         both.run(client.call(f.controller_connect, "", Recorder.provider_names[0], "", ""))
         if silent:
             forget_clients(server, monkeypatch)
-            time.sleep(0.1)  # the client thinks so too
+            time.sleep(0.1)  # the client also assumes that it was forgotten
         with pytest.raises(InvalidHandle) as caught:
             both.run(client.call(f.controller_get_name, 2 if silent else 99))
         assert ("forgets a client on UDP" in str(caught.value)) is silent
@@ -41,7 +41,7 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) ->
 
 
 def forget_clients(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a server find that nothing has been heard of its clients for too long."""
+    """Make a server forget its clients, as after a long idle period."""
 
     def look() -> None:
         for caller in list(server._server._connections.open):

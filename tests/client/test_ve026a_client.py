@@ -1,4 +1,4 @@
-"""The client and a VE026A: the dialect is found, and what the arm does not have is not asked of it."""
+"""Clients of a VE026A: detection of the dialect, and no requests for functions that the controller does not have."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_dialect_is_found(both: Both, urls: list[str], place: int, options: 
     both.run(rc.close())
 
 
-def test_an_rc8_on_a_serial_line_is_none(both: Both) -> None:
+def test_an_rc8_on_a_serial_line_is_not_a_ve026a(both: Both) -> None:
     with orinkit.serve(VirtualRC8(), "pty://") as server:
         rc8 = both.connect(server.url, dialect=None)
         assert rc8.client.dialect.name == "rc8"
@@ -54,7 +54,7 @@ def test_an_rc8_on_a_serial_line_is_none(both: Both) -> None:
 
 
 @pytest.mark.parametrize("name", ["rc7", "", 5])
-def test_there_is_no_such_dialect(name: Any) -> None:
+def test_an_unknown_dialect(name: Any) -> None:
     with pytest.raises(InvalidValue, match="rc8, ve026a"):
         orinkit.connect("tcp://127.0.0.1:1", dialect=name)
 
@@ -128,13 +128,13 @@ def test_recovery(device: VirtualVE026A, urls: list[str]) -> None:
 @pytest.mark.parametrize(
     "options", [{"mode": 2}, {"pose": "P"}, {"recv": ("position",)}, {"recv": ("joints", "current")}, {"mini": 1}]
 )
-def test_slave_mode_that_it_does_not_have(urls: list[str], options: dict[str, Any]) -> None:
+def test_unsupported_slave_modes(urls: list[str], options: dict[str, Any]) -> None:
     with orinkit.connect(urls[0]) as rc, rc.robot() as robot, pytest.raises((InvalidValue, StreamError)):
         robot.slave_mode(**options)
 
 
 def test_objects_that_share_a_handle(both: Both, device: VirtualVE026A, urls: list[str]) -> None:
-    """The arm gives the same handle to everyone who asks for the same thing; it is released with the last of them."""
+    """The controller returns the same handle for equal requests; it is released with the last object."""
     rc = both.connect(urls[0], dialect=None)
     robot = both.run(rc.robot())
     angle = both.run(robot.variable("@CURRENT_ANGLE"))
@@ -151,7 +151,7 @@ def test_objects_that_share_a_handle(both: Both, device: VirtualVE026A, urls: li
 
 @pytest.mark.parametrize("place", [0, 1], ids=["serial", "tcp"])
 def test_commands_that_take_long_are_waited_for(both: Both, place: int) -> None:
-    """VE026A 5.3.4: about 3 s, which is longer than most calls may take."""
+    """They take about 3 s (VE026A 5.3.4), longer than the usual time-out."""
     with orinkit.serve(VirtualVE026A(motor_seconds=1.2, clear_seconds=0.7), "pty://", "tcp://127.0.0.1:0") as server:
         rc = both.connect(server.urls[place], provider="", dialect=None, tries=3)
         robot = both.run(rc.robot())
@@ -163,7 +163,7 @@ def test_commands_that_take_long_are_waited_for(both: Both, place: int) -> None:
 
 
 def test_a_motor_whose_task_is_cancelled_goes_off() -> None:
-    """The clean-up waits until the arm is not busy any more."""
+    """The clean-up waits until the arm is no longer busy."""
 
     async def cancelled(url: str) -> None:
         async with orinkit.aio.connect(url, provider="") as rc:
@@ -190,7 +190,7 @@ def test_a_motor_whose_task_is_cancelled_goes_off() -> None:
     clock.close()
 
 
-def test_over_udp_its_answers_tell_what_it_is(both: Both, device: VirtualVE026A) -> None:
+def test_the_dialect_is_detected_from_replies_over_udp(both: Both, device: VirtualVE026A) -> None:
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         rc = both.connect(server.url)
         assert rc.client.dialect.name == "ve026a"

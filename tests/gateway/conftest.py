@@ -1,4 +1,4 @@
-"""What all tests of the gateway share."""
+"""Fixtures of all gateway tests."""
 
 from __future__ import annotations
 
@@ -7,4 +7,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _quiet(no_errors_are_logged: None) -> None:
-    """An error in the log is a bug of the gateway."""
+    """Fail on errors in the log, which are bugs of the gateway."""

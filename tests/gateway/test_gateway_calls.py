@@ -1,4 +1,4 @@
-"""Calls through a gateway: all functions, handles, codes, what happens when a client goes."""
+"""Calls through a gateway: all functions, handles, return codes, disconnecting clients."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def arguments(function: Function[..., Any]) -> list[Any]:
 
 
 def walk(url: str, recorder: Recorder) -> list[tuple[str, int, Any]]:
-    """Call every function of the table and return what was answered, but for the handles."""
+    """Call all functions of the table; return the results, except handles."""
     answers = []
     with orinkit.open_client(url) as client:
         client.call(f.service_start, "WDT=400")
@@ -66,7 +66,7 @@ def walk(url: str, recorder: Recorder) -> list[tuple[str, int, Any]]:
 
 
 class Noting(Recorder):
-    """A recorder that numbers its objects, and knows who asked for which provider."""
+    """A recorder that numbers its objects, and records the provider that each client requested."""
 
     provider_names = ("*",)
 
@@ -85,14 +85,16 @@ class Noting(Recorder):
 
 
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (1, HTTP), (2, HTTP)])
-def test_every_function_goes_through_as_it_is(gateways: int, between: str) -> None:
+def test_every_function_is_forwarded_unchanged(gateways: int, between: str) -> None:
     direct, behind = Noting(), Noting()
     with orinkit.serve(direct, LISTEN) as server:
         wanted = walk(server.url, direct)
     with chain(behind, gateways, between) as url:
         assert walk(url, behind) == wanted
     assert behind.calls == direct.calls
-    assert len({call.function for call in behind.calls}) == len(FUNCTIONS) - 2  # but for Service_Start, Service_Stop
+    assert (
+        len({call.function for call in behind.calls}) == len(FUNCTIONS) - 2
+    )  # all except Service_Start and Service_Stop
     assert behind.asked == ["Test.Recorder"]
 
 
@@ -170,7 +172,7 @@ def test_a_device_that_raises(caplog: pytest.LogCaptureFixture) -> None:
             shop.execute("Crash")
         assert failed.value.code == hresult.E_FAIL
         assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == [
-            "Controller_Execute: the device raised an exception"  # where it is, and nowhere on the way
+            "Controller_Execute: the device raised an exception"  # logged by the device only, not by the gateway
         ]
         caplog.clear()
         assert shop.execute("Echo", "still there") == "still there"
@@ -191,7 +193,7 @@ def test_an_unknown_provider_of_the_controller() -> None:
 # --- clients ----------------------------------------------------------------------------------------------------------
 
 
-def test_clients_do_not_mix() -> None:
+def test_clients_are_separate() -> None:
     recorder = Recorder()
     with chain(recorder) as url, orinkit.open_client(url) as one, orinkit.open_client(url) as two:
         controllers = [c.call(f.controller_connect, n, "Test.Recorder", "", "") for n, c in (("1", one), ("2", two))]
@@ -199,7 +201,7 @@ def test_clients_do_not_mix() -> None:
             [client.call(f.controller_get_variable, controller, f"v{number}", "") for number in range(50)]
             for client, controller in zip((one, two), controllers, strict=True)
         ]
-        assert variables[0] == variables[1]  # handles mean nothing in another connection
+        assert variables[0] == variables[1]  # handles are valid in one connection only
         for name, client, handles in (("1", one, variables[0]), ("2", two, variables[1])):
             for number, handle in enumerate(handles):
                 assert client.call(f.variable_get_name, handle) == f"Variable_GetName|{name}/v{number}|[]"
@@ -221,7 +223,7 @@ def test_two_controllers_of_one_client() -> None:
 
 @pytest.mark.parametrize("goes", ["closes", "stops", "is cut"])
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
-def test_a_client_that_goes(goes: str, gateways: int, between: str) -> None:
+def test_a_client_that_disconnects(goes: str, gateways: int, between: str) -> None:
     recorder = Recorder()
     with chain(recorder, gateways, between) as url, RawClient(url) as client:
         controller = client.ask(3, "cell", "Test.Recorder", "", "")
@@ -237,7 +239,7 @@ def test_a_client_that_goes(goes: str, gateways: int, between: str) -> None:
     assert [call.path for call in recorder.calls[-3:]] == ["cell/Arm/v", "cell/Arm", "cell"]
 
 
-def test_releasing_comes_ahead_of_what_follows() -> None:
+def test_releases_are_sent_before_further_calls() -> None:
     recorder = Recorder()
     with chain(recorder) as url, orinkit.open_client(url) as client:
         controller = client.call(f.controller_connect, "cell", "Test.Recorder", "", "")
@@ -263,11 +265,11 @@ def test_nothing_is_left_when_a_gateway_is_closed() -> None:
             client.close()
 
 
-# --- calls that take long ---------------------------------------------------------------------------------------------
+# --- long calls -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
-def test_work_that_outlasts_every_time_out(gateways: int, between: str) -> None:
+def test_a_call_that_takes_longer_than_all_time_outs(gateways: int, between: str) -> None:
     shop = Workshop()
     made: list[RemoteProvider] = []
     with (
@@ -283,7 +285,7 @@ def test_work_that_outlasts_every_time_out(gateways: int, between: str) -> None:
         opening.join()
 
 
-def test_a_controller_that_does_not_say_that_it_is_at_work() -> None:
+def test_a_controller_that_does_not_report_executing() -> None:
     shop = Workshop()
     made: list[RemoteProvider] = []
     with chain(shop, made=made, service="") as url, orinkit.connect(url, provider="Test.Workshop") as client:
@@ -292,7 +294,7 @@ def test_a_controller_that_does_not_say_that_it_is_at_work() -> None:
             client.execute("Wait", 1)
         assert failed.value.code == hresult.E_TIMEOUT
         hurry(made, PATIENCE)
-        with pytest.raises(BusyError):  # said by the controller: it is at it still
+        with pytest.raises(BusyError):  # returned by the controller, which is still executing the first call
             client.execute("Echo", 2)
         shop.gate.set()
         assert retried(lambda: client.execute("Echo", 3), hresult.E_BUSY_PROC) == 3
@@ -301,7 +303,7 @@ def test_a_controller_that_does_not_say_that_it_is_at_work() -> None:
 
 
 def retried(call: Any, *codes: int) -> Any:
-    """Make a call until it does not fail with one of these codes."""
+    """Repeat a call until it no longer fails with one of the codes."""
     answers: list[Any] = []
 
     def made() -> bool:
@@ -323,7 +325,7 @@ async def answer(client: Any) -> Any:
         return BusyError
 
 
-def test_a_call_that_is_given_up() -> None:
+def test_an_abandoned_call() -> None:
     shop = Workshop()
 
     async def main(url: str) -> None:
@@ -346,7 +348,7 @@ def test_a_call_that_is_given_up() -> None:
 
 
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
-def test_a_client_that_goes_while_its_call_is_under_way(gateways: int, between: str) -> None:
+def test_a_client_that_disconnects_during_its_call(gateways: int, between: str) -> None:
     shop = Workshop()
     with chain(shop, gateways, between) as url, RawClient(url) as client:
         controller = client.ask(3, "", "Test.Workshop", "", "")
@@ -374,7 +376,7 @@ def test_other_clients_do_not_wait() -> None:
 
 
 @pytest.mark.parametrize("between", [LISTEN, HTTP])
-def test_the_arm_of_a_client_that_is_cut_off(between: str) -> None:
+def test_the_arm_of_a_client_whose_connection_breaks(between: str) -> None:
     device = VirtualRC8(clock=Clock(), motor=True, joints=(-60, 45, 90, 0, 45, 0))
     arm = device.state.arm
     with chain(device, 2, between) as url:
@@ -393,13 +395,13 @@ def test_the_arm_of_a_client_that_is_cut_off(between: str) -> None:
             path = [arm.log.record(index)[0] for index in range(len(arm.log))]
     speeds = [(b - a) / PERIOD for a, b in itertools.pairwise(path)]
     braking = [(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
-    assert path[-1] < 100  # it did not go there
+    assert path[-1] < 100  # the arm did not reach the end
     assert abs(speeds[-1]) < 1e-6
     assert max(map(abs, braking)) <= arm.model.axes[0].acceleration * 1.000001
 
 
 @pytest.mark.parametrize("listen", [LISTEN, "udp://127.0.0.1:0", "pty://", HTTP])
-def test_an_rc8_over_every_wire(listen: str) -> None:
+def test_an_rc8_over_all_transports(listen: str) -> None:
     with orinkit.serve(VirtualRC8(), listen) as server, gateway(server.url) as url, orinkit.connect(url) as rc8:
         rc8.variable("I7").value = 42
         assert rc8.variable("I7").value == 42
@@ -410,7 +412,7 @@ def test_an_rc8_over_every_wire(listen: str) -> None:
         with pytest.raises(CallError) as failed:
             rc8.execute("Nonsense")
         assert failed.value.code == hresult.E_INVALID_CMD_NAME
-    # what was not released by the client was by the gateway
+    # the gateway has released the objects that the client did not release
     assert server.clients == 0
 
 
@@ -426,7 +428,7 @@ def test_a_ve026a(listen: str) -> None:
                     assert controller.client.dialect is VE026A
                     robot = controller.robot()
                     before = controller.client.timeout
-                    hurry([provider], 0.2)  # a command that is known to take longer is waited for
+                    hurry([provider], 0.2)  # the gateway waits for a command that is known to take longer
                     controller.client.timeout = 0.2
                     robot.execute("Motor", Variant(VarType.I2, 1))
                     assert device.servo_on
@@ -435,7 +437,7 @@ def test_a_ve026a(listen: str) -> None:
                     controller.execute("ClearError", Variant(VarType.I2, 0))
                     with robot.variable("@CURRENT_ANGLE") as one, robot.variable("@CURRENT_ANGLE") as two:
                         assert one.value == two.value
-                        one.close()  # the arm has one handle for both
+                        one.close()  # the controller has one handle for both objects
                         assert len(two.value) == 8
                     with pytest.raises(CallError) as failed:
                         robot.execute("TakeArm")
@@ -443,7 +445,7 @@ def test_a_ve026a(listen: str) -> None:
                     robot.execute("Motor", Variant(VarType.I2, 0))
 
 
-def test_a_long_argument_does_not_travel_by_udp() -> None:
+def test_a_long_argument_cannot_be_sent_over_udp() -> None:
     with (
         orinkit.serve(Workshop(), "udp://127.0.0.1:0") as server,
         gateway(server.url) as url,
@@ -505,7 +507,7 @@ def test_hosts_of_ipv6() -> None:
         {"h2": "tcp://h1", "b": "tcp://h2"}, {"h1:5007": "tcp://h1", "b": "tcp://h2"},
     ],
 )  # fmt: skip
-def test_names_by_which_another_controller_could_be_meant(names: dict[str, str]) -> None:
+def test_ambiguous_names_are_refused(names: dict[str, str]) -> None:
     with pytest.raises(ValueError, match="name of its own"):
         RemoteProvider(names)
 
@@ -523,8 +525,8 @@ def test_one_provider_in_two_servers() -> None:
             assert shop.execute("Echo", 2) == 2
 
 
-def test_a_call_whose_client_waits_no_more_is_not_sent() -> None:
-    """It waited behind another one; over e-CAP a client may have several at work."""
+def test_a_call_whose_client_no_longer_waits_is_not_sent() -> None:
+    """The call was waiting for another one; over e-CAP, a client may make several calls at the same time."""
     workshop = Workshop()
     with orinkit.serve(workshop, LISTEN) as device, gateway(device.url, HTTP) as url:
         handle = post(url, "Func=3,Arg1=,Arg2=Test.Workshop").rpartition(",")[2]
@@ -541,7 +543,7 @@ def test_a_call_whose_client_waits_no_more_is_not_sent() -> None:
 
 
 def post(url: str, body: str, seconds: float = PATIENCE) -> str:
-    """Send a request as a bare HTTP client does, and return the reply."""
+    """Send a request like a plain HTTP client; return the reply."""
     connection = http.client.HTTPConnection(url.partition("//")[2], timeout=seconds)
     try:
         connection.request("POST", "/", body, {"Content-Type": "application/x-www-form-urlencoded"})
@@ -550,7 +552,7 @@ def post(url: str, body: str, seconds: float = PATIENCE) -> str:
         connection.close()
 
 
-def test_the_same_host_for_two_is_none() -> None:
+def test_a_host_of_two_controllers_selects_neither() -> None:
     provider = RemoteProvider({"a": "tcp://10.0.0.1:5007", "b": "tcp://10.0.0.1:5008"})
     with pytest.raises(InvalidArgument, match=r"machines behind this gateway: a, b"):
         provider._choose("10.0.0.1")
@@ -586,7 +588,7 @@ def test_beside_other_providers() -> None:
         ({"url": "tcp://h", "token": "secret"}, InvalidValue),
     ],
 )
-def test_what_is_no_upstream(arguments: dict[str, Any], error: type[Exception]) -> None:
+def test_invalid_upstreams(arguments: dict[str, Any], error: type[Exception]) -> None:
     with pytest.raises(error):
         Upstream(**arguments)
 
@@ -595,7 +597,7 @@ def test_what_is_no_upstream(arguments: dict[str, Any], error: type[Exception]) 
     "upstreams",
     [{}, {"a": "tcp://h", "A": "tcp://i"}, {"a": "tcp://h", "b": Upstream("tcp://i", dialect="ve026a")}],
 )
-def test_what_is_no_set_of_upstreams(upstreams: Any) -> None:
+def test_invalid_sets_of_upstreams(upstreams: Any) -> None:
     with pytest.raises(ValueError):
         RemoteProvider(upstreams)
 

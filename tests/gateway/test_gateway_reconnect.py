@@ -1,4 +1,4 @@
-"""What clients of a gateway are told when the controller is gone, and what happens when it is back."""
+"""Errors of a gateway's clients after the loss of the controller, and reconnection."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ AWAY = (hresult.E_CAO_REMOTE_PROVIDER, hresult.E_NOT_CONNECTED)
 
 
 def code_of(call: Any) -> int:
-    """Make a call and return the code that it failed with, 0 for none."""
+    """Make a call; return its error code, or 0."""
     try:
         call()
     except CallError as error:
@@ -40,7 +40,7 @@ def code_of(call: Any) -> int:
 
 
 class Again:
-    """A server that can be stopped and started again at the same address."""
+    """A server that can be stopped and restarted at the same address."""
 
     def __init__(self, provider: Provider, listen: str) -> None:
         self.server = orinkit.serve(provider, listen)
@@ -59,7 +59,7 @@ def controller(provider: Provider, listen: str = LISTEN) -> Iterator[Again]:
         made.server.close()
 
 
-def test_a_controller_that_is_started_again_between_two_calls() -> None:
+def test_a_controller_that_is_restarted_between_two_calls() -> None:
     first, second = Recorder(), Recorder()
     with controller(first) as device, gateway(device.url, retry=0.02) as url:
         with orinkit.connect(url, provider="Test.Recorder", name="cell", option="mine") as rc8:
@@ -87,7 +87,7 @@ def test_a_controller_that_is_started_again_between_two_calls() -> None:
         }  # fmt: skip
 
 
-def test_a_controller_over_http_that_is_started_again() -> None:
+def test_a_controller_over_http_that_is_restarted() -> None:
     first, second = Recorder(), Recorder()
     with (
         controller(first, HTTP) as device,
@@ -105,7 +105,7 @@ def test_a_controller_over_http_that_is_started_again() -> None:
     ]  # fmt: skip
 
 
-def test_what_has_not_been_connected_again_is_not_released_there() -> None:
+def test_objects_that_were_not_restored_are_not_released() -> None:
     first, second = Recorder(), Recorder()
     with (
         controller(first) as device,
@@ -125,7 +125,7 @@ def test_what_has_not_been_connected_again_is_not_released_there() -> None:
 
 
 class Scripted:
-    """Answers as a controller would, and does something bad with the call that it is told."""
+    """A peer that replies like a controller, except to one selected call."""
 
     def __init__(self) -> None:
         self.seen: list[str] = []
@@ -155,7 +155,7 @@ class Scripted:
 
 
 @pytest.mark.parametrize("end", [Line.reset, Line.close, lambda line: line.send(b"\x01\xff\xff\xff\xff" + bytes(20))])
-def test_the_call_that_was_under_way_is_never_repeated(end: Any) -> None:
+def test_the_interrupted_call_is_never_repeated(end: Any) -> None:
     script = Scripted()
     with (
         BadPeer(script.until("Variable_PutValue", end), script.serve) as peer,
@@ -197,7 +197,7 @@ def test_a_controller_that_is_stopped_during_a_call() -> None:
         assert not second.at_work.acquire(timeout=0)
 
 
-def test_what_it_says(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_texts_of_the_errors(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level("INFO", "orinkit.session")
     script = Scripted()
     with BadPeer(script.until("Variable_PutValue", Line.reset)) as peer, gateway(peer.url, retry=60.0) as url:
@@ -214,17 +214,17 @@ def test_what_it_says(caplog: pytest.LogCaptureFixture) -> None:
     assert "connection" in second
 
 
-def test_it_says_so_in_japanese() -> None:
+def test_the_texts_in_japanese() -> None:
     i18n.use("ja")
     provider = RemoteProvider({"a": "tcp://h", "b": "tcp://i"})
     with pytest.raises(CallError, match="ゲートウェイの先にありません"):
         provider._choose("c")
 
 
-# --- attempts ---------------------------------------------------------------------------------------------------------
+# --- attempts to connect ----------------------------------------------------------------------------------------------
 
 
-def test_calls_in_between_are_told_at_once() -> None:
+def test_calls_between_two_attempts_fail_immediately() -> None:
     def refuse(line: Line) -> None:
         line.close()
 
@@ -243,8 +243,8 @@ def test_calls_in_between_are_told_at_once() -> None:
         assert peer.connections == 1
 
 
-def test_attempts_become_rarer_and_then_the_controller_is_back() -> None:
-    """At most one at a time, and then again from the beginning."""
+def test_the_delay_between_attempts_increases_until_the_controller_is_back() -> None:
+    """There is at most one attempt at a time; a success resets the delay."""
     device = Recorder()
     with (
         controller(device) as served,
@@ -260,8 +260,8 @@ def test_attempts_become_rarer_and_then_the_controller_is_back() -> None:
     assert sum(call.function == "Controller_Connect" for call in device.calls) == 4
 
 
-def test_a_controller_that_says_nothing_any_more() -> None:
-    """Two calls without an answer: then the connection counts as dead."""
+def test_a_controller_that_no_longer_replies() -> None:
+    """After two calls without a reply, the connection is considered lost."""
     script = Scripted()
     made: list[RemoteProvider] = []
 
@@ -303,7 +303,7 @@ class Empty(Provider):
 
 
 @pytest.mark.parametrize(("then", "code"), [(Refusing, 0x80040205), (Empty, hresult.E_NOTIMPL)])
-def test_what_cannot_be_connected_again_answers_with_that(then: type[Provider], code: int) -> None:
+def test_an_object_that_cannot_be_restored_returns_that_error(then: type[Provider], code: int) -> None:
     with (
         controller(Recorder()) as device,
         gateway(device.url, retry=0.02) as url,
@@ -316,7 +316,7 @@ def test_what_cannot_be_connected_again_answers_with_that(then: type[Provider], 
         assert code_of(variable.get_value) == code
 
 
-def test_what_only_the_lost_connection_knew() -> None:
+def test_state_of_the_lost_connection() -> None:
     first, second = Recorder(), Recorder()
     with (
         controller(first) as device,
@@ -340,7 +340,7 @@ def test_what_only_the_lost_connection_knew() -> None:
     assert made == [("I1", ""), ("a.pcs", "x=2")]
 
 
-def test_a_file_is_not_made_again() -> None:
+def test_a_file_is_not_created_again() -> None:
     first, second = VirtualRC8(), VirtualRC8()
     with controller(first) as device, gateway(device.url, retry=0.02) as url, orinkit.connect(url) as rc8:
         file = rc8.client.call(functions.controller_get_file, rc8.handle, "a.txt", "@Create=1")
@@ -353,7 +353,7 @@ def test_a_file_is_not_made_again() -> None:
         assert "a.txt" not in rc8.file_names()
 
 
-# --- without a connection ---------------------------------------------------------------------------------------------
+# --- transports without connections -----------------------------------------------------------------------------------
 
 
 def test_a_controller_on_udp_that_has_forgotten() -> None:
@@ -385,14 +385,14 @@ def test_signs_of_life() -> None:
     assert len(device.calls) == count
 
 
-# --- one connection ---------------------------------------------------------------------------------------------------
+# --- the connection to the controller ---------------------------------------------------------------------------------
 
 
 WANTED = ConnectRequest("", "", "", "")
 
 
-def test_a_connection_that_is_lost_with_a_release() -> None:
-    """What is called behind it was not sent."""
+def test_a_connection_that_is_lost_during_a_release() -> None:
+    """The call that waits for the release is not sent."""
     script = Scripted()
 
     async def main(url: str) -> None:
@@ -435,7 +435,7 @@ def test_a_connection_that_is_closed() -> None:
     assert script.seen == []
 
 
-def test_a_connection_that_is_closed_while_it_is_being_opened() -> None:
+def test_a_connection_that_is_closed_during_opening() -> None:
     script = Scripted()
 
     async def main(url: str, connecting: threading.Semaphore, answer: threading.Event) -> None:
@@ -467,11 +467,11 @@ def test_a_connection_that_is_closed_while_it_is_being_opened() -> None:
 @pytest.mark.parametrize(
     ("answer", "code"),
     [
-        (lambda request: reply(request, "text"), hresult.E_FAIL),  # for an I4
+        (lambda request: reply(request, "text"), hresult.E_FAIL),  # instead of an I4
         (lambda request: reply(request, code=0x80040299), 0x80040299),
     ],
 )
-def test_an_answer_that_cannot_be_read(answer: Any, code: int) -> None:
+def test_an_invalid_reply(answer: Any, code: int) -> None:
     script = Scripted()
 
     def odd(line: Line) -> None:
@@ -479,11 +479,11 @@ def test_an_answer_that_cannot_be_read(answer: Any, code: int) -> None:
 
     with BadPeer(odd) as peer, gateway(peer.url) as url, orinkit.connect(url) as rc8:
         assert code_of(lambda: rc8.attribute) == code
-        assert rc8.name == "value"  # the connection goes on
+        assert rc8.name == "value"  # the connection stays usable
         assert peer.connections == 1
 
 
-def test_an_answer_that_is_too_long() -> None:
+def test_a_reply_that_is_too_long() -> None:
     with (
         controller(Workshop()) as device,
         gateway(device.url, limits=PacketLimits(packet=10_000), retry=0.02) as url,
@@ -495,7 +495,7 @@ def test_an_answer_that_is_too_long() -> None:
 
 @pytest.mark.parametrize("listen", [HTTP, "udp://127.0.0.1:0"])
 def test_a_handle_that_the_controller_refuses_does_not_end_the_connection(listen: str) -> None:
-    """Only a controller that knows no handle of this client at all has forgotten it."""
+    """Only a controller that rejects all handles of this client has forgotten it."""
     first = Recorder()
     with (
         orinkit.serve(first, listen) as device,
@@ -505,14 +505,14 @@ def test_a_handle_that_the_controller_refuses_does_not_end_the_connection(listen
     ):
         robot, variable = rc8.robot("Arm"), rc8.variable("v")
         with pytest.raises(CallError) as refused:
-            rc8.client.call(functions.variable_get_value, robot.handle)  # of another kind
+            rc8.client.call(functions.variable_get_value, robot.handle)  # handle of another type of object
         assert refused.value.code == hresult.E_HANDLE
         assert variable.value
         assert robot.name.startswith("Robot_GetName")
     assert [call.function for call in first.calls].count("Controller_Connect") == 1
 
 
-def test_what_a_name_does_not_tell_is_not_found_again() -> None:
+def test_objects_that_are_not_determined_by_their_names_are_not_restored() -> None:
     first, second = VirtualRC8(), VirtualRC8()
     with controller(first) as device, gateway(device.url, retry=0.02) as url, orinkit.connect(url) as rc8:
         plain, robot, file = rc8.variable("I1"), rc8.robot("Arm"), rc8.file("a.txt", create=True)

@@ -1,4 +1,4 @@
-"""What rules let through, and what they do not."""
+"""Access rules: allowed and forbidden calls."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def allowed(rules: AccessRules, function: str, *arguments: Any) -> bool:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def test_no_command_of_the_virtual_controllers_is_forgotten() -> None:
+def test_all_reading_commands_of_the_virtual_controllers_are_listed() -> None:
     tables = {
         "Controller": {name: not command.writes for name, command in COMMANDS.items()},
         "Robot": {name: command.reads for name, command in ROBOT_COMMANDS.items()},
@@ -98,14 +98,14 @@ def test_which_functions_read() -> None:
 @pytest.mark.parametrize(
     "option", ["@Create=1", " @create = True", "@CREATE", "x=(,@Create=1", "a,@Create=0x1", "@Create=no thing"]
 )
-def test_a_file_that_would_be_made(option: str) -> None:
+def test_a_file_that_would_be_created(option: str) -> None:
     for function in ("Controller_GetFile", "File_GetFile"):
         assert not allowed(AccessRules(read_only=True), function, "a.txt", option)
         assert allowed(AccessRules(), function, "a.txt", option)
 
 
 @pytest.mark.parametrize("option", ["", "@Create=0", "@Create=False", "x=1"])
-def test_a_file_that_is_there(option: str) -> None:
+def test_an_existing_file(option: str) -> None:
     assert allowed(AccessRules(read_only=True), "Controller_GetFile", "a.txt", option)
 
 
@@ -319,7 +319,7 @@ def test_variables_in_arrays(given: Any, passes: bool) -> None:
     assert allowed(LISTED, "Robot_Rotate", parameter, 1.0, EMPTY, "") is passes
 
 
-def test_numbers_of_other_commands_are_no_variables() -> None:
+def test_numbers_of_other_commands_are_not_variables() -> None:
     assert allowed(LISTED, "Robot_Execute", "Motor", variant([0, 0]))
     assert not allowed(LISTED, "Robot_Execute", "addpathpo\u0131nt", variant([0, 0]))
 
@@ -336,12 +336,12 @@ def test_rules_add_up() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"functions": "Robot_*"}, {"variables": "I1"}, {"commands": [1]}])
-def test_what_is_no_list(wrong: dict[str, Any]) -> None:
+def test_invalid_lists(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=next(iter(wrong))):
         AccessRules(**wrong)
 
 
-# --- around providers -------------------------------------------------------------------------------------------------
+# --- restricted providers ---------------------------------------------------------------------------------------------
 
 
 def test_a_gateway_that_only_reads() -> None:
@@ -401,7 +401,7 @@ def test_around_any_provider() -> None:
     assert recorder.calls[-1].function == "Controller_Disconnect"
 
 
-def test_a_ve026a_stays_one() -> None:
+def test_a_restricted_ve026a_keeps_its_dialect() -> None:
     with (
         orinkit.serve(RestrictedProvider(VirtualVE026A(), AccessRules(read_only=True)), LISTEN) as server,
         orinkit.connect(server.url, provider="") as controller,
@@ -414,7 +414,7 @@ def test_a_ve026a_stays_one() -> None:
 
 
 class Slow(ControllerObject):
-    """Gives its variables in every way that there is."""
+    """A controller that returns its variables immediately, deferred, awaitable or from a thread."""
 
     def get_variable(self, name: str, option: str) -> Any:
         made = VariableObject(name)
@@ -448,7 +448,7 @@ class SlowProvider(Provider):
         return Slow()
 
 
-def test_objects_that_come_late_are_restricted_too(caplog: pytest.LogCaptureFixture) -> None:
+def test_deferred_objects_are_restricted(caplog: pytest.LogCaptureFixture) -> None:
     provider = RestrictedProvider(
         SlowProvider(), AccessRules(functions=("*_GetVariable", "*_GetName", "*_GetExtension"))
     )
@@ -464,10 +464,10 @@ def test_objects_that_come_late_are_restricted_too(caplog: pytest.LogCaptureFixt
         with pytest.raises(CallError) as failed:
             rc8.extension("x")
         assert failed.value.code == hresult.E_FAIL
-    caplog.clear()  # a device that gives no object is an error
+    caplog.clear()  # a device that returns no object logs an error
 
 
-def test_work_in_threads_and_waiting() -> None:
+def test_calls_in_threads_and_awaitables() -> None:
     shop = Workshop()
     with (
         orinkit.serve(RestrictedProvider(shop, AccessRules(commands=("B*", "Wait"))), LISTEN) as server,

@@ -1,4 +1,4 @@
-"""Slave mode through a gateway that is a process of its own."""
+"""Slave mode through a gateway in a separate process."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PERIOD = 0.008
 
 @contextmanager
 def process(*arguments: str) -> Iterator[str]:
-    """Run Python in a process of its own; yields the address that it serves."""
+    """Run a Python program in a separate process; yield the address that it serves."""
     with subprocess.Popen(
         [sys.executable, *arguments],
         stdin=subprocess.PIPE,
@@ -55,7 +55,7 @@ def trajectory(seconds: float) -> list[tuple[float, ...]]:
 
 
 def stream_through(url: str, points: list[tuple[float, ...]]) -> StreamResult:
-    """Stream, and check that all of it has arrived."""
+    """Stream a trajectory, and check that all set-points have arrived."""
     with orinkit.connect(url) as rc8:
         robot = rc8.robot()
         with robot.arm(), robot.motor():
@@ -70,7 +70,7 @@ def stream_through(url: str, points: list[tuple[float, ...]]) -> StreamResult:
 
 
 def test_no_underflow_through_a_gateway() -> None:
-    """The controller's clock is moved by hand, and never past a set-point that is still on its way."""
+    """The test advances the controller's clock, but never past a set-point that has not arrived."""
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as controller, process("-c", GATEWAY, controller.url) as url:

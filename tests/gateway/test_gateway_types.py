@@ -1,4 +1,4 @@
-"""Every VARIANT arrives bit by bit as it was sent, in both directions; by e-CAP every nan is the same one, as it is text."""
+"""All VARIANTs arrive bit-identical in both directions; over e-CAP, which sends text, all NaNs become the same one."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EACH = [
 
 
 class Exact(ControllerObject):
-    """Gives back what it gets, and keeps it."""
+    """A controller that returns and stores the received values."""
 
     def __init__(self, kept: list[Any]) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ def keeper() -> Keeper:
 
 
 class Way(NamedTuple):
-    """A client, its controller, and whether values travel as text on the way there."""
+    """A client, its controller, and True if values are sent as text between them."""
 
     raw: Client
     controller: int
@@ -92,7 +92,7 @@ def way(keeper: Keeper, request: pytest.FixtureRequest) -> Iterator[Way]:
 
 def check(keeper: Keeper, way: Way, value: Variant) -> None:
     came = way.raw.request(f.controller_execute, way.controller, "Echo", value, exact=True).value
-    read, _ = decode(encode_variant(value), 0, exact=True)  # as it is after a packet has carried it
+    read, _ = decode(encode_variant(value), 0, exact=True)  # the value as decoded from a packet
     for arrived in (keeper.kept[1], came):
         assert same(arrived, read)
         if not way.text or "nan" not in repr(value):
@@ -132,6 +132,6 @@ def test_numbers_of_the_table(keeper: Keeper, way: Way) -> None:
 @pytest.mark.parametrize("size", [0, 1, 65536, 4_000_000])
 def test_large_values(keeper: Keeper, way: Way, size: int) -> None:
     if way.text:
-        size //= 10  # as text it is longer
+        size //= 10  # text is longer
     check(keeper, way, Variant(VarType.UI1 | ARRAY, bytes(range(256)) * (size // 256) + bytes(size % 256)))
     check(keeper, way, Variant(VarType.BSTR, "あ" * (size // 2)))
