@@ -1,4 +1,4 @@
-"""A device by decorators, served over a real socket and driven by the client."""
+"""A device with decorators, served over a real socket and called by the client."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Gripper(Device):
 
     @variable("COUNT", quick=True)
     def counter(self) -> int:
-        """How often it closed."""
+        """The number of closings."""
         return self.count
 
     @counter.setter
@@ -260,7 +260,7 @@ def test_an_exception_in_a_handler_is_e_fail_and_nothing_else_breaks(client, cap
     assert client.execute("Sum", [1.0]) == 1.0
 
 
-# --- errors in words --------------------------------------------------------------------------------------------------
+# --- error descriptions -----------------------------------------------------------------------------------------------
 
 
 class Faulty(Device):
@@ -338,7 +338,7 @@ def code_of(call, *arguments: object) -> int:
 
 
 @pytest.mark.parametrize("way", ["Fail", "FailAtOnce", "FailAwaited"])
-def test_what_a_handler_raised_is_told_to_the_client_that_asks(faulty, way, caplog):
+def test_a_client_can_read_the_exception_of_a_handler(faulty, way, caplog):
     with talk_to(faulty) as c:
         for text in ("bang", "ドカン", "again"):
             assert code_of(c.execute, way, text) == hresult.E_FAIL
@@ -348,7 +348,7 @@ def test_what_a_handler_raised_is_told_to_the_client_that_asks(faulty, way, capl
         assert c.variable("STATE").value == 1
 
 
-def test_what_a_variable_or_an_object_below_raised_is_told_too(faulty):
+def test_a_client_can_read_the_exception_of_a_variable_or_a_child_object(faulty):
     with talk_to(faulty) as c:
         broken = c.variable("BROKEN")
         assert code_of(broken.get_value) == hresult.E_FAIL
@@ -359,7 +359,7 @@ def test_what_a_variable_or_an_object_below_raised_is_told_too(faulty):
         assert c.error_description(hresult.E_FAIL) == "LookupError: no such board"
 
 
-def test_the_detail_of_a_code_is_told_and_without_one_what_the_code_means(faulty):
+def test_the_description_is_the_detail_or_else_the_meaning_of_the_code(faulty):
     with talk_to(faulty) as c:
         assert c.error_description(0x80040201) == hresult.lookup(0x80040201).text
         assert c.error_description(hresult.E_FAIL) == hresult.lookup(hresult.E_FAIL).text
@@ -370,7 +370,7 @@ def test_the_detail_of_a_code_is_told_and_without_one_what_the_code_means(faulty
         assert c.execute("GetErrorDescription", float(0x80040201)) == "too wide"
         assert c.error_description(0x80040202) == hresult.lookup(0x80040202).text
         assert code_of(c.execute, "Refuse", hresult.signed(0x80040201)) == 0x80040201
-        assert c.error_description(0x80040201) == hresult.lookup(0x80040201).text  # the last one said nothing
+        assert c.error_description(0x80040201) == hresult.lookup(0x80040201).text  # the last error has no detail
         assert code_of(c.variable, "NOBODY") == hresult.E_CAO_OBJECT_NOTFOUND
         assert "'NOBODY'" in c.error_description(hresult.E_CAO_OBJECT_NOTFOUND)
         assert c.error_description(0) == hresult.lookup(0).text
@@ -381,7 +381,7 @@ def test_the_detail_of_a_code_is_told_and_without_one_what_the_code_means(faulty
     (2.5, hresult.E_INVALIDARG), (float("nan"), hresult.E_INVALIDARG), (float("inf"), hresult.E_INVALIDARG),
     (2.0**32, hresult.E_INVALIDARG), ("9" * 90, hresult.E_INVALIDARG), ([1, 2], hresult.E_INVALIDARGTYPE),
 ])  # fmt: skip
-def test_what_is_no_code_is_refused(faulty, code, refusal):
+def test_invalid_codes_are_refused(faulty, code, refusal):
     with talk_to(faulty) as c:
         assert code_of(c.execute, "GetErrorDescription", code) == refusal
         assert c.variable("STATE").value == 1
@@ -399,7 +399,7 @@ def test_a_long_text_is_cut():
         assert len(text) == 1000
 
 
-def test_a_device_that_has_the_command_answers_itself():
+def test_a_device_can_declare_the_command_itself():
     device = Telling()
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0") as server,
@@ -409,7 +409,7 @@ def test_a_device_that_has_the_command_answers_itself():
         assert c.error_description(hresult.E_FAIL) == f"mine: {hresult.signed(hresult.E_FAIL)}"
 
 
-def test_nobody_is_told_of_another_clients_errors():
+def test_errors_of_other_clients_cannot_be_read():
     device = Faulty()
     with (
         orinkit.serve(device, "tcp://127.0.0.1:0", "udp://127.0.0.1:0") as server,
@@ -422,7 +422,7 @@ def test_nobody_is_told_of_another_clients_errors():
         assert one.error_description(hresult.E_FAIL) == "RuntimeError: one"
 
 
-def test_a_handler_that_waits_and_then_raises_disturbs_nobody():
+def test_a_late_exception_of_a_handler_does_not_affect_other_clients():
     device = Faulty()
     codes = []
     with (
@@ -433,7 +433,7 @@ def test_a_handler_that_waits_and_then_raises_disturbs_nobody():
         waiting = threading.Thread(target=lambda: codes.append(code_of(one.execute, "FailBehindTheGate", "late")))
         waiting.start()
         try:
-            assert device.entered.wait(30)  # it is at work now, and stays so until the gate is opened
+            assert device.entered.wait(30)  # the handler now runs until the gate is opened
             assert other.variable("STATE").value == 1
             assert code_of(other.execute, "Fail", "meanwhile") == hresult.E_FAIL
             assert codes == []
@@ -446,7 +446,7 @@ def test_a_handler_that_waits_and_then_raises_disturbs_nobody():
         assert one.variable("STATE").value == other.variable("STATE").value == 1
 
 
-# --- whatever is raised -----------------------------------------------------------------------------------------------
+# --- exceptions of all kinds ------------------------------------------------------------------------------------------
 
 
 class Rogue(Device):
@@ -496,7 +496,7 @@ RAISED = {
 
 @pytest.mark.parametrize("way", ["Thread", "Quick", "Async"])
 @pytest.mark.parametrize("which", RAISED)
-def test_whatever_a_handler_raises_is_e_fail_and_the_server_goes_on(way, which, caplog):
+def test_any_exception_of_a_handler_is_e_fail_and_the_server_continues(way, which, caplog):
     with (
         orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
         orinkit.connect(server.url, provider="Test.Rogue", timeout=PATIENCE) as c,
@@ -510,7 +510,7 @@ def test_whatever_a_handler_raises_is_e_fail_and_the_server_goes_on(way, which, 
     assert "the device raised an exception" in caplog.text
 
 
-def test_a_handler_that_runs_out_of_items_is_e_fail_too():
+def test_stop_iteration_in_a_handler_is_e_fail():
     with (
         orinkit.serve(Rogue(), "tcp://127.0.0.1:0") as server,
         orinkit.connect(server.url, provider="Test.Rogue", timeout=PATIENCE) as c,
@@ -528,7 +528,7 @@ def test_a_handler_that_runs_out_of_items_is_e_fail_too():
             assert price.value == kept
 
 
-def test_a_handler_that_never_returns_does_not_keep_the_program_from_ending():
+def test_a_handler_that_never_returns_does_not_prevent_the_program_from_ending():
     program = """
 import threading, orinkit
 class Stuck(orinkit.Device):
@@ -549,7 +549,7 @@ print("ended")
     assert (done.returncode, done.stdout) == (0, "ended\n")
 
 
-def test_a_failed_start_leaves_the_device_as_it_is(gripper):
+def test_a_failed_start_does_not_close_the_device(gripper):
     class Closing(Gripper):
         closed = 0
 
@@ -565,7 +565,7 @@ def test_a_failed_start_leaves_the_device_as_it_is(gripper):
     assert device.closed == 1
 
 
-def test_objects_below_are_parts_or_objects_of_their_own(client):
+def test_child_objects_are_parts_or_provider_objects(client):
     finger = client.extension("Finger0")
     assert finger.help == "The only finger"
     assert finger.execute("Bend", 10.0) == 20.0
@@ -584,7 +584,7 @@ def test_unknown_names_are_not_found(client, kind):
         getattr(client, kind)("Nobody")
 
 
-def test_a_waiting_handler_holds_up_nobody_else(gripper, client):
+def test_a_waiting_handler_does_not_delay_other_clients(gripper, client):
     result = []
     waiting = threading.Thread(target=lambda: result.append(client.execute("Wait")))
     waiting.start()
@@ -604,7 +604,7 @@ def test_arguments_are_converted_as_annotated(gripper, client):
         client.execute("Close", [1.0, 0.5])
 
 
-def test_mistakes_in_a_declaration_are_told_at_once():
+def test_errors_in_a_declaration_are_raised_immediately():
     with pytest.raises(TypeError, match="a name"):
         variable(lambda self: 1)(lambda self: 1)
     with pytest.raises(TypeError, match="VarType"):
@@ -647,7 +647,7 @@ def test_a_subclass_inherits_and_overrides_what_is_declared():
         assert c.variable_names() == ["WIDTH", "COUNT", "NAME", "ANY", "POSE"]
 
 
-# --- names that the server needs --------------------------------------------------------------------------------------
+# --- reserved names ---------------------------------------------------------------------------------------------------
 
 RESERVED = sorted(name for name in vars(Provider) if not name.startswith("_"))
 DECLARATIONS = {
@@ -662,7 +662,7 @@ def make(name: str, member: object, *bases: type) -> type:
 
 @pytest.mark.parametrize("decorator", DECLARATIONS)
 @pytest.mark.parametrize("name", [*RESERVED, "__init__"])
-def test_a_declared_member_cannot_have_a_name_that_is_needed(name, decorator):
+def test_a_declared_member_cannot_have_a_reserved_name(name, decorator):
     declared = DECLARATIONS[decorator]("X")(lambda self: 1)
     with pytest.raises(
         TypeError, match=rf"^Mine\.{name} cannot be declared: {name} is reserved for .*\. Try: "
@@ -675,8 +675,8 @@ def test_a_declared_member_cannot_have_a_name_that_is_needed(name, decorator):
         make(name, declared)
 
 
-def test_a_mixin_does_not_smuggle_one_in():
-    class Mixin(Part):  # a part needs none of these names
+def test_a_mixin_cannot_declare_a_reserved_name():
+    class Mixin(Part):  # these names are not reserved in a part
         @command("Close")
         def close(self) -> None:
             pass
@@ -697,7 +697,7 @@ WRONG = {
 }
 
 
-def test_every_needed_name_is_looked_at():
+def test_every_reserved_name_is_checked():
     assert sorted(WRONG) == RESERVED
 
 
@@ -733,7 +733,7 @@ def test_what_the_server_can_use_may_be_overridden():
 
 
 class Free(Device):
-    """Names that a device needs no longer."""
+    """A device with members whose names are no longer reserved."""
 
     provider_names = ("Test.Free",)
 
@@ -770,7 +770,7 @@ def test_names_and_declared_are_free(kind):
 
 
 @pytest.mark.parametrize("decorator", DECLARATIONS)
-def test_a_decorator_without_a_name_is_told_at_once(decorator):
+def test_a_decorator_without_a_name_raises_immediately(decorator):
     for wrong in (lambda self: 1, "", None, 5):
         with pytest.raises(TypeError, match=rf'@{decorator}\("NAME"\)$'):
             DECLARATIONS[decorator](wrong)

@@ -1,4 +1,4 @@
-"""Providers from elsewhere: packages with entry points, modules, files, and everything that can be wrong with them."""
+"""Loading of providers: packages with entry points, modules and files, and their errors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _as_before(tmp_path) -> Iterator[None]:
 
 @pytest.fixture
 def site(tmp_path, monkeypatch) -> Path:
-    """A directory whose packages are installed."""
+    """Return a directory whose packages are installed."""
     directory = tmp_path / "site"
     directory.mkdir()
     with monkeypatch.context() as patch:
@@ -61,7 +61,7 @@ def names(provider: orinkit.Provider) -> list[str]:
 # --- installed packages -----------------------------------------------------------------------------------------------
 
 
-def test_what_is_installed_is_listed_and_not_imported(site):
+def test_installed_providers_are_listed_without_import(site):
     before = installed()
     install(site, "zz-pump", "Test.Pump = pkg_pump:Pump", pkg_pump="raise RuntimeError('imported')")
     install(site, "my-gripper", f"{GRIPPER} = pkg_gripper:Gripper\nTest.Other = pkg_gripper:Other", pkg_gripper="")
@@ -87,17 +87,17 @@ def test_an_entry_is_a_class_a_function_or_an_object(site, value):
                 assert controller.variable("WIDTH").value == 30.0
 
 
-def test_a_name_that_it_has_already_is_not_added(site):
+def test_an_existing_name_is_not_added(site):
     install(site, "my-gripper", f"{GRIPPER.upper()} = pkg_g:Gripper", pkg_g=device(GRIPPER))
     assert names(load(GRIPPER)) == [GRIPPER]
 
 
-def test_the_name_of_the_entry_is_enough(site):
+def test_the_name_of_the_entry_point_is_sufficient(site):
     install(site, "my-gripper", f"{GRIPPER} = pkg_g", pkg_g="import orinkit\nclass G(orinkit.Device):\n    pass\n")
     assert names(load(GRIPPER)) == [GRIPPER]
 
 
-def test_those_that_cannot_be_loaded_are_left_out(site, caplog):
+def test_providers_that_cannot_be_loaded_are_omitted(site, caplog):
     install(site, "a-bad", "Test.Bad = pkg_bad:Bad", pkg_bad="\n\n1 / 0\n")
     install(site, "b-gone", "Test.Gone = pkg_gone:Gone")
     install(site, "c-odd", "Test.Odd = !", pkg_odd="")
@@ -124,7 +124,7 @@ def test_those_that_cannot_be_loaded_are_left_out(site, caplog):
         assert (controller.variable("@TYPE").value, gripper.variable("WIDTH").value) == ("RC8", 30.0)
 
 
-def test_some_can_be_left_out_by_name_and_an_object_is_there_once(site):
+def test_providers_can_be_omitted_by_name_and_an_object_is_loaded_once(site):
     source = device("Test.Own") + "\nready = Gripper()\n"
     install(site, "my-gripper", f"{GRIPPER} = pkg_g:ready\nTest.Two = pkg_g:ready\nTest.Three = pkg_g", pkg_g=source)
     [ready] = load_installed(but=["test.THREE"])
@@ -132,7 +132,7 @@ def test_some_can_be_left_out_by_name_and_an_object_is_there_once(site):
     assert load_installed([ready], but=["Test.Three"]) == []
 
 
-def test_a_package_that_is_damaged_hides_no_other(site, caplog):
+def test_a_damaged_package_does_not_hide_others(site, caplog):
     install(site, "my-gripper", f"{GRIPPER} = pkg_g:Gripper", pkg_g=device(GRIPPER))
     install(site, "damaged", "no equals sign")
     nameless = install(site, "nameless", "Test.Nameless = pkg_g:Gripper") / "nameless-1.0.dist-info" / "METADATA"
@@ -142,7 +142,7 @@ def test_a_package_that_is_damaged_hides_no_other(site, caplog):
     assert len(load_installed()) >= 2
 
 
-def test_the_first_has_a_name_that_two_claim_and_the_log_says_so(site, caplog):
+def test_the_first_provider_takes_precedence_and_the_conflict_is_logged(site, caplog):
     install(site, "a-first", f"{GRIPPER} = pkg_a:Gripper", pkg_a=device(GRIPPER, width=1.0))
     install(site, "b-second", f"{GRIPPER.upper()} = pkg_b:Gripper", pkg_b=device(GRIPPER, width=2.0))
     install(site, "c-third", "CaoProv.DENSO.VRC = pkg_c:Gripper", pkg_c=device("Test.Third", width=3.0))
@@ -163,7 +163,7 @@ def test_the_first_has_a_name_that_two_claim_and_the_log_says_so(site, caplog):
                 assert controller.variable("WIDTH").value == width
 
 
-def test_the_name_of_an_entry_is_its_own_whoever_else_lists_it(site, caplog):
+def test_the_name_of_an_entry_point_takes_precedence_over_provider_names(site, caplog):
     install(site, "a-first", "Aaa.Greedy = pkg_a:Gripper", pkg_a=device(GRIPPER.lower(), width=1.0))
     install(site, "b-second", f"{GRIPPER} = pkg_b:Gripper", pkg_b=device("Aaa.Greedy", width=2.0))
     for providers in (load_installed(), [load("Aaa.Greedy"), load(GRIPPER)]):
@@ -182,14 +182,14 @@ def test_the_name_of_an_entry_is_its_own_whoever_else_lists_it(site, caplog):
     ]
 
 
-def test_one_class_in_two_entries_is_told_by_entry(site, caplog):
+def test_a_conflict_of_two_entry_points_of_one_class_names_the_entry_points(site, caplog):
     install(site, "my-gripper", "Test.A = pkg_g:Gripper\nTest.B = pkg_g:Gripper", pkg_g=device("Test.Own"))
     warn_of_clashes(load_installed())
     said = "Test.Own is used by Test.A = pkg_g:Gripper (my-gripper 1.0) and by Test.B = pkg_g:Gripper (my-gripper 1.0)"
     assert said in caplog.text
 
 
-def test_names_that_cannot_be_taken_away_stay(site, caplog):
+def test_read_only_names_are_kept(site, caplog):
     source = (
         "import orinkit\nclass G(orinkit.Device):\n    provider_names = property(lambda self: ['Test.A', 'Test.B'])\n"
     )
@@ -201,7 +201,7 @@ def test_names_that_cannot_be_taken_away_stay(site, caplog):
     assert "Test.B is used by Test.A = pkg_a (a-first 1.0) and by Test.B = pkg_b (b-second 1.0)" in caplog.text
 
 
-def test_what_is_served_is_told(site, tmp_path, caplog):
+def test_served_providers_are_logged(site, tmp_path, caplog):
     caplog.set_level(logging.INFO)
     install(site, "my-gripper", f"{GRIPPER} = pkg_g:Gripper", pkg_g=device(GRIPPER))
     file = write(tmp_path / "mod_told.py", device("Test.File") + "    provider_names += ('Test.Two',)\n")
@@ -217,7 +217,7 @@ def test_what_is_served_is_told(site, tmp_path, caplog):
     assert caplog.records[-1].getMessage() == f"{GRIPPER} (my-gripper 1.0) を提供します"
 
 
-def test_a_mistake_in_a_class_is_placed_in_its_file(tmp_path):
+def test_an_error_in_a_class_names_its_file(tmp_path):
     source = "import orinkit\nclass G(orinkit.Device):\n    def connect(self): pass\n"
     with pytest.raises(LoadFailed, match=r"TypeError: G\.connect must be .* \(mod_mistaken\.py:2\)$"):
         load(write(tmp_path / "mod_mistaken.py", source))
@@ -260,7 +260,7 @@ def test_a_file_with_and_without_the_class(tmp_path, monkeypatch):
 def test_a_file_imports_its_neighbours(tmp_path):
     write(tmp_path / "dir" / "neighbour_of_it.py", "WIDTH = 7.5\n")
     path = write(tmp_path / "dir" / "grip.py", "from neighbour_of_it import WIDTH\n" + device("Test.N"))
-    provider = load(path)  # the fixture looks whether the path is as before
+    provider = load(path)  # the fixture checks that the path is unchanged
     assert sys.modules[type(provider).__module__].WIDTH == 7.5
 
 
@@ -268,7 +268,7 @@ def test_files_of_the_same_name_and_of_names_that_are_taken(tmp_path):
     one = load(write(tmp_path / "a" / "gripper_x.py", device("Test.A")))
     two = load(write(tmp_path / "b" / "gripper_x.py", device("Test.B")))
     three = load(write(tmp_path / "a" / "json.py", device("Test.C")))
-    four = load(write(tmp_path / "a" / "wave.py", device("Test.D")))  # not imported so far, but it is there
+    four = load(write(tmp_path / "a" / "wave.py", device("Test.D")))  # not imported yet, but the module exists
     assert [names(each) for each in (one, two, three, four)] == [["Test.A"], ["Test.B"], ["Test.C"], ["Test.D"]]
     assert sys.modules["json"] is json
     import wave
@@ -323,7 +323,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("which", WRONG)
-def test_wrong_targets_are_told(tmp_path, which):
+def test_wrong_targets(tmp_path, which):
     target, source, said = WRONG[which]
     path = tmp_path / "mod_wrong.py"
     if source is not None:
@@ -336,7 +336,7 @@ def test_wrong_targets_are_told(tmp_path, which):
     assert "\n" not in text
 
 
-def test_a_module_that_breaks_is_tried_again(tmp_path):
+def test_a_module_that_failed_is_imported_again(tmp_path):
     path = write(tmp_path / "mod_mended.py", "raise OSError\n")
     with pytest.raises(LoadFailed):
         load(path)
@@ -344,18 +344,18 @@ def test_a_module_that_breaks_is_tried_again(tmp_path):
     assert names(load(path)) == ["Test.Mended"]
 
 
-def test_a_directory_is_no_file(tmp_path):
+def test_a_directory_is_not_a_file(tmp_path):
     (tmp_path / "dir.py").mkdir()
     with pytest.raises(LoadFailed, match="the file does not exist"):
         load(str(tmp_path / "dir.py"))
 
 
-def test_ctrl_c_in_a_module_is_not_held_up(tmp_path):
+def test_ctrl_c_in_a_module_propagates(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         load(write(tmp_path / "mod_interrupted.py", "raise KeyboardInterrupt\n"))
 
 
-def test_a_file_that_is_named_as_a_module_is_pointed_at(tmp_path, monkeypatch):
+def test_the_error_suggests_a_file_with_the_name_of_the_module(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mod_here.py", device("Test.Here"))
     with pytest.raises(LoadFailed, match=r"neither a module nor a provider mod_here exists; .* Try: mod_here.py:Class"):

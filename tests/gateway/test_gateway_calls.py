@@ -491,7 +491,7 @@ def test_one_controller_with_a_name_is_not_another_one() -> None:
     for machine in ("right", "10.0.0.2"):
         with pytest.raises(InvalidArgument, match="left"):
             provider._choose(machine)
-    assert RemoteProvider("tcp://10.0.0.1")._choose("whatever")[1] == "whatever"
+    assert RemoteProvider("tcp://10.0.0.1")._choose("any machine")[1] == "any machine"
 
 
 def test_hosts_of_ipv6() -> None:

@@ -1,26 +1,26 @@
-"""The documents are true: their programs run, their commands print what is shown, their links lead somewhere.
+"""Check the documents: programs run, commands print the output shown, and links are valid.
 
-Each page of ``PAGES`` is run from top to bottom, in a directory of its own, with texts in English:
+Each page of ``PAGES`` is executed from top to bottom, in its own directory, in English:
 
-* A ``python`` block is executed; the blocks of one page share one namespace, as if they were one program. A comment
-  ``# -> text`` shows a line that is printed: all of them, in order, are what the block prints.
-* A ``console`` block is a terminal. ``$ orinkit ...`` is run (``NAME=value`` may stand before it), and what is shown
-  below it is what it prints, on stdout and stderr. It has to succeed; where it shall not, ``$ echo $?`` behind it shows
-  its exit code. ``$ orinkit serve ...`` and ``$ orinkit gateway ...`` go on until the page ends, and must then stop
-  cleanly; their log, on stderr, is not shown. ``$ curl ...`` and ``$ sh examples/...`` are run as they are, without curl's
-  progress. Any other command is not allowed.
-* ``...`` stands for anything in a line; alone in a line, for any number of lines.
-* ``<!-- not run: reason -->`` above a block leaves it out. ``<!-- saved as: NAME.py -->`` writes it to a file too, before it
-  is run.
+* A ``python`` block is executed; all blocks of a page share one namespace, as one program. The comments ``# -> text`` are, in
+  order, the lines that the block prints.
+* A ``console`` block is a terminal. ``$ orinkit ...`` is executed (``NAME=value`` may precede it), and the lines below it are
+  its output, on stdout and stderr. The command must succeed; otherwise, ``$ echo $?`` after it shows the exit code.
+  ``$ orinkit serve ...`` and ``$ orinkit gateway ...`` run until the end of the page, and must then stop cleanly; their log
+  on stderr is not shown. ``$ curl ...`` and ``$ sh examples/...`` are executed unchanged, without curl's progress. Other
+  commands are not allowed.
+* ``...`` matches anything within a line; alone on a line, it matches any number of lines.
+* ``<!-- not run: reason -->`` above a block skips it. ``<!-- saved as: NAME.py -->`` also writes it to a file before it is
+  executed.
 
-Addresses are written as a reader would type them. While a page is run, ``127.0.0.1:5007`` and ``192.168.0.1:5007`` (also
-as plain ``192.168.0.1``) become the address of one virtual RC8, which the test serves unless the page does; any other
-``127.0.0.1:PORT`` becomes a free port, the same one throughout the page, for what the page serves itself. Port 0 stays.
-A pseudo-terminal that ``serve`` has shown (``/dev/pts/3``) becomes the one that it has opened. Output is compared with the
-addresses as they are written. Pages with a CAN bus by multicast, which the whole machine has in common, wait for each other.
+Addresses are written as a reader would type them. During execution, ``127.0.0.1:5007`` and ``192.168.0.1:5007`` (also plain
+``192.168.0.1``) are replaced by the address of a virtual RC8, which the test serves unless the page does. Any other
+``127.0.0.1:PORT`` is replaced by a free port, the same one throughout the page, for servers of the page itself. Port 0 is not
+replaced. A pseudo-terminal that ``serve`` has printed (``/dev/pts/3``) is replaced by the one that it has opened. Output is
+compared with the addresses as written. Pages with a multicast CAN bus, which is shared by the whole machine, run one at a time.
 
-A motor on CAN stops by itself where an answer, or a command, does not come for half a second. A machine that does much else may
-take so long: while a page is run, these times are longer.
+A motor on CAN stops by itself if no reply or command arrives for 0.5 s. A busy machine may need longer, so these times are
+increased during execution.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from support.waiting import PATIENCE, until
 pytestmark = pytest.mark.slow
 
 TWINS = ("README.md", "README.ja.md")
-# the Japanese README has the same code as the English one, as is tested below
+# the Japanese README has the same code as the English one; another test checks this
 PAGES = ["README.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "howto").glob("*.md"))]
 DOCUMENTS = [*TWINS, "CHANGELOG.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs").rglob("*.md"))]
 
@@ -85,22 +85,22 @@ CURL = re.compile(r"^\$ (?:curl|sh examples/)", re.MULTILINE)
 
 
 class Addresses:
-    """The addresses of a page: as they are written, and as they are while it runs."""
+    """Maps the addresses written in a page to those used during execution."""
 
     def __init__(self) -> None:
         self._real: dict[str, str] = {}
 
     def set(self, written: str, real: str) -> None:
-        """Say what an address is in this run."""
+        """Set the address used during execution."""
         self._real[written] = real
 
     def real(self, text: str) -> str:
-        """Return a text with the addresses of this run."""
+        """Return a text with the addresses used during execution."""
         text = TERMINAL.sub(lambda match: self._real.get(match[0], match[0]), text)
         return ADDRESS.sub(lambda match: self._of(match[0], match[1]), text)
 
     def written(self, text: str) -> str:
-        """Return a text with the addresses as the page has them."""
+        """Return a text with the addresses as written in the page."""
         written = {real: name for name, real in self._real.items()}
         if not written:
             return text
@@ -115,7 +115,7 @@ class Addresses:
         return self._real[key]
 
     def _free_port(self) -> int:
-        """Return a port that nothing listens on, and that the system gives nobody who asks for any."""
+        """Return a port on which nothing listens, outside the range of ephemeral ports."""
         for port in random.sample(PORTS, len(PORTS)):
             with (
                 socket.socket() as stream,
@@ -129,7 +129,7 @@ class Addresses:
 
 
 class Terminal:
-    """Runs the console blocks of a page."""
+    """Executes the console blocks of a page."""
 
     def __init__(self, addresses: Addresses) -> None:
         self.addresses = addresses
@@ -137,7 +137,7 @@ class Terminal:
         self._served: list[tuple[subprocess.Popen[str], IO[str]]] = []
 
     def run(self, block: Block) -> str:
-        """Run a block's commands and return what the terminal then shows."""
+        """Execute the commands of a block; return the resulting text of the terminal."""
         pieces = re.split(r"^\$ (.*)\n", f"{block.text}\n", flags=re.MULTILINE)
         assert not pieces[0].strip(), "a console block begins with a command"
         return "".join(
@@ -163,7 +163,7 @@ class Terminal:
         return done.stdout if done.stdout.endswith("\n") or not done.stdout else f"{done.stdout}\n"
 
     def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:
-        if arguments[1:2] == ["abh3"]:  # that is on a CAN bus
+        if arguments[1:2] == ["abh3"]:  # serves a CAN bus
             arguments += ["--command-timeout", "0"]
         elif not any(word in LISTENING for word in arguments):
             arguments += ["--tcp", self.addresses.real(VIRTUAL)]
@@ -181,7 +181,7 @@ class Terminal:
         return said
 
     def stop(self) -> None:
-        """Stop what is served; each must stop cleanly."""
+        """Stop all servers; each must stop cleanly."""
         for process, _ in self._served:
             process.send_signal(signal.SIGINT)
         for process, log in self._served:
@@ -190,7 +190,7 @@ class Terminal:
             assert (process.returncode, output) == (0, ""), log.read()
 
     def kill(self) -> None:
-        """Make sure that nothing is left, also after a failure."""
+        """Kill all remaining servers, also after a failure."""
         for process, log in self._served:
             process.kill()
             process.wait()
@@ -200,7 +200,7 @@ class Terminal:
 
 
 def _words_of(program: str, arguments: list[str]) -> list[str]:
-    """Return what starts a program of a page."""
+    """Return the command line that starts a program of a page."""
     turns = "abh3" in arguments or "CaoProv.Waco.ABH3" in arguments
     started = [sys.executable, "-c", PATIENT] if turns else [sys.executable, "-m", "orinkit"]
     programs = {"orinkit": started, "curl": ["curl", "-sS"], "sh": ["sh"]}
@@ -216,7 +216,7 @@ def environment(extra: dict[str, str]) -> dict[str, str]:
 
 
 def run_python(page: str, block: Block, addresses: Addresses, namespace: dict[str, object]) -> str:
-    """Run a block and return what it prints."""
+    """Execute a block; return its output."""
     code = compile("\n" * (block.line - 1) + addresses.real(block.text), page, "exec")
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
@@ -225,12 +225,12 @@ def run_python(page: str, block: Block, addresses: Addresses, namespace: dict[st
 
 
 def shown_by(code: str) -> str:
-    """Return the lines that a block's comments say are printed."""
+    """Return the expected output from the comments of a block."""
     return "".join(f"{line}\n" for line in re.findall(r"# -> ?(.*)$", code, re.MULTILINE))
 
 
 def agrees(shown: str, printed: str) -> bool:
-    """Tell whether what is printed is what is shown, ``...`` standing for anything."""
+    """Return True if the output matches the text shown, in which ``...`` matches anything."""
     parts = [
         r"(?:.*\n)*?" if line.strip() == "..." else ".*".join(map(re.escape, line.rstrip().split("..."))) + r"[ ]*\n"
         for line in shown.rstrip("\n").split("\n")
@@ -240,7 +240,7 @@ def agrees(shown: str, printed: str) -> bool:
 
 @contextlib.contextmanager
 def virtual(page: str, addresses: Addresses) -> Iterator[None]:
-    """Serve a virtual RC8 for a page that speaks to one and does not serve it itself."""
+    """Serve a virtual RC8 for a page that connects to one and does not serve it itself."""
     text = "\n".join(block.text for block in blocks(page) if not block.skipped)
     if SERVES_VIRTUAL.search(text):
         yield
@@ -252,7 +252,7 @@ def virtual(page: str, addresses: Addresses) -> Iterator[None]:
 
 @contextlib.contextmanager
 def bus_of_its_own(page: str) -> Iterator[None]:
-    """Wait until no other run of this page has the bus; the TCP port of the same number is held meanwhile."""
+    """Wait until no other run of this page uses the bus; hold the TCP port of the same number as a lock."""
     with socket.socket() as lock:
         if MULTICAST in (ROOT / page).read_text(encoding="utf-8"):
             until(lambda: _bound(lock))
@@ -318,30 +318,30 @@ def test_three_dots_stand_for_anything(shown, printed, same):
     assert agrees(shown, printed) is same
 
 
-# --- links and twins --------------------------------------------------------------------------------------------------
+# --- links and translations -------------------------------------------------------------------------------------------
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 
 def prose(page: str) -> str:
-    """Return a page without its blocks and without code in the text."""
+    """Return the text of a page without code blocks and inline code."""
     text = re.sub(r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"`[^`\n]*`", "", text)
 
 
 def headings(page: str) -> list[tuple[int, str]]:
-    """Return level and text of each heading."""
+    """Return the level and the text of each heading."""
     text = re.sub(r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     return [(len(marks), title) for marks, title in re.findall(r"^(#+) (.+)$", text, re.MULTILINE)]
 
 
 def anchor(title: str) -> str:
-    """Return a heading's anchor, as GitHub makes it."""
+    """Return the anchor of a heading, as generated by GitHub."""
     return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
 @pytest.mark.parametrize("page", DOCUMENTS)
-def test_links_lead_somewhere(page):
+def test_links_are_valid(page):
     for link in LINK.findall(prose(page)):
         if re.match(r"[a-z]+:", link):
             continue

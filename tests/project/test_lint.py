@@ -1,4 +1,4 @@
-"""What ``make lint`` rejects, with planted faults in a copy of the repository."""
+"""Planted faults that ``make lint`` must reject, in a copy of the repository."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user imports, and what that brings along."""
+"""The public names, and the modules that importing them loads."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from orinkit import aio
 
 
 @pytest.mark.parametrize("module", [orinkit, aio])
-def test_all_names_what_there_is(module):
+def test_all_names_exist(module):
     assert sorted(module.__all__) == sorted(set(module.__all__))
     assert all(hasattr(module, name) for name in module.__all__)
-    assert len(module.__all__) <= 100  # exceptions too
+    assert len(module.__all__) <= 100  # including exceptions
 
 
 def test_the_two_sides_have_the_same_objects():
@@ -25,7 +25,7 @@ def test_the_two_sides_have_the_same_objects():
 
 
 def test_importing_is_light():
-    """Neither an event loop nor anything that a plain client does not need comes with ``import orinkit``."""
+    """``import orinkit`` loads neither an event loop nor other modules that a client does not need."""
     program = "import sys, orinkit; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=True)
     loaded = set(done.stdout.split())
@@ -59,7 +59,7 @@ def test_the_library_needs_only_the_standard_library():
     assert (done.returncode, done.stdout.strip()) == (0, "3.0"), done.stderr
 
 
-def test_what_the_virtual_rc8_needs_is_told():
+def test_the_error_names_the_packages_of_the_virtual_rc8():
     done = run(
         "import importlib.machinery, sys\n"
         "class Hidden(importlib.machinery.PathFinder):\n"
@@ -97,6 +97,4 @@ def test_serving_without_the_extra_names_it(device: str) -> None:
         f"raise SystemExit(main(['serve', '{device}']))\n"
     )
     assert done.returncode == 1
-    assert done.stderr == (
-        "orinkit: the virtual RC8 needs numpy, lark. Try: pip install 'orinkit[virtual]'\n"
-    )
+    assert done.stderr == ("orinkit: the virtual RC8 needs numpy, lark. Try: pip install 'orinkit[virtual]'\n")

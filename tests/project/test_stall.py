@@ -40,7 +40,7 @@ def test_the_exit_status_is_that_of_the_command(words, status):
     assert stalled(*words).returncode == status
 
 
-def test_the_end_is_noticed_where_the_system_collects_what_has_ended():
+def test_the_end_is_detected_if_the_system_reaps_children():
     done = subprocess.run(
         ["sh", "-c", f"trap '' CHLD; exec {sys.executable} {STALL} sh -c 'exit 5'"], timeout=PATIENCE, check=False
     )

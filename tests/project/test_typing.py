@@ -1,4 +1,4 @@
-"""What a type checker makes of a user's program: results inferred from THE TABLE, wrong calls rejected.
+"""Type checking of user programs: results are inferred from the table of functions, and wrong calls are rejected.
 
 Each program is checked by mypy with the project's own settings. A line that ends in ``# reveals TYPE`` must reveal
 that type; one that ends in ``# rejects TEXT`` must be an error with that text; any other error fails the test.
@@ -170,7 +170,7 @@ PROGRAMS = {
 
 @pytest.fixture(scope="module")
 def verdict(tmp_path_factory):
-    """What mypy says of all programs, by file and line: one run, as starting it is what takes the time."""
+    """Return the findings of mypy in all programs, by file and line, from a single run, because starting mypy is slow."""
     folder = tmp_path_factory.mktemp("programs")
     for name, text in PROGRAMS.items():
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
