@@ -1,4 +1,4 @@
-"""What the tests of streaming share as fixtures."""
+"""Fixtures of the streaming tests."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from orinkit.virtual.engine import elastic_time
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the controller wait longer than 250 ms: a busy machine holds up the streaming process for as long.
+    """Make the controller wait longer than 250 ms, because a busy machine may delay the streaming process that long.
 
-    For tests in real time. What 250 ms mean is tested on a clock that the test moves (test_slave_late.py).
+    For tests in real time. The limit of 250 ms is tested with a clock that the test controls (test_slave_late.py).
     """
     monkeypatch.setattr(elastic_time, "LONGEST_WAIT", 5.0)

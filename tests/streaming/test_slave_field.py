@@ -1,6 +1,6 @@
-"""A field that is one more row of the table of slave-mode fields: from the virtual controller to the files of a recording.
+"""An additional row of the table of slave-mode fields, from the virtual controller to the files of a recording.
 
-The row is put into a copy of the package, because the streaming process is another program: both import the copy.
+The row is added to a copy of the package, which the program and the streaming process both import.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ print(json.dumps([orinkit.__file__, refused, [sample.more for sample in samples]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
-    """Run the program with the additional row; return its directory and what it has printed."""
+    """Run the program with the additional row; return its directory and its output."""
     folder = tmp_path_factory.mktemp("field")
     package = folder / "orinkit"
     shutil.copytree(Path(orinkit.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))

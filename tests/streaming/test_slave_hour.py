@@ -1,4 +1,4 @@
-"""Random live targets, over the wire and for long: no command of the arm ever breaks a limit."""
+"""Random live targets over a connection, for a long time: no command of the arm violates a limit."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TOLERANCE = 1 + 1e-6
 
 
 class Monitor:
-    """Looks at every command that the arm is given; the control log holds only 100 s."""
+    """Checks every command of the arm; the control log holds only 100 s."""
 
     def __init__(self, arm: Arm) -> None:
         axes = arm.model.axes[:6]
@@ -57,7 +57,7 @@ class Monitor:
 
 
 def target(rng: random.Random, arm: Arm, seconds: float) -> tuple[float, ...]:
-    """A jump, a step, an oscillation at 10 Hz, the same again, or somewhere out of range."""
+    """Return a jump, a step, an oscillation at 10 Hz, the same target again, or a target out of range."""
     axes = arm.model.axes[:6]
     kind = rng.randrange(6)
     if kind == 0:
@@ -74,7 +74,7 @@ def target(rng: random.Random, arm: Arm, seconds: float) -> tuple[float, ...]:
 
 
 def stream(arm: Arm, seconds: float) -> Monitor:
-    """Set targets at uneven times for so many seconds of the controller's time, which a busy machine makes longer."""
+    """Set targets at irregular times for some seconds of the controller's time, which runs slower on a busy machine."""
     rng = random.Random(4)
     monitor = Monitor(arm)
     with orinkit.connect(arm.url) as rc8:
@@ -103,7 +103,7 @@ def test_random_targets_over_the_wire() -> None:
 
 
 def by_hand(seconds: float) -> None:
-    """The planner and the controller, cycle by cycle, on a clock moved by hand."""
+    """Run planner and controller cycle by cycle, with a clock that the test controls."""
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     arm = Arm(device, "")

@@ -1,6 +1,7 @@
-"""Set-points that come too late for a real controller are counted, where a controller tells of them.
+"""Set-points that are too late for a real controller are counted, if the controller reports them.
 
-The controller's clock is moved by hand, and stands still while the streaming process is stopped: nothing depends on real time.
+The test controls the controller's clock, which stands still while the streaming process is stopped: nothing depends on
+real time.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ POINTS = sine(0.8, 5.0)
 
 
 class Bench:
-    """A stream, and what stops its process while the arm moves."""
+    """A stream, and the means to stop its process while the arm moves."""
 
     def __init__(self, both: Both, arm: Arm, hand: Hand) -> None:
         self.both = both
@@ -43,7 +44,7 @@ class Bench:
 
     @contextmanager
     def late(self, stream: Any, *seconds: float) -> Iterator[None]:
-        """Have a set-point be late by so much each time that the first joint has gone on a little."""
+        """Delay a set-point each time that the first joint has moved a little."""
         left = list(seconds)
         joint = 1.0
 
@@ -73,7 +74,7 @@ def test_late_set_points_are_counted_and_measured(bench: Bench, mode: int) -> No
     def body(stream: Any) -> None:
         with bench.late(stream, 0.06, 0.1, 0.03):
             results.append(bench.both.run(stream.run(POINTS)))
-        results.append(bench.both.run(stream.run(POINTS)))  # of another trajectory, which nothing disturbs
+        results.append(bench.both.run(stream.run(POINTS)))  # of another trajectory, without disturbance
 
     bench.stream(body, mode=mode)
     first, second = results
@@ -89,7 +90,7 @@ def test_late_set_points_are_counted_and_measured(bench: Bench, mode: int) -> No
 
 
 def test_a_trajectory_is_not_told_of_what_was_late_before_it(bench: Bench) -> None:
-    """It begins as soon as the arm stands at the live target."""
+    """The delay begins as soon as the arm stands at the live target."""
     there = (5.0, *HOME[1:])
     results: list[Any] = []
 
@@ -150,7 +151,7 @@ def refuses(*_: object) -> Any:
     ids=["unknown", "not implemented", "text", "nothing", "a number", "too few", "nan", "negative"],
 )
 def test_a_controller_that_does_not_tell(bench: Bench, monkeypatch: pytest.MonkeyPatch, answer: Any) -> None:
-    """As a real one: it is asked before slave mode is on, and then never again."""
+    """Like a real controller: it is queried before slave mode is on, and never again."""
     asked: list[bool] = []
     results: list[Any] = []
 

@@ -1,4 +1,4 @@
-"""What happens to the arm when the program that streams, the streaming process, the cable or the server goes away."""
+"""The arm stops safely if the program, the streaming process, the connection or the server fails."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_stopped_program(arm: Arm, feed: str) -> None:
             until(arm.standing)
             came_to_rest(arm)
             assert arm.arm.holder is not None
-        if feed != "target":  # that one sleeps
+        if feed != "target":  # the program sleeps
             output, errors = process.communicate(timeout=PATIENCE)
             assert "SIGSTOP" in output
             assert "StreamError" in errors
@@ -92,7 +92,7 @@ def test_ctrl_c(arm: Arm, feed: str) -> None:
 
 @pytest.mark.skipif(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN, reason="the tests run under nohup")
 def test_the_terminal_is_closed(arm: Arm) -> None:
-    """Both processes are told; the program ends, and the streaming process brings the arm to rest."""
+    """Both processes receive the signal; the program ends, and the streaming process stops the arm."""
     with program(arm.url, "run") as (process, streamer):
         until(lambda: arm.arm.queue.joints[0] > 5)
         os.kill(streamer, signal.SIGHUP)
@@ -112,12 +112,12 @@ def test_terminated_streaming_process(arm: Arm) -> None:
                 assert stream._streaming is not None
                 stream._streaming._process.terminate()
                 until(lambda: stream.error is not None)
-            assert robot.joints[0] > 5  # the connection is in order
+            assert robot.joints[0] > 5  # the connection still works
     came_to_rest(arm)
 
 
 def test_killed_streaming_process(arm: Arm) -> None:
-    """Nobody is left to bring the arm to rest but the controller, which misses its set-points, or the connection."""
+    """Only the controller can stop the arm, when it misses set-points or the connection."""
     with pytest.raises(OrinError), orinkit.connect(arm.url) as rc8:
         robot = rc8.robot()
         with robot.arm(), robot.motor(), robot.slave_mode() as stream:
@@ -134,7 +134,7 @@ def test_killed_streaming_process(arm: Arm) -> None:
 
 
 class Cable:
-    """Between client and server; can be cut: nothing goes through any more, and nobody is told."""
+    """A relay between client and server that can be cut silently: nothing passes, and the connections stay open."""
 
     def __init__(self, url: str) -> None:
         host, port = url.removeprefix("tcp://").split(":")
@@ -219,7 +219,7 @@ def _parent(pid: str) -> int:
 
 
 def left() -> tuple[int, int, set[str], int]:
-    """File descriptors, threads, child processes, mappings of memory shared with them."""
+    """Return the numbers of file descriptors, threads, child processes, and mappings of shared memory."""
     gc.collect()
     descriptors = len(list(Path("/proc/self/fd").iterdir()))
     mappings = Path("/proc/self/maps").read_text().count("orinkit-stream")
@@ -266,7 +266,7 @@ print("underflows", outcome.underflows)
 
 
 def streamed_by_a_busy_program(url: str, threads: int, seconds: float) -> list[str]:
-    """Stream from a program with threads that count and make garbage; returns what it prints, the underflows last."""
+    """Stream from a program with threads that compute and produce garbage; return its output, the underflows last."""
     done = subprocess.run(
         [sys.executable, "-c", BUSY, url, str(threads), str(seconds)], stdout=subprocess.PIPE, text=True, check=True
     )
@@ -283,7 +283,7 @@ def test_busy_threads_do_not_starve_the_arm(arm: Arm, threads: int) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize("threads", [1, 4])
 def test_busy_threads_make_nothing_late(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The short form of what ``make bench`` does for ten minutes, in strict time; stalls of the machine are no fault of ours."""
+    """A short form of the ten minutes of ``make bench``, in strict time; stalls of the machine do not count."""
     monkeypatch.syspath_prepend(str(ROOT / "bench"))
     bench, stalls = import_module("stream"), import_module("stalls")
     with stalls.watched() as watched, bench.controller() as url:

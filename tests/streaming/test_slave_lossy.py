@@ -1,4 +1,4 @@
-"""Streaming over UDP and serial lines: the process has them as it has TCP, and what is lost is sent again."""
+"""Streaming over UDP and serial lines: they are handed over like TCP connections, and lost packets are sent again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("patient")
 
 
 class Relay:
-    """Passes datagrams on between a client and a server, but for some."""
+    """A relay of datagrams between a client and a server that drops some of them."""
 
     def __init__(self, url: str, every: int) -> None:
         host, _, port = url.removeprefix("udp://").rpartition(":")
@@ -68,7 +68,7 @@ def test_streaming(both: Both, url: str, mode: int) -> None:
     with orinkit.serve(device, url) as server:
         controller = both.connect(server.url)
         robot = both.run(controller.robot("Arm"))
-        points = sine(0.4, 1.0 if mode == 1 else 2.0)  # in mode 1 one that comes again stops the arm for a cycle
+        points = sine(0.4, 1.0 if mode == 1 else 2.0)  # in mode 1, a repeated set-point stops the arm for a cycle
         arm = Arm(device, server.url)
 
         def body(_: object) -> None:
@@ -78,13 +78,13 @@ def test_streaming(both: Both, url: str, mode: int) -> None:
         assert arm.carried_out(points) or mode == 1
         assert arm.commands[-1] == pytest.approx(HOME)
         assert not arm.errors
-        assert both.run(both.run(controller.variable("I1")).get_value()) == 0  # the line has come back
+        assert both.run(both.run(controller.variable("I1")).get_value()) == 0  # the connection was handed back
         both.run(controller.close())
 
 
 @pytest.mark.parametrize("mode", [0, 2])
 def test_streaming_while_datagrams_are_lost(mode: int) -> None:
-    """A set-point that is lost is sent again soon enough, and none is carried out twice."""
+    """A lost set-point is sent again in time, and none is executed twice."""
     device = VirtualRC8(motor=True, joints=HOME)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         relay = Relay(server.url, every=23)

@@ -1,4 +1,4 @@
-"""What programs do wrong while they stream, or have done to them: each of these once moved an arm wrongly, or hung."""
+"""Regressions: errors of programs while they stream, and interruptions, which once moved an arm wrongly or hung."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def at(angle: float) -> J:
 
 
 def sent(stream: Any) -> int:
-    """How many set-points of trajectories have been sent."""
+    """Return the number of set-points of trajectories that were sent."""
     return int(stream._streaming.shared.sent)
 
 
@@ -135,7 +135,7 @@ def test_a_slow_iterator_can_be_broken_off(arm: Arm) -> None:
 
 
 def test_a_stop_that_is_cancelled_is_over(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StreamMemory, "order_done", False)  # it is cancelled before it is over, however long that takes
+    monkeypatch.setattr(StreamMemory, "order_done", False)  # cancelled before its end, regardless of its duration
 
     async def main() -> None:
         async with aio.connect(arm.url) as rc8:

@@ -32,7 +32,7 @@ every_period = pytest.mark.parametrize("period", PERIODS)
 
 @dataclass
 class Stream:
-    """A planner whose commands are checked, each one as it comes, against what the controller stops an arm for."""
+    """A planner each of whose commands is checked against the limits for which the controller stops an arm."""
 
     limits: Limits
     period: float
@@ -57,7 +57,7 @@ class Stream:
         return command
 
     def until_rest(self, method: str, values: Sequence[float] | None = None, most: float = 10.0) -> int:
-        """Repeat a call; returns how many commands it took until one was the last."""
+        """Repeat a call until standstill; return the number of commands."""
         for count in range(int(most / self.period)):
             self(method, values)
             if self.planner.at_rest:
@@ -65,7 +65,7 @@ class Stream:
         raise AssertionError(f"still moving after {most} s")
 
     def hardest(self, last: int | None = None) -> float:
-        """Return the greatest jerk of the last commands, as a part of the limit."""
+        """Return the greatest jerk of the last commands, as a fraction of the limit."""
         rows = self.commands if last is None else self.commands[-last:]
         return max(
             abs((d - c) - 2 * (c - b) + (b - a)) / (self.limits.jerk[axis] * self.period**3)
@@ -83,7 +83,7 @@ def bits(values: Sequence[float]) -> bytes:
 
 
 def duration(limits: Limits, start: Joints, goal: Joints) -> float:
-    """Return how long ruckig itself takes from rest to rest."""
+    """Return the duration that ruckig itself needs between two standstills."""
     given = ruckig.InputParameter(len(start))
     given.current_position, given.target_position = start, goal
     given.max_velocity, given.max_acceleration, given.max_jerk = limits.velocity, limits.acceleration, limits.jerk
@@ -156,7 +156,7 @@ def test_a_target_that_moves_slowly_is_followed_smoothly(period: float) -> None:
 @every_arm
 @every_period
 def test_an_oscillation_that_no_arm_can_follow(arm: str, period: float) -> None:
-    """10 Hz with 30 degrees: 1900 degrees per second."""
+    """10 Hz with an amplitude of 30 deg has 1900 deg/s."""
     for method in ("follow", "take"):
         arms = stream(arm, period)
         for step in range(int(1 / period)):
@@ -200,7 +200,7 @@ def test_changes_that_are_next_to_nothing() -> None:
 @every_arm
 @every_period
 def test_the_end_of_the_range_while_moving_fast_towards_it(arm: str, period: float) -> None:
-    """The target becomes the end of the range when no smooth motion can reach it without passing it."""
+    """The target becomes the end of the range, when no smooth motion can reach it without passing it."""
     limits = LIMITS[arm]
     for axis, (low, high) in enumerate(zip(limits.lower, limits.upper, strict=True)):
         start = (*HOMES[arm][:axis], low, *HOMES[arm][axis + 1 :])
@@ -245,7 +245,7 @@ def test_stop_at_rest_repeats_the_last_command() -> None:
 @every_period
 @pytest.mark.parametrize("late", range(6))
 def test_stop_right_before_the_end_of_the_range(arm: str, period: float, late: int) -> None:
-    """Smooth where there is room for it; so late that there is none, as hard as the acceleration allows."""
+    """The stop is smooth if the range has room for it; otherwise it uses the full acceleration."""
     limits = LIMITS[arm]
     axis = 2
     low, high = limits.lower[axis], limits.upper[axis]
@@ -266,7 +266,7 @@ def test_stop_right_before_the_end_of_the_range(arm: str, period: float, late: i
 
 
 def test_a_motion_that_was_braked_hard_does_not_swing_back() -> None:
-    """A program ends with its greatest deceleration; coming to rest from there is no way back."""
+    """The set-points end with the greatest deceleration; the stop from there does not reverse."""
     points = trapezoid(VS050, 0.008, 0, HOME, 60.0)
     arms = stream()
     for point in points[:-6]:
@@ -283,7 +283,7 @@ def test_a_motion_that_was_braked_hard_does_not_swing_back() -> None:
 @every_period
 @pytest.mark.parametrize("part", [1.0, 0.3])
 def test_take_passes_on_what_is_within_the_limits(arm: str, period: float, part: float) -> None:
-    """At full acceleration and full velocity; bit for bit."""
+    """Set-points at full acceleration and full velocity are passed on bit for bit."""
     limits = LIMITS[arm]
     for axis, (low, high) in enumerate(zip(limits.lower, limits.upper, strict=True)):
         start = (*HOMES[arm][:axis], low + 0.01, *HOMES[arm][axis + 1 :])
@@ -340,7 +340,7 @@ def test_catching_up_after_a_jump(arm: str, period: float, jump: float) -> None:
 @pytest.mark.parametrize("jump", [2.0, -10.0])
 @pytest.mark.parametrize("speed", [0.0, 60.0, -120.0])
 def test_catching_up_with_set_points_that_go_on(period: float, jump: float, speed: float) -> None:
-    """They jump aside and go on as before: the arm meets them while it moves, and then passes them on again."""
+    """After a jump the set-points continue as before: the arm catches up while moving, then follows them exactly."""
     arms = stream(period=period)
     goes, off, late = True, 0.0, 0
     for step in range(int(1.2 / period)):
@@ -360,7 +360,7 @@ def test_catching_up_with_set_points_that_go_on(period: float, jump: float, spee
 @every_period
 @pytest.mark.parametrize(("frequency", "swing"), [(0.5, 60.0), (1.0, 30.0), (2.5, 4.0)])
 def test_catching_up_with_an_oscillation(period: float, frequency: float, swing: float) -> None:
-    """Set-points that begin with their full velocity, from an arm at rest."""
+    """The set-points begin at full velocity, while the arm is at standstill."""
     arms = stream(period=period)
     exact = []
     for step in range(int(3 / period)):
@@ -392,7 +392,7 @@ def test_axes_that_can_be_there_are() -> None:
 
 @every_period
 def test_take_refuses_a_state_from_which_the_arm_could_not_be_braked(period: float) -> None:
-    """Within velocity and acceleration, and within the range: but the next steps could not be."""
+    """The set-point is within velocity, acceleration and range, but the next ones could not be."""
     limits = VS050
     start = (limits.lower[0], *HOME[1:])
     arms = Stream(limits, period, start)
@@ -408,7 +408,7 @@ def test_take_refuses_a_state_from_which_the_arm_could_not_be_braked(period: flo
 
 
 def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
-    """Rounding does not make a difference."""
+    """Rounding has no effect."""
     for period in PERIODS:
         limits = VS050
         points = trapezoid(limits, period, 0, HOME, 150.0)
@@ -496,10 +496,10 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
         except InvalidValue as error:
             why = str(error)
         exact = bits(arms("take", near)) == bits(near)
-        assert exact == (not why) or "lags behind" in why  # what catches up may arrive just there
+        assert exact == (not why) or "lags behind" in why  # an axis that is catching up may arrive exactly there
 
 
-# --- whatever is asked ------------------------------------------------------------------------------------------------
+# --- any input --------------------------------------------------------------------------------------------------------
 
 ODD_NUMBERS = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
@@ -523,7 +523,7 @@ def test_any_calls_with_any_numbers_keep_the_limits(data: st.DataObject) -> None
 
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=40), st.sampled_from(PERIODS))
 def test_any_feasible_motion_can_be_followed_by_a_stop(pushes: list[tuple[float, float]], period: float) -> None:
-    """One linear axis and one that turns, with limits that are nothing like an arm's."""
+    """Return limits unlike those of an arm, for a linear and a rotary axis."""
     limits = Limits((-1.0, 0.0), (0.5, 3000.0), (3.0, 900.0), (90.0, 500.0), (400.0, 1e5))
     arms = Stream(limits, period, (0.0, 1500.0))
     for push in pushes:
@@ -540,7 +540,7 @@ def test_any_feasible_motion_can_be_followed_by_a_stop(pushes: list[tuple[float,
 
 
 def any_calls(arms: Stream, draw: random.Random, seconds: float) -> None:
-    """Jumps, oscillation, holds, targets out of range, set-points that are nearly within the limits; and stops."""
+    """Use jumps, oscillations, pauses, stops, targets out of range, and set-points nearly within the limits."""
     limits, period = arms.limits, arms.period
     left = int(seconds / period)
     rows = list(zip(limits.lower, limits.upper, strict=True))
@@ -602,7 +602,7 @@ def test_an_hour_of_random_calls(arm: str) -> None:
 
 
 def random_targets(seed: int, seconds: float, period: float) -> float:
-    """Follow targets that jump and drift; returns the greatest jerk as a part of its limit."""
+    """Follow targets that jump and drift; return the greatest jerk as a fraction of its limit."""
     draw = random.Random(seed)
     arms = stream(period=period)
     hardest = 0.0
@@ -730,7 +730,7 @@ RUCKIG = ruckig.Ruckig
 
 
 class Unable(RUCKIG):
-    """Ruckig, in states that it has no solution for."""
+    """Ruckig in states for which it has no solution."""
 
     answer: Callable[[ruckig.InputParameter, ruckig.OutputParameter], object]
 
@@ -743,7 +743,7 @@ def _raise(*_: object) -> object:
 
 
 def _too_long(*_: object) -> object:
-    return ruckig.Result(-101)  # what its result for a motion of some hours becomes: ValueError
+    return ruckig.Result(-101)  # the result for a motion of several hours is a ValueError
 
 
 def _refuse(*_: object) -> object:
@@ -761,7 +761,7 @@ def _now_and_then(unable: Unable, given: ruckig.InputParameter, output: ruckig.O
 def test_where_ruckig_has_no_solution(
     monkeypatch: pytest.MonkeyPatch, answer: Callable[..., object], period: float
 ) -> None:
-    """Then motions are within all limits but jerk, and get there all the same."""
+    """Without Ruckig's solutions, motions keep all limits except jerk, and still reach the target."""
     monkeypatch.setattr(Unable, "answer", answer, raising=False)
     monkeypatch.setattr(ruckig, "Ruckig", Unable)
     arms = stream(period=period)
@@ -775,7 +775,7 @@ def test_where_ruckig_has_no_solution(
 
 
 def test_limits_of_a_planner_are_its_own() -> None:
-    """Half the limits, but a program's set-points at the full ones: they are not passed on."""
+    """Set-points that use the full limits are not passed on if the planner has half of them."""
     half = replace(VS050, velocity=tuple(value / 2 for value in VS050.velocity))
     arms = Stream(half, 0.008, HOME)
     exact = [arms("take", point) == point for point in trapezoid(VS050, 0.008, 0, HOME, 150.0)]

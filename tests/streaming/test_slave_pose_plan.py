@@ -31,7 +31,7 @@ from orinkit.streaming.planning.quaternions import (
 Pose = tuple[float, ...]
 
 ROUNDING = 1e-9
-ANGLES = 1e-12  # deg: what rounding makes of angles
+ANGLES = 1e-12  # deg: rounding of angles
 LIMITS = PathLimits.of_model(load_model("VS-050"))
 HOME = (300.0, 0.0, 300.0, 180.0, 0.0, 180.0)
 PERIODS = (0.008, 0.004, 0.001)
@@ -52,7 +52,7 @@ def turn_of(kind: Kind, values: Pose) -> Quaternion:
 
 @dataclass
 class Stream:
-    """A planner whose commands are checked, each one as it comes."""
+    """A planner each of whose commands is checked."""
 
     kind: Kind = "P"
     period: float = 0.008
@@ -93,7 +93,7 @@ class Stream:
         raise AssertionError(f"still moving after {most} s")
 
     def hardest(self) -> tuple[float, float]:
-        """Return the greatest jerk of position and orientation, as parts of their limits."""
+        """Return the greatest jerk of position and orientation, as fractions of their limits."""
         found = [0.0, 0.0]
         for a, b, c in zip(self.steps, self.steps[1:], self.steps[2:], strict=False):
             for which, limit in enumerate((self.limits.jerk, self.limits.rotation_jerk)):
@@ -107,7 +107,7 @@ def bits(values: Sequence[float]) -> bytes:
 
 
 def duration(way: float, speed: float, acceleration: float, jerk: float) -> float:
-    """Return how long ruckig itself takes from rest to rest along a line."""
+    """Return the duration that ruckig itself needs between two standstills on a line."""
     given = ruckig.InputParameter(1)
     given.target_position = [way]
     given.max_velocity, given.max_acceleration, given.max_jerk = [speed], [acceleration], [jerk]
@@ -127,7 +127,7 @@ def any_pose(draw: random.Random) -> list[float]:
     st.floats(-180, 180), st.floats(-180, 180), st.one_of(st.floats(-90, 90), st.floats(0, 1e-6).map(lambda x: 90 - x))
 )
 def test_angles_are_those_of_the_orientation(rx: float, rz: float, ry: float) -> None:
-    """Also next to RY = 90, where RX and RZ by themselves mean next to nothing."""
+    """The check includes poses near RY = 90, where RX and RZ are not determined individually."""
     turn = of_angles(rx, ry, rz)
     angles = angles_of(turn)
     assert math.hypot(*turn_between(turn, of_angles(*angles))) < 1e-12
@@ -197,7 +197,7 @@ def test_follow_goes_straight_and_turns_about_one_axis() -> None:
 @every_kind
 @every_period
 def test_follow_ends_from_any_motion(kind: Kind, period: float) -> None:
-    """And does not go round the target."""
+    """The motion does not circle the target."""
     draw = random.Random(11)
     tool = Stream(kind, period)
     for _ in range(8):
@@ -235,7 +235,7 @@ def test_a_live_target_is_followed_smoothly(kind: Kind, period: float) -> None:
         )
         tool("follow", pose(kind, swing))
     assert math.dist(tool.planner.command[:3], pose(kind, swing)[:3]) < 30
-    assert max(tool.hardest()) <= 1.05  # the axes that a rotation is planned in turn with it
+    assert max(tool.hardest()) <= 1.05  # a rotation also rotates the axes in which it is planned
 
 
 @every_kind
@@ -249,7 +249,7 @@ def test_an_oscillation_that_no_tool_can_follow(kind: Kind, period: float, metho
 
 
 def test_half_a_turn_goes_on_the_way_that_it_began() -> None:
-    """The target moves to and fro across the opposite orientation; the tool does not turn back each time."""
+    """The target moves back and forth across the opposite orientation; the tool does not reverse each time."""
     tool = Stream(start=(300.0, 0.0, 300.0, 0.0, 0.0, 0.0))
     angles = []
     for step in range(200):
@@ -299,7 +299,7 @@ def test_a_step_that_is_next_to_nothing_can_be_gone_on_from() -> None:
 
 @pytest.mark.parametrize("pole", [90.0, -90.0])
 def test_past_the_pole_of_the_angles(pole: float) -> None:
-    """RX and RZ jump there by half a turn; the orientation does not."""
+    """RX and RZ jump by 180 deg; the orientation does not."""
     tool = Stream(start=(300.0, 0.0, 300.0, 10.0, pole - 30.0, 20.0))
     for ry in (pole + 30.0, pole, pole - 30.0):
         goal = pose("P", (300.0, 0.0, 300.0, 10.0, ry, 20.0))
@@ -328,7 +328,7 @@ def test_stop_in_the_middle_of_a_motion(kind: Kind, period: float, after: float)
 
 @every_period
 def test_stop_on_a_circle(period: float) -> None:
-    """From set-points that were passed on, with an acceleration square to the velocity."""
+    """The stop follows set-points that were passed on, with an acceleration orthogonal to the velocity."""
     tool = Stream("P", period)
     for step in range(int(0.9 / period)):
         t = step * period
@@ -344,7 +344,7 @@ def test_stop_on_a_circle(period: float) -> None:
 @every_kind
 @every_period
 def test_take_passes_on_what_is_within_the_limits(kind: Kind, period: float) -> None:
-    """At full acceleration and full speed; bit for bit."""
+    """Set-points at full acceleration and full velocity are passed on bit for bit."""
     tool = Stream(kind, period)
     change, most = LIMITS.acceleration * period**2, LIMITS.speed * period
     at, step, points = 300.0, 0.0, []
@@ -378,7 +378,7 @@ def test_take_passes_on_smooth_set_points(kind: Kind, period: float) -> None:
 
 
 def test_take_passes_on_numbers_as_they_are_written() -> None:
-    """Angles beyond 180, vectors that are not quite of length 1."""
+    """The set-points have angles beyond 180 deg, and vectors that are not exactly normalized."""
     tool = Stream()
     point = (300.0, -0.0, 300.0, -180.0, 0.0, 540.0, 5.0)
     assert bits(tool("take", point)) == bits(point)
@@ -407,7 +407,7 @@ def test_catching_up_after_a_jump(kind: Kind, period: float, way: float, turn: f
 @every_kind
 @every_period
 def test_catching_up_with_set_points_that_go_on(kind: Kind, period: float) -> None:
-    """They begin at full speed, from a tool at rest, and later jump aside."""
+    """The set-points begin at full velocity, while the tool is at standstill, and later jump."""
     tool = Stream(kind, period)
     exact = []
     for step in range(int(3 / period)):
@@ -504,10 +504,10 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
         except InvalidValue as error:
             why = str(error)
         exact = bits(tool("take", point)) == bits(point)
-        assert exact == (not why) or "lags behind" in why  # what catches up may arrive just there
+        assert exact == (not why) or "lags behind" in why  # a motion that is catching up may arrive exactly there
 
 
-# --- whatever is asked ------------------------------------------------------------------------------------------------
+# --- any input --------------------------------------------------------------------------------------------------------
 
 ODD_NUMBERS = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
@@ -664,7 +664,7 @@ def test_ruckig_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Unable(ruckig.Ruckig):
-    """Ruckig, in states that it has no solution for."""
+    """Ruckig in states for which it has no solution."""
 
     def update(self, given: ruckig.InputParameter, output: ruckig.OutputParameter) -> object:
         raise ruckig.RuckigError("no solution")

@@ -1,4 +1,4 @@
-"""What is recorded can be read again, and nothing that goes wrong with a file stops a stream."""
+"""Recordings can be read again, and errors of a file never stop a stream."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from orinkit.values.poses import J, P, T
 
 PERIOD = 0.008
 START = 1_700_000_000_000_000_000
-FULL = Path("/dev/full")  # a disk without room
+FULL = Path("/dev/full")  # a full disk
 
 
 def sample(number: int = 0, **changes) -> Sample:
-    """A sample as a controller answers it that was asked for everything; sent in bursts, as they are."""
+    """Return a sample with all fields of the feedback; samples are sent in bursts, as in practice."""
     given = {
         "number": number,
         "sent": number // 3 * 3 * PERIOD + number % 3 * 0.0002,
@@ -208,7 +208,7 @@ def test_the_header_and_the_schemas(tmp_path, words):
 
 
 def recovered(path) -> list[int]:
-    """The numbers of the samples that a streaming reader finds in what is left of a file."""
+    """Return the numbers of the samples that a streaming reader finds in an incomplete file."""
     found = []
     with path.open("rb") as file, suppress(McapError, struct.error):
         found.extend(record for record in StreamReader(file, validate_crcs=True).records)
@@ -227,7 +227,7 @@ def test_a_file_that_was_cut_off_has_its_whole_chunks(tmp_path, part):
 
 
 def test_what_a_process_that_is_killed_leaves_behind(tmp_path):
-    """The file as it is before it is closed: all but the last second or so."""
+    """Before it is closed, the file contains all samples except those of about the last second."""
     recorder = open_recorder(tmp_path / "x.mcap", kind="J", period=PERIOD)
     for number in range(1000):
         recorder.write(sample(number))
@@ -304,7 +304,7 @@ def test_arguments_that_are_none(tmp_path, change):
 
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 def test_a_full_disk(tmp_path):
-    """Writing stops, and says so; no exception comes out of it."""
+    """Writing ends and reports the error, without an exception."""
     (tmp_path / "x.csv").symlink_to(FULL)
     recorder = open_recorder(tmp_path / "x.csv", kind="J", period=PERIOD)
     for number in range(5):
@@ -326,7 +326,7 @@ def test_a_disk_that_is_full_before_anything_moves(tmp_path):
 
 @pytest.mark.parametrize("name", ["x.csv", "x.mcap"])
 def test_a_disk_that_becomes_full(tmp_path, name):
-    """A limit of the file's size stands for it."""
+    """A limit of the file size simulates a full disk."""
     resource = pytest.importorskip("resource")
     signal = pytest.importorskip("signal")
     before, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

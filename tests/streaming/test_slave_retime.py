@@ -1,4 +1,4 @@
-"""The same path, within the limits, as fast as it may be; and the same motion with another period."""
+"""Retiming: the same path within the limits, as fast as possible. Resampling: the same motion with another period."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def limits(axes: int = 1, velocity: float = 100.0, acceleration: float = 500.0, 
 
 
 def retimed(points, bounds, kind="J"):
-    """Retime, and check what is always so."""
+    """Retime, and check the properties of every result."""
     result = retime(points, bounds, PERIOD, kind)
     check = check_trajectory if kind == "J" else check_path
     check(result, bounds, points[0], PERIOD, *([] if kind == "J" else [kind]))
@@ -45,14 +45,14 @@ def seconds(result) -> float:
 
 
 def shortest(distance: float, velocity: float, acceleration: float) -> float:
-    """From rest to rest."""
+    """Return a motion between two standstills."""
     if distance * acceleration < velocity**2:
         return 2 * math.sqrt(distance / acceleration)
     return distance / velocity + velocity / acceleration
 
 
 def off_the_path(result, points) -> float:
-    """How far samples are from the polygon of points, at most."""
+    """Return the largest distance of samples from the polygon of points."""
     corners = np.array(points)
     begin, along = corners[:-1], np.diff(corners, axis=0)
     size = np.maximum((along**2).sum(axis=1), 1e-300)
@@ -91,7 +91,7 @@ def test_a_jump_takes_the_shortest_time(distance, velocity, sign):
 
 
 def test_a_jump_between_holds():
-    """The holds stay holds, what lies between is a straight line of the joints."""
+    """Pauses remain pauses, and jumps become straight lines in joint space."""
     before, after = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0), (90.0, 10.0, 30.0, 20.0, -45.0, 160.0)
     result = retimed([before] * 20 + [after] * 20, limits(6))
     assert off_the_path(result, [before, after]) < 1e-9
@@ -108,7 +108,7 @@ def test_a_jump_out_of_a_motion_is_a_straight_line():
 
 
 def test_only_what_is_too_fast_is_slowed_down():
-    """A slow wave, a kick in the middle of it, and the slow wave again: the waves are as fast as given."""
+    """A slow wave with a jump in the middle: the parts of the wave keep their velocity."""
     wave = [20 * math.sin(n * 0.01) for n in range(2000)]
     points = [(value + (3.0 if 1000 <= n < 1004 else 0.0),) for n, value in enumerate(wave)]
     result = retimed([(0.0,)] * 2 + points, limits())
@@ -164,7 +164,7 @@ values = st.floats(-150, 150)
 )
 def test_any_points_become_a_trajectory(points, velocity, acceleration):
     result = retimed(points, limits(2, velocity, acceleration))
-    for point in points[:-1]:  # it passes all of them, at most a step beside
+    for point in points[:-1]:  # it passes all points within one step
         step = 2 * velocity * PERIOD + acceleration * PERIOD**2
         assert min(math.dist(point, place) for place in result) <= step
 
@@ -217,7 +217,7 @@ def test_arguments_that_do_not_fit(bounds, kind, period):
 
 
 def as_trans(point):
-    """The T of a P, by numpy."""
+    """Return the T of a P, computed with numpy."""
     rx, ry, rz = np.radians(point[3:6])
     x = np.array([[1, 0, 0], [0, np.cos(rx), -np.sin(rx)], [0, np.sin(rx), np.cos(rx)]])
     y = np.array([[np.cos(ry), 0, np.sin(ry)], [0, 1, 0], [-np.sin(ry), 0, np.cos(ry)]])
@@ -264,7 +264,7 @@ def test_a_circle_is_kept():
     points = [(400 + 100 * math.cos(n * 0.08), 100 * math.sin(n * 0.08), *HERE[2:]) for n in range(300)]
     result = retimed(points, SPACE, "P")
     assert max(abs(math.hypot(row[0] - 400, row[1]) - 100) for row in result) < 1e-3
-    # at sqrt(5000 * 100) = 707 mm/s the centripetal acceleration is all that is allowed
+    # at sqrt(5000 * 100) = 707 mm/s the centripetal acceleration reaches the limit
     assert seconds(result) == pytest.approx(299 * 8 / math.sqrt(5000 * 100) + 707 / 5000, rel=0.03)
 
 
@@ -328,7 +328,7 @@ def test_resampling_of_little():
     st.integers(2, 7),
 )
 def test_orientations_turn_the_shorter_way(angles, parts):
-    """Between two orientations the tool turns about one axis."""
+    """The tool rotates about one axis between two orientations."""
     points = [(0.0, 0.0, 0.0, *turn, 5.0) for turn in angles]
     turns = [np.array(as_trans(point)[3:9]) for point in points]
     assume(float(turns[0] @ turns[1]) > -0.5)

@@ -1,4 +1,4 @@
-"""Streaming, over the wire: whole trajectories, live targets, single set-points; in sync and async from one body."""
+"""Streaming over a connection: trajectories, live targets, single set-points; one test body for sync and async."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def both(request: Any) -> Iterator[Both]:
 
 
 class Session:
-    """A client with arm and motor, and slave mode."""
+    """A client with the arm taken and the motor on, and slave mode."""
 
     def __init__(self, both: Both, url: str) -> None:
         self.both = both
@@ -66,7 +66,7 @@ def session(both: Both, arm: Arm) -> Iterator[Session]:
 def test_a_trajectory_is_carried_out_point_by_point(session: Session, arm: Arm, mode: int) -> None:
     amplitude = (
         5.0 if mode == 1 else 10.0
-    )  # a cycle without a new set-point is a stop for a cycle: within the limits still
+    )  # a cycle without a new set-point stops the arm for a cycle, within the limits
     points = sine(2.0, amplitude)
     told: list[Any] = []
     results: list[Any] = []
@@ -77,13 +77,13 @@ def test_a_trajectory_is_carried_out_point_by_point(session: Session, arm: Arm, 
     assert result.underflows == 0
     assert result.missed == 0
     assert told[-1] == (len(points), len(points))
-    if mode == 1:  # the newest one counts: a server that was late may have missed some
+    if mode == 1:  # the newest one counts: a late server may have skipped some
         assert len(set(points) & {tuple(row) for row in arm.commands.tolist()}) > 0.9 * len(set(points))
     else:
         assert arm.carried_out(points)
     assert arm.errors == []
     assert arm.mode == 0
-    assert arm.within_limits() or (mode == 1 and not arm.carried_out(points))  # where the server was late it is lenient
+    assert arm.within_limits() or (mode == 1 and not arm.carried_out(points))  # a late server is lenient
     numbers = [sample.number for sample in result.samples]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert {tuple(sample.command[:6]) for sample in result.samples} >= set(points)
@@ -126,7 +126,7 @@ def test_a_live_target_is_reached_within_the_limits(session: Session, arm: Arm) 
 
 @contextmanager
 def gathered() -> Iterator[None]:
-    """Have pushed set-points wait in the queue, so that it is not empty should the program stand still right afterwards."""
+    """Keep pushed set-points in the queue, so that it does not run empty if the program is suspended afterwards."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(StreamMemory, "feed_queue", lambda _: None)
         yield

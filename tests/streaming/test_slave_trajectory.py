@@ -1,4 +1,4 @@
-"""Trajectories are read from what people have, and refused before an arm moves if it cannot do them."""
+"""Trajectories are read from common sources, and rejected before the arm moves if they violate its limits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def limits(axes: int = 1, velocity: float = 100.0, acceleration: float = 500.0, 
 
 
 class Hostile:
-    """An element that does all it can."""
+    """An element whose methods all raise an exception."""
 
     def __float__(self):
         raise RuntimeError
@@ -195,8 +195,8 @@ def test_numpy_is_not_needed():
 
 # --- checking joints --------------------------------------------------------------------------------------------------
 
-STEP = 500.0 * PERIOD**2  # what one axis may do from rest, 0.032 deg
-RAMP = [STEP * n * (n + 1) / 2 for n in range(20)]  # each step is STEP longer
+STEP = 500.0 * PERIOD**2  # the largest first step of an axis from standstill, 0.032 deg
+RAMP = [STEP * n * (n + 1) / 2 for n in range(20)]  # each step is longer by STEP
 
 
 def up_and_down() -> list[tuple[float]]:
@@ -220,7 +220,7 @@ def test_a_motion_at_the_limit_is_taken():
 
 
 def test_rounding_of_numbers_does_not_matter_that_of_files_does():
-    """The last of six decimals is more than a controller lets pass, that of nine is not."""
+    """Rounding to six decimals exceeds the tolerance of a controller, rounding to nine does not."""
     bounds = limits(acceleration=500.0 / 3)
     exact = [value / 3 for (value,) in up_and_down()]
     check_trajectory([(value,) for value in exact], bounds, (0.0,), PERIOD)
@@ -295,7 +295,7 @@ def test_arguments_that_are_none(change):
 
 
 def slow_check(points: list[tuple[float, ...]], bounds: Limits, start: tuple[float, ...]) -> tuple[int, int] | None:
-    """What the document says, word by word: sample and axis of the first breach."""
+    """Return sample and axis of the first limit violation, computed literally by the rules of the document."""
     places = [start, start, *points, points[-1]]
     for sample in range(len(points) + 1):
         last = min(sample, len(points) - 1)
@@ -339,11 +339,11 @@ def test_range_alone():
 
 # --- checking paths ---------------------------------------------------------------------------------------------------
 
-SPACE = PathLimits(1000.0, 5000.0, 1e5, 200.0, 1000.0, 2e4)  # 8 mm, 0.32 mm; 1.6 deg, 0.064 deg a period
+SPACE = PathLimits(1000.0, 5000.0, 1e5, 200.0, 1000.0, 2e4)  # per period: 8 mm, 0.32 mm; 1.6 deg, 0.064 deg
 
 
 def along(values: list[float], place: int) -> list[tuple[float, ...]]:
-    """Positions of which one value changes."""
+    """Return positions of which one value changes."""
     row = [400.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0]
     points = []
     for value in values:
@@ -353,7 +353,7 @@ def along(values: list[float], place: int) -> list[tuple[float, ...]]:
 
 
 def as_trans(point: tuple[float, ...]) -> tuple[float, ...]:
-    """The T of a P, by numpy."""
+    """Return the T of a P, computed with numpy."""
     rx, ry, rz = np.radians(point[3:6])
     x = np.array([[1, 0, 0], [0, np.cos(rx), -np.sin(rx)], [0, np.sin(rx), np.cos(rx)]])
     y = np.array([[np.cos(ry), 0, np.sin(ry)], [0, 1, 0], [-np.sin(ry), 0, np.cos(ry)]])
@@ -390,7 +390,7 @@ def test_paths(kind, values, place, sample, words):
 
 
 def test_turning_about_an_axis_that_is_no_axis_of_the_angles():
-    """Near RY = 90 the angles of P jump, the tool hardly turns."""
+    """Near RY = 90 the angles of a P jump, although the tool hardly rotates."""
     points = [(400.0, 0.0, 300.0, 0.0, 90.0, 10.0, 5.0), (400.0, 0.0, 300.0, 50.0, 90.0, 60.02, 5.0)] * 2
     check_path([points[0], points[1], points[1]], SPACE, None, PERIOD, "P")
 

@@ -1,4 +1,4 @@
-"""Slave mode over UDP and over a serial line: as over TCP."""
+"""Slave mode over UDP and over serial lines behaves as over TCP."""
 
 from __future__ import annotations
 
@@ -35,14 +35,16 @@ def test_a_live_target(arm: Arm) -> None:
 
 
 def test_kill_9_of_the_program(arm: Arm) -> None:
-    """The streaming process has the connection, brings the arm to rest, and leaves slave mode."""
+    """The streaming process, which has the connection, stops the arm and leaves slave mode."""
     with program(arm.url, "target") as (process, streamer):
         until(lambda: arm.arm.queue.joints[0] > 5)
         process.kill()
         until(arm.standing)
         until(lambda: gone(streamer))
     came_to_rest(arm)
-    until(arm.free, 5.0)  # the streaming process has said goodbye; over UDP silence would take 10 s to tell
+    until(
+        arm.free, 5.0
+    )  # the streaming process has closed the connection; over UDP the server would detect silence only after 10 s
 
 
 def test_the_server_goes_away() -> None:

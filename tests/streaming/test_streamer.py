@@ -1,4 +1,4 @@
-"""What the streaming process does in odd states of the memory that it shares with the program."""
+"""The streaming process in unusual states of the memory that it shares with the program."""
 
 from __future__ import annotations
 
@@ -47,16 +47,16 @@ def setup() -> StreamerConfig:
 
 
 class Controller(StreamerConnection):
-    """Takes every set-point at once; a script says what the program does meanwhile.
+    """A connection that accepts every set-point at once; a script simulates the program meanwhile.
 
     Attributes:
-        count: of set-points.
-        asked: by which set-point it was asked how late they were, and how many it was to leave out.
-        answer: to that; or makes an exception, which is raised.
+        count: Number of set-points.
+        asked: For each query of late set-points: the number of set-points before it, and how many to leave out.
+        answer: The reply to a query, or a function that returns an exception to raise.
     """
 
     def __init__(self, script: Callable[[int], None]) -> None:
-        super().__init__(None, setup(), STREAM)  # nothing goes over the wire
+        super().__init__(None, setup(), STREAM)  # nothing is sent
         self._script = script
         self.count = 0
         self.asked: list[tuple[int, int]] = []
@@ -87,7 +87,7 @@ def shared() -> Iterator[StreamMemory]:
 
 @pytest.fixture
 def watch() -> Iterator[ProgramMonitor]:
-    """Looks whether the parent of this process runs, over a channel."""
+    """Monitors the parent of this process, over a channel."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
         yield ProgramMonitor(Channel(theirs), os.getppid())
@@ -106,7 +106,7 @@ def test_a_target_that_is_being_written_is_no_reason_to_brake(shared: StreamMemo
     def script(cycle: int) -> None:
         if cycle == 2:
             shared.set_target((40.0, *HOME[1:]), monotonic_ns())
-        elif cycle == 10:  # the program is kept from finishing the next one
+        elif cycle == 10:  # the program is suspended while it writes the next one
             shared._words[_Word.TARGET_BEGUN] += 1
         elif cycle == 1000:
             shared.order(StreamCommand.LEAVE)
@@ -126,7 +126,7 @@ def test_a_target_before_a_halt_is_not_taken_up_again(shared: StreamMemory) -> N
         elif cycle == 30:
             shared.order(StreamCommand.HALT)
         elif cycle == 200:
-            shared._words[_Word.TARGET_BEGUN] += 1  # of another target, which is not there yet
+            shared._words[_Word.TARGET_BEGUN] += 1  # of another target, which is incomplete
             shared.order(StreamCommand.RUN)
         elif cycle == 300:
             shared.order(StreamCommand.LEAVE)
@@ -156,7 +156,7 @@ def test_what_the_process_is_told_arrives(number: int, changes: dict[str, Any]) 
 
 
 class Times:
-    """A clock that a test moves, and whether the program is stopped."""
+    """A clock that a test controls, and the state of the program (stopped or not)."""
 
     def __init__(self, watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
@@ -171,8 +171,8 @@ def times(watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> Times:
 
 
 def test_how_long_a_program_may_be_stopped(watch: ProgramMonitor, times: Times) -> None:
-    """For as long as a machine may stall; each time anew."""
-    story = [  # seconds that pass, whether it is stopped then, whether that is for too long
+    """A program may be stopped for as long as a machine may stall, repeatedly."""
+    story = [  # s that pass, whether the program is stopped then, whether it has been stopped for too long
         (1.0, False, ""),
         (0.03, True, ""),
         (0.2, True, ""),
@@ -203,7 +203,7 @@ def test_it_is_looked_at_fifty_times_a_second(watch: ProgramMonitor, times: Time
 def test_a_program_that_is_stopped_while_it_streams(
     shared: StreamMemory, watch: ProgramMonitor, times: Times, cycles: int, goes_on: bool
 ) -> None:
-    """For less than 0.25 s the arm goes on to its live target as if nothing had been; after more it is brought to rest."""
+    """If the program is stopped for less than 0.25 s, the arm continues to its live target; otherwise it stops."""
 
     def script(cycle: int) -> None:
         times.now += PERIOD
@@ -223,7 +223,7 @@ def test_a_program_that_is_stopped_while_it_streams(
 
 
 def test_the_state_of_a_process_that_is_stopped(watch: ProgramMonitor) -> None:
-    """As the system tells it."""
+    """The state is that reported by the system."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
         looking = ProgramMonitor(watch._channel, child.pid)
         try:
@@ -233,7 +233,7 @@ def test_the_state_of_a_process_that_is_stopped(watch: ProgramMonitor) -> None:
             until(lambda: not looking._is_stopped())
         finally:
             child.kill()
-    until(lambda: not looking._is_stopped())  # it has gone
+    until(lambda: not looking._is_stopped())  # it has ended
     assert not ProgramMonitor(watch._channel, child.pid)._is_stopped()
 
 
@@ -254,7 +254,7 @@ def late(shared: StreamMemory, watch: ProgramMonitor, controller: Controller) ->
 
 
 def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ProgramMonitor) -> None:
-    """Once, and not for those that it has told of; before the program can see that the arm stands."""
+    """The query is sent once, without those already reported, before the program can see that the arm stands."""
 
     def script(cycle: int) -> None:
         if cycle in (100, 600):
@@ -270,7 +270,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemor
     controller = Controller(script)
     late(shared, watch, controller)
     (before, start, first, second) = controller.asked
-    assert before == (0, 0)  # slave mode is off yet
+    assert before == (0, 0)  # slave mode is not on yet
     assert start[0] < 100 < first[0] < 600 < second[0] < 1200
     assert [start[1], first[1], second[1]] == [0, 0, 2]
     for moment, known, then in (
@@ -314,8 +314,10 @@ def test_a_controller_that_does_not_tell_is_asked_once(
 
 
 @pytest.mark.parametrize("answer", [not_implemented, no_answer, "garbage"])
-def test_a_controller_that_tells_no_more(shared: StreamMemory, watch: ProgramMonitor, answer: Any) -> None:
-    """The stream goes on, and what was told counts."""
+def test_a_controller_that_stops_reporting_late_set_points(
+    shared: StreamMemory, watch: ProgramMonitor, answer: Any
+) -> None:
+    """The stream continues, and the reports so far count."""
 
     def script(cycle: int) -> None:
         if cycle == 10:

@@ -189,7 +189,7 @@ def test_what_is_no_address(text: str, reason: str) -> None:
     assert reason in message
     assert len(message) < 600
     example = message.partition("Example: ")[2]
-    parse_address(example)  # an example that could not be used would be of no use
+    parse_address(example)  # the example must be valid itself
 
 
 @pytest.mark.parametrize("value", [5007, None, b"tcp://a", 10**5000, [10**5000]], ids=brief)

@@ -1,4 +1,4 @@
-"""Children of a program do not keep its connections: whoever is killed is gone for the other side, at once."""
+"""Forked children do not keep the connections of a program: if it is killed, its peers detect that at once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no for
 
 
 class Echoing(orinkit.Device):
-    """Answers what it is told, at once or later."""
+    """A device with a command that returns its argument, and one that waits."""
 
     provider_names = ("Test.Echo",)
 
@@ -92,7 +92,7 @@ END = "\nif __name__ == '__main__':\n    main(sys.argv[1])\n"
 
 @contextmanager
 def running(path: Path, program: str, argument: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a program from a file, which multiprocessing's method ``spawn`` needs."""
+    """Run a program from a file, as multiprocessing's start method ``spawn`` requires."""
     path.write_text(BEGIN + program + END, encoding="utf-8")
     process = subprocess.Popen([sys.executable, path, argument], stdout=subprocess.PIPE, text=True)
     try:
@@ -234,14 +234,14 @@ def test_a_killed_server_whose_child_lives(tmp_path, listen_at: str) -> None:
 
 
 class Broken:
-    """Something that cannot say what it has."""
+    """An object that cannot return its descriptors."""
 
     def left_behind(self) -> list[int]:
         raise ValueError
 
 
 class Holding:
-    """Something that has descriptors."""
+    """An object with descriptors."""
 
     def __init__(self, *descriptors: int) -> None:
         self.descriptors = descriptors
@@ -252,7 +252,7 @@ class Holding:
 
 @pytest.mark.parametrize("possible", [True, False])
 def test_what_is_left_behind(monkeypatch: pytest.MonkeyPatch, possible: bool) -> None:
-    """As in a child: descriptors become the null device, or are closed where there is no descriptor for that."""
+    """As in a child, descriptors become the null device, or are closed if no descriptor is available for it."""
     monkeypatch.setattr(fork_safety, "_kept", set())
     ends = os.pipe()
     for thing in (Broken(), Holding(-1, ends[0]), Holding(ends[1])):

@@ -1,4 +1,4 @@
-"""e-CAP over HTTP, on the caller's own thread and in asyncio: one body for both."""
+"""e-CAP over HTTP, synchronous and in asyncio: one test body for both."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ from support.http_peers import (
 from support.peers import Gone
 from support.waiting import TooSlow, until, with_longer_times
 
-PATIENT = 20.0  # a time-out that no test may reach
-SHORT = 0.1  # a time-out that is meant to pass
+PATIENT = 20.0  # s: a time-out that no test may reach
+SHORT = 0.1  # s: a time-out that is expected to pass
 
 
 class Way:
-    """A link to a server, whichever it is."""
+    """A link to a server, synchronous or asynchronous."""
 
     def __init__(self, both: Both, address: HttpAddress, *more: Any) -> None:
         self.both = both
@@ -98,7 +98,7 @@ class Way:
         return self.receive(seconds)
 
     def hello(self) -> None:
-        """Make the connection: that takes time too."""
+        """Open the connection beforehand, because that takes time too."""
         assert self.ask(HELLO) == HELLO
 
     def close(self) -> None:
@@ -107,11 +107,11 @@ class Way:
 
         self.both.run(self.link.close() if self.both.loop is None else body())
         if self.both.loop is not None:
-            self.both.run(self.both.loop.shutdown_default_executor())  # where names are looked up
+            self.both.run(self.both.loop.shutdown_default_executor())  # names are resolved here
 
 
 class Ways:
-    """Opens links, and closes them all."""
+    """Opens links, and finally closes all of them."""
 
     def __init__(self, both: Both) -> None:
         self.both = both
@@ -197,7 +197,7 @@ def test_a_connection_that_was_idle_for_long_is_not_used_again(ways: Ways, monke
         way = ways(peer)
         for number in range(3):
             assert way.ask(b"%d" % number) == b"%d" % number
-            time.sleep(0.001)  # a clock that stands still is no silence
+            time.sleep(0.001)  # a clock that stands still does not count as silence
         assert peer.connections == 3
 
 
@@ -235,7 +235,7 @@ def test_a_token_that_no_header_can_have(both: Both, token: str) -> None:
     assert "s3cr" not in str(caught.value)
 
 
-def test_there_is_nothing_to_be_lent(ways: Ways) -> None:
+def test_the_connection_cannot_be_handed_over(ways: Ways) -> None:
     with HttpPeer(echo) as peer:
         way = ways(peer)
         with pytest.raises(StreamError, match="tcp://"):
@@ -374,7 +374,7 @@ def test_a_request_that_was_never_waited_for_is_not_posted(ways: Ways) -> None:
 
 @pytest.mark.parametrize("more", [reply(b"wrong"), b"\r\n", b"\n", b"rubbish\r\n\r\n", head(length=3)])
 def test_more_than_an_answer(ways: Ways, more: bytes) -> None:
-    """What comes behind an answer is not taken for that of the next call, which goes out once, over another connection."""
+    """Data after a reply is not taken for the next reply; the next call is sent once, over another connection."""
 
     def too_much(line: HttpLine) -> None:
         line.send(reply(line.post().body) + more)
@@ -468,7 +468,7 @@ def test_a_server_that_does_not_read(ways: Ways) -> None:
 
 @pytest.fixture
 def full() -> Iterator[HttpAddress]:
-    """A place where connecting takes for ever."""
+    """An address to which connecting never completes."""
     listener = socket.create_server(("127.0.0.1", 0), backlog=0)
     address = HttpAddress("http", *listener.getsockname())
     others = [socket.socket() for _ in range(8)]
@@ -603,8 +603,8 @@ def test_patience_with_a_server_that_cannot_tell(ways: Ways) -> None:
         assert time.monotonic() - began >= SHORT * 1.9
 
 
-def test_no_patience_where_no_work_is_to_be_done(ways: Ways) -> None:
-    """Service_Start and Service_Stop; and any call while nothing is known of the server."""
+def test_calls_without_the_extended_time_out(ways: Ways) -> None:
+    """Service_Start, Service_Stop, and calls while nothing is known of the server have no extended time-out."""
 
     def answers_one(line: HttpLine) -> None:
         line.post()
@@ -784,7 +784,7 @@ def test_a_status_that_is_an_error(ways: Ways, status: str, kind: type[OrinError
         with pytest.raises(kind, match="の応答は HTTP"):
             way.ask(b"Func=1")
         assert way.ask(b"Func=1") == S_OK
-        assert peer.connections == 1  # each error came whole
+        assert peer.connections == 1  # each error response was complete
 
 
 def test_a_token_that_is_wrong(ways: Ways) -> None:
@@ -863,7 +863,7 @@ def test_a_request_that_is_refused_before_it_was_read(ways: Ways, then: str) -> 
     with HttpPeer(refuses, echo) as peer:
         way = ways(peer)
         if then == "closes":
-            with pytest.raises((LimitExceeded, ConnectionLost)):  # what it said may be lost with the connection
+            with pytest.raises((LimitExceeded, ConnectionLost)):  # the response may be lost with the connection
                 way.ask(bytes(8_000_000))
             assert peer.ended.acquire(timeout=PATIENT)
         else:
@@ -1041,7 +1041,7 @@ def test_no_tls_where_there_is(ways: Ways) -> None:
     with SecurePeer(echo) as peer:
         way = ways(peer.address._replace(scheme="http"))
         try:
-            assert way.ask(b"x") == b""  # closed without a word
+            assert way.ask(b"x") == b""  # closed without a reply
         except (ProtocolError, ConnectionLost) as error:
             assert "https" in str(error) or isinstance(error, ConnectionLost)  # noqa: PT017 - one of the two
 
@@ -1084,7 +1084,7 @@ STAYING = {
 def test_closing_from_another_thread_ends_a_receive(
     kind: type[HttpPeer], where: str, closers: int, full: HttpAddress
 ) -> None:
-    kind = HttpPeer if where == "tls" else kind  # that does not begin TLS
+    kind = HttpPeer if where == "tls" else kind  # the client never begins TLS
     with kind(STAYING.get(where, answers_and_stays())) as peer:
         address = full if where == "connecting" else peer.address
         link = HttpLink(address._replace(scheme="https") if where == "tls" else address, KNOWN)
@@ -1102,7 +1102,7 @@ def test_closing_from_another_thread_ends_a_receive(
 
 @pytest.mark.parametrize("kind", [HttpPeer, SecurePeer])
 def test_closing_from_another_thread_at_any_moment(kind: type[HttpPeer]) -> None:
-    """Every call has its own answer until the link says that it is closed."""
+    """Every call returns its own reply, until the link reports that it is closed."""
     chance = random.Random(1)
     with kind(echo) as peer:
         for _ in range(60):
@@ -1118,7 +1118,7 @@ def test_closing_from_another_thread_at_any_moment(kind: type[HttpPeer]) -> None
 
 @pytest.mark.parametrize("where", [*STAYING, "after a sign"])
 def test_a_last_request_of_another_thread(where: str) -> None:
-    """Who closes a client says goodbye before: the call that waits ends as if the link was closed already."""
+    """Closing a client sends closing packets first: a pending call ends as if the link were already closed."""
     script = STAYING.get(where, answers_and_stays(head("200 OK", CHUNKED) + chunks(b"\n", end=False)))
     with HttpPeer(script, echo) as peer:
         link = HttpLink(peer.address)
@@ -1286,7 +1286,7 @@ def test_a_cancelled_receive_goes_on() -> None:
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", [HttpPeer, SecurePeer])
 def test_receives_cancelled_at_random_moments(kind: type[HttpPeer], seed: int) -> None:
-    """Whatever is cancelled, each later call gets its own answer, and nothing is posted twice."""
+    """After any cancellation, each later call returns its own reply, and nothing is posted twice."""
 
     def in_pieces(line: HttpLine) -> None:
         chance = random.Random(seed)
@@ -1349,14 +1349,14 @@ def test_another_event_loop() -> None:
 
 
 class Interrupt(BaseException):
-    """What KeyboardInterrupt is."""
+    """An exception like KeyboardInterrupt."""
 
 
 @pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")  # an interrupt may hit while a socket is being made,
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # or in a callback that has no caller
 @pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="this system has no such signals")
 def test_a_link_that_was_interrupted_is_in_step() -> None:
-    armed, stop = False, threading.Event()  # a lock of an Event could be held by what is interrupted
+    armed, stop = False, threading.Event()  # the interrupted code could hold the lock of an Event
 
     def handle(number: int, frame: FrameType | None) -> None:
         nonlocal armed
@@ -1375,7 +1375,7 @@ def test_a_link_that_was_interrupted_is_in_step() -> None:
     with HttpPeer(echo) as peer:
         link = HttpLink(peer.address)
         link.send(HELLO, PATIENT)
-        assert link.receive(PATIENT) == HELLO  # what has to be imported has been by now
+        assert link.receive(PATIENT) == HELLO  # everything is already imported
         interrupting.start()
         try:
             for number in itertools.count():
@@ -1427,7 +1427,7 @@ def test_whatever_comes_is_an_answer_or_an_error_of_orinkit(fuzzed: Any, sent: b
         while received == b"\n":
             received = way.receive()
     except OrinError as error:
-        assert len(str(error)) < 800  # noqa: PT017 - or an answer
+        assert len(str(error)) < 800  # noqa: PT017 - or a reply
     else:
         assert received is not None
 
@@ -1469,7 +1469,7 @@ def test_httpx2_is_missing(monkeypatch: pytest.MonkeyPatch, module: str) -> None
 
 
 def test_a_peer_that_is_gone_is_no_error_of_the_test() -> None:
-    """The scripts of this file end when the client has left."""
+    """The scripts of this file end when the client has disconnected."""
     with HttpPeer(echo) as peer, socket.create_connection(("127.0.0.1", peer.port)) as client:
         client.close()
         assert peer.ended.acquire(timeout=PATIENT)

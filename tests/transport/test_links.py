@@ -1,4 +1,4 @@
-"""UDP and serial ports, on the caller's own thread and in asyncio: one body for all."""
+"""UDP and serial ports, synchronous and in asyncio: one test body for all."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ from orinkit.transport.serial.settings import open_port
 from orinkit.transport.serial.windows import PortLink
 from support.both import Both
 
-PATIENT = 20.0  # a time-out that no test may reach
-SHORT = 0.05  # a time-out that is meant to pass
+PATIENT = 20.0  # s: a time-out that no test may reach
+SHORT = 0.05  # s: a time-out that is expected to pass
 
 
 Openers = tuple[Callable[[Any, float], Any], Callable[[Any, float], Any]]
 
 
 class UdpPeer:
-    """The other side, over UDP."""
+    """A peer over UDP."""
 
     kind = "udp"
     openers: Openers = (links.open_link, aio_links.open_link)
@@ -72,7 +72,7 @@ class UdpPeer:
 
 
 class SerialPeer:
-    """The other side, over a pair of pseudo-terminals."""
+    """A peer over a pair of pseudo-terminals."""
 
     kind = "serial"
     openers: Openers = (links.open_link, aio_links.open_link)
@@ -103,7 +103,7 @@ class SerialPeer:
 
 
 class PortPeer(SerialPeer):
-    """The same for the links that Windows has, with the serialx of this system."""
+    """A peer for the links of Windows, with the serialx of this system."""
 
     openers = (lambda address, seconds: PortLink(open_port(address)), AsyncPortLink.open)
 
@@ -113,7 +113,7 @@ PORTS = [SerialPeer, PortPeer]
 
 
 class Way:
-    """A link to a peer, whichever it is."""
+    """A link to a peer, synchronous or asynchronous."""
 
     def __init__(self, both: Both, peer: Any) -> None:
         self._both = both
@@ -121,7 +121,7 @@ class Way:
         self.link = self.open(peer.address)
 
     def do(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Call something of the asynchronous side in the event loop."""
+        """Call a function of the asynchronous link in the event loop."""
 
         async def body() -> Any:
             result = function(*arguments)
@@ -140,7 +140,7 @@ class Way:
         return result
 
     def hello(self) -> None:
-        """Let both sides know each other."""
+        """Send a packet to the peer, so that each side has received or sent something."""
         self.send(b"hello")
         assert self.peer.receive(5) == b"hello"
 
@@ -182,7 +182,7 @@ def serial(request: pytest.FixtureRequest, both: Both) -> Iterator[Way]:
 
 
 def test_there_and_back(way: Way) -> None:
-    every_byte = bytes(range(256))  # none of them means anything to a terminal
+    every_byte = bytes(range(256))  # no byte has a special meaning for a terminal in raw mode
     for data in (b"\x00", every_byte, b"\x11\x13\x03\x04\r\n", bytes(488)):
         way.send(data)
         assert way.peer.receive(len(data)) == data
@@ -275,14 +275,14 @@ def test_a_cancelled_receive_leaves_the_link_as_it_was(peer: Any) -> None:
 
 
 def test_another_process_takes_the_link_over(way: Way) -> None:
-    """What it would be in another process: a link of its own, over a copy of the descriptor."""
+    """Return the link that another process would have, over a copy of the descriptor."""
     way.hello()
     theirs = links.adopt(way.peer.kind, os.dup(way.do(way.link.fileno)))
     theirs.send(b"set-point", PATIENT)
     assert way.peer.receive(9) == b"set-point"
     way.peer.send(b"answer")
     if way._both.loop is not None:
-        way.do(asyncio.sleep, SHORT)  # the event loop has time to take it, and does not
+        way.do(asyncio.sleep, SHORT)  # the event loop has time to read it, but must not
     assert theirs.receive(PATIENT) == b"answer"
     assert theirs.receive(SHORT) is None
     theirs.release()
@@ -354,7 +354,7 @@ def test_other_addresses_are_not_heard(udp: Way) -> None:
 def test_nobody_listens(udp: Way) -> None:
     udp.peer.close()
     with pytest.raises(ConnectFailed, match="no program listens there") as caught:
-        for _ in range(100):  # the system tells a little later
+        for _ in range(100):  # the system reports it a little later
             udp.send(b"x")
             udp.receive(SHORT)
     assert str(udp.peer.address) in str(caught.value)
@@ -467,7 +467,7 @@ def test_what_came_before_is_thrown_away(both: Both, kind: Any) -> None:
 def test_a_port_is_for_one_program(serial: Way) -> None:
     with pytest.raises(ConnectFailed, match="close the program that uses it"):
         serial.open(serial.peer.address)
-    serial.hello()  # the first one has it still
+    serial.hello()  # the first one still has it
 
 
 def test_a_port_is_free_again(serial: Way) -> None:
@@ -501,7 +501,7 @@ def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.Monk
     monkeypatch.setattr(os, "dup", slowly)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        asyncio.run(body())  # the thread is waited for
+        asyncio.run(body())  # waits for the thread
     assert [str(each.message) for each in said] == []
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(opened[0])
@@ -541,7 +541,7 @@ def test_what_to_try(number: int, advice: str, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize("change", [{"baudrate": 12_345_678}, {"flow": 2}, {"flow": 1}, {"parity": "M"}, {"bits": 5}])
 def test_settings_are_taken(both: Both, change: dict[str, Any]) -> None:
-    """A pseudo-terminal takes what it has no use for."""
+    """A pseudo-terminal accepts settings that it does not use."""
     peer = SerialPeer()
     peer.address = replace(peer.address, **change)
     serial = Way(both, peer)
@@ -568,7 +568,7 @@ def test_without_serialx(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_line_that_takes_nothing_does_not_keep_a_program(serial: Way) -> None:
-    """Whatever cannot be sent in time is lost: a request is sent again, a call ends with its time-out."""
+    """Data that cannot be sent in time is lost: a request is sent again, a call ends with its time-out."""
     if serial._both.loop is None:
         began = time.monotonic()
         serial.link.send(bytes(200_000), SHORT)

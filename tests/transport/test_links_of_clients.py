@@ -1,4 +1,4 @@
-"""What clients make of their links: time-outs, tries, errors."""
+"""Use of links by clients: time-outs, tries, errors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ PATIENT = 20.0
 
 @contextmanager
 def datagrams(answer: Callable[[packet.Packet, int], bytes | None]) -> Iterator[tuple[str, list[packet.Packet]]]:
-    """A UDP server that answers by script: yields its URL and what has come; the script is told how many came before."""
+    """Run a scripted UDP server; yield its URL and the requests received.
+
+    The script receives a request and the number of earlier requests.
+    """
     came: list[packet.Packet] = []
     with socket.socket(type=socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
@@ -45,7 +48,7 @@ def datagrams(answer: Callable[[packet.Packet, int], bytes | None]) -> Iterator[
                 if not data:
                     return
                 request = packet.decode(data)
-                if request.code == f.service_stop.id:  # the client says goodbye
+                if request.code == f.service_stop.id:  # the client closes
                     continue
                 came.append(request)
                 answered = answer(came[-1], len(came) - 1)
@@ -136,7 +139,7 @@ def test_nothing_is_sent_twice_with_tcp(both: Both) -> None:
         with pytest.raises(CallTimeout) as caught:
             both.run(client.call(f.service_start))
         both.run(client.close())
-        assert peer.ended.acquire(timeout=PATIENT)  # it has read all
+        assert peer.ended.acquire(timeout=PATIENT)  # it has read everything
     assert caught.value.seconds == SHORT
     assert [(request.serial, request.reserved) for request in came] == [(1, 0)]
 
@@ -150,7 +153,7 @@ def test_an_answer_to_a_later_try(both: Both, short: float) -> None:
         except CallTimeout:
             answer = None
         both.run(client.close())
-    if len(came) > 3:  # the answer to the third try had not come in time
+    if len(came) > 3:  # the reply to the third try did not arrive in time
         raise TooSlow
     assert answer == "try 3"
     assert len(came) == 3

@@ -1,4 +1,4 @@
-"""The registry of transports, and a transport that orinkit does not have: one module and one row."""
+"""The registry of transports, and an additional transport: one module and one row."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ REFERENCES = [(row.scheme, reference) for row in rows() for reference in row.ref
 
 @pytest.fixture
 def unchanged() -> Iterator[None]:
-    """The registry is afterwards what it was before."""
+    """Restore the registry after the test."""
     before = dict(registry._rows)
     yield
     registry._rows.clear()
@@ -40,7 +40,7 @@ def unchanged() -> Iterator[None]:
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unchanged: None) -> Path:
-    """A package that offers unix:// is installed."""
+    """Install a package that provides unix://."""
     directory = install(tmp_path / "site", "unix-for-orinkit", "unix = support.unix_transport:UNIX", group=GROUP)
     monkeypatch.syspath_prepend(str(directory))
     return directory
@@ -148,7 +148,7 @@ def test_the_streaming_process_adopts_its_links(unchanged: None, url: str) -> No
 
 
 def test_the_option_of_serve(installed: Path, url: str) -> None:
-    """It is there, and its package is imported when it is used."""
+    """The transport is known, and its package is imported on first use."""
     command = [sys.executable, "-m", "orinkit", "serve", "rc8"]
     directories = environment(installed, Path(__file__).parents[1])
     helped = subprocess.run([*command, "--help"], env=directories, capture_output=True, text=True, check=True).stdout

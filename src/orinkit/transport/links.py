@@ -1,4 +1,4 @@
-"""Opening synchronous links, by address or by descriptor; :mod:`orinkit.transport.aio_links` is the asynchronous one."""
+"""Opening synchronous links, by address or by descriptor; for asyncio, see :mod:`orinkit.transport.aio_links`."""
 
 from __future__ import annotations
 

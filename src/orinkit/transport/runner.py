@@ -50,7 +50,10 @@ class AsyncLink(Protocol):
         """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed."""
 
     def fileno(self) -> int:
-        """Return the descriptor, for handing it over to another process; nothing is received here until the next call."""
+        """Return the descriptor, for handing it over to another process.
+
+        Nothing is received here until the next call.
+        """
 
     def release(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""

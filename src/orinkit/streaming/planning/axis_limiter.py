@@ -68,8 +68,8 @@ class AxisLimiter:
     """
 
     __slots__ = (
-        "_period", "_velocity", "acceleration", "change", "free", "jerk", "lower", "max_step", "max_step_change", "most",
-        "name", "near", "plan_tolerance", "upper", "velocity",
+        "_period", "_velocity", "acceleration", "change", "free", "jerk", "lower", "max_step", "max_step_change",
+        "most", "name", "near", "plan_tolerance", "upper", "velocity",
     )  # fmt: skip
 
     def __init__(

@@ -31,15 +31,15 @@ Terms: TypeAlias = list[tuple[float, float]]
 """Coefficients (of u, of z) of accelerations; each weighted sum must be from -1 to 1."""
 
 _MOST_CELLS: Final = 64  # cells of an interval between samples
-_MARGIN: Final = 0.998  # inside a cell an acceleration can be slightly greater than at its ends
-_HIGH_CURVATURE: Final = 4.0  # q'' above which a cell may have to be refined
+_MARGIN: Final = (
+    0.998  # part of the limits to use: inside a cell, an acceleration can be slightly greater than at its ends
+)
+_HIGH_CURVATURE: Final = 4.0  # q'' above which an interval with a small q' at an end is divided into more cells
 _STEEPNESS: Final = 5.0  # cells per root of q'' / q' at an end: q' then changes by a tenth in the first cell
 _LOW_CURVATURE: Final = 0.2  # q'' / q' up to which q' hardly changes from sample to sample
 _NOTHING: Final = 1e-12
 _LEAST: Final = 0.01  # lower bound of z, as a fraction of the greatest z at a grid point
-_MAX_NEWTON_STEPS: Final = (
-    30  # Newton steps; a step is exact while the active constraints are the same, two or three are usual
-)
+_MAX_NEWTON_STEPS: Final = 30  # a step is exact while the active constraints are the same; two or three are usual
 _DIRECTIONS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
 _INSCRIBED: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these directions lie within the circle
 

@@ -373,7 +373,7 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
         prepare(transport.get_extra_info("socket"), self._dead_after)
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
-        """Return the buffer for the next bytes: a view, because asyncio fills slices with TLS, which must not be copies."""
+        """Return the buffer for the next bytes: a view, because with TLS asyncio fills slices, not copies."""
         return self._view
 
     def buffer_updated(self, nbytes: int) -> None:

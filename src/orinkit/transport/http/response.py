@@ -369,7 +369,7 @@ def _missing_token() -> str:
 
 def _redirected(where: str) -> str:
     return tr(
-        "The server redirects to another address; redirects are not followed. Try: connect to {where}, if it is correct",
+        "The server redirects to another address; redirects are not followed. Try: connect to {where} if it is correct",
         where=where,
     )
 

@@ -1,4 +1,4 @@
-"""Addresses of serial lines: ``serial:///dev/ttyUSB0?baudrate=38400``, ``com:1:38400:N:8:1:0``; ``pty://`` for servers."""
+"""Addresses of serial lines: ``serial:///dev/ttyUSB0?baudrate=38400``, ``com:1:38400:N:8:1:0``, ``pty://``."""
 
 from __future__ import annotations
 
