@@ -208,7 +208,7 @@ def test_names_help_attribute_tag_id_and_time(client):
     width = client.variable("WIDTH")
     assert (width.name, width.help, width.attribute) == ("WIDTH", "Opening in mm", 3)
     count = client.variable("COUNT")
-    assert count.help == "How often it closed."
+    assert count.help == "The number of closings."
     assert client.extension("finger0").variable("POS").attribute == 1
     width.tag, width.id = ["mine", 1], 5
     assert (width.tag, width.id) == (["mine", 1], 5)
