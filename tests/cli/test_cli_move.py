@@ -109,7 +109,7 @@ def test_a_record(run, rc8, url, tmp_path):
         (["P1", "--speed", "0"], "speed"),
         (["P1", "--speed", "nan"], "speed"),
         (["P1", "--speed", "fast"], "'fast'"),
-        (["P1", "--record", "/no/such/directory/x.csv"], "no directory /no/such/directory"),
+        (["P1", "--record", "/no/such/directory/x.csv"], "the directory /no/such/directory does not exist"),
         ([], "POSE is missing"),
     ],
 )

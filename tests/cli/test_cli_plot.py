@@ -113,7 +113,7 @@ def test_extra_joints_are_there_if_they_are_used():
         (f"{HEADER}0,1,2\n".encode(), "the arm did not move"),
         (HEADER.encode(), "the arm did not move"),
         (f"{HEADER}0,1,2\n0,2,3\n".encode(), "must be increasing"),
-        (f"{HEADER}0,1,2\n1,2\n".encode(), "line 3: 2 values, 3 are wanted"),
+        (f"{HEADER}0,1,2\n1,2\n".encode(), "line 3: got 2 values, expected 3"),
         (f"{HEADER}0,1,2\n1,2,x\n".encode(), "line 3: column"),
         (f"{HEADER}0,1,2\n1,2,nan\n".encode(), "line 3: column"),
         (f"{HEADER}0,1,2\n1,2,1e999\n".encode(), "line 3: column"),

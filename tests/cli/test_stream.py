@@ -222,7 +222,7 @@ def test_an_error_on_the_way(refused, rc8, url, when, tmp_path):
         (["wave.csv", "--speed", "nan"], "speed"),
         (["wave.csv", "--model", "VS-999"], "no such robot model"),
         (["wave.csv", "--record", "run.txt"], ".csv or .mcap"),
-        (["wave.csv", "--record", "/no/such/run.csv"], "no directory /no/such"),
+        (["wave.csv", "--record", "/no/such/run.csv"], "the directory /no/such"),
         (["empty.csv"], "empty"),
         (["words.csv"], "words.csv"),
     ],

@@ -479,7 +479,7 @@ def full() -> Iterator[HttpAddress]:
     probe.settimeout(SHORT)
     try:
         probe.connect(listener.getsockname())
-        pytest.skip("this system takes more connections than it is told")
+        pytest.skip("this system accepts more connections than its backlog")
     except TimeoutError:
         yield address
     finally:
@@ -1401,7 +1401,7 @@ def test_a_link_that_was_interrupted_is_in_step() -> None:
         assert len(peer.bodies) == len(set(peer.bodies))
 
 
-# --- whatever else may come -------------------------------------------------------------------------------------------
+# --- random replies ---------------------------------------------------------------------------------------------------
 
 _PARTS = st.sampled_from(
     [
