@@ -1,6 +1,6 @@
-"""An hour of mixed load with attackers beside it (``make soak``; ``ORINKIT_SOAK_SECONDS`` makes it shorter).
+"""An hour of mixed load under attack (``make soak``; ``ORINKIT_SOAK_SECONDS`` makes it shorter).
 
-Memory, descriptors and threads stay flat, no write that was acknowledged is lost, and the arm stays within its limits.
+Memory, descriptors and threads stay constant, no acknowledged write is lost, and the arm stays within its limits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MEGA = 1024  # KiB
 
 
 class Mover:
-    """Moves the arm, and reads from the control log whether every command was within its limits."""
+    """Moves the arm, and checks with the control log that every command was within the limits."""
 
     def __init__(self, target: Served) -> None:
         self._target = target
@@ -60,7 +60,7 @@ class Mover:
                     robot.execute("StopLog")
                     self.moves += 1
                     self._judge([robot.execute("GetLogRecord", index) for index in range(robot.execute("GetLogCount"))])
-        except BaseException as error:  # noqa: BLE001 - told by the test
+        except BaseException as error:  # noqa: BLE001 - reported by the test
             self.errors.append(error)
 
     def _judge(self, records: list[list[Any]]) -> None:
@@ -119,7 +119,7 @@ def test_an_hour_among_attackers(tmp_path: Path) -> None:
 
 
 def calm(target: Served, before: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Return the figures once everybody has gone; half a minute is enough for every time-out."""
+    """Return the figures after all clients have disconnected; half a minute is enough for every time-out."""
     end = time.monotonic() + 30
     while (figures := target.figures())[1] > before[1] - 10 and time.monotonic() < end:
         time.sleep(0.5)

@@ -1,4 +1,4 @@
-"""The emergency stop of the pendant is answered soon, whatever others do to the server (``make soak``)."""
+"""The emergency stop of the pendant is confirmed promptly, regardless of the load on the server (``make soak``)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIMES = [(name,) for name in ATTACKS] + [tuple(ATTACKS)]
 
 
 def presses(target: Served, pendant: orinkit.Controller, seconds: float) -> list[tuple[float, float]]:
-    """Press and release the emergency stop; returns when each was pressed, and how long its answer took."""
+    """Press and release the emergency stop; return the time of each press, and the delay of its reply."""
     found = []
     end = time.monotonic() + seconds
     while time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""A web page of another site sends packets to every port of a server: nothing is carried out (curl, and a real Chromium)."""
+"""A web page of another site sends packets to every port of a server: nothing is executed (curl, and a real Chromium)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def number(value: int) -> Variant:
 
 
 def attack_on(provider: str) -> bytes:
-    """Packets that connect, write I1 and I/O 128, and press every button that there is."""
+    """Return packets that connect, write I1 and I/O 128, and press every button of the pendant."""
     none = Variant(VarType.EMPTY, None)
     handle = number(2)
     packets = [
@@ -60,7 +60,7 @@ def attack_on(provider: str) -> bytes:
 
 
 class Bystander:
-    """What an honest client sees of the controller before and after."""
+    """Return the state of the controller, as a legitimate client sees it."""
 
     def __init__(self, target: Served) -> None:
         self._target = target
@@ -75,7 +75,7 @@ class Bystander:
 
 @pytest.fixture(params=["plain", "gateway"])
 def ports(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[list[int], Bystander]]:
-    """Every port of a virtual RC8, or those of a gateway in front of it, with a token where there is one."""
+    """Serve a virtual RC8, or a gateway to it, on all ports, with a token if there is one."""
     with served(tmp_path) as target:
         bystander = Bystander(target)
         own = [urlsplit(url).port or 0 for url in (target.bcap, target.http, target.control)]
@@ -114,7 +114,7 @@ def test_a_post_of_curl(ports: tuple[list[int], Bystander], tmp_path: Path) -> N
                      "--data-binary", f"@{tmp_path / 'body'}", "--http0.9", f"http://127.0.0.1:{port}/"],
                     capture_output=True, check=False,
                 )  # fmt: skip
-                if done.stdout[:1] == b"\x01":  # one packet with an error code, of a request that was none
+                if done.stdout[:1] == b"\x01":  # one packet with an error code, the reply to an invalid request
                     answer = decode(done.stdout)
                     assert (answer.serial, answer.code >= 0x8000_0000, answer.arguments) == (0, True, [])
     assert bystander.sees() == before
@@ -138,7 +138,7 @@ attack();
 
 
 class Site(http.server.BaseHTTPRequestHandler):
-    """Another site."""
+    """Serve a page from another site."""
 
     page = b""
     done: threading.Event

@@ -1,4 +1,4 @@
-"""The client's conversation, driven by hand: what it sends, what it takes for its answer, and what it drops."""
+"""The client side of the conversation, driven step by step: packets sent, replies accepted, packets dropped."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def executing(serial):
 
 
 class Call:
-    """A call under way: feed it what is received."""
+    """A call in progress; received data is fed to it."""
 
     def __init__(self, conversation, function, *arguments, seconds=3.0, exact=False):
         self.operation = conversation.call(function, arguments, seconds, exact=exact)
@@ -49,7 +49,7 @@ class Call:
         self.serial = self.sent.serial
 
     def feed(self, received):
-        """Give what was received; returns what it waits for next. Its result ends it with StopIteration."""
+        """Feed received data; return the next waiting time. A result ends the call with StopIteration."""
         return self.operation.send(received)
 
     def result(self, received):
@@ -114,7 +114,11 @@ def test_serials_count_from_1_and_start_again_after_65535(conversation):
     ("function", "arguments", "message"),
     [
         (f.robot_move, (3, 2**31, "P1", ""), "Robot_Move, argument 2 (interpolation): 2147483648 does not fit VT_I4"),
-        (f.robot_move, (3, 1.5, "P1", ""), "Robot_Move, argument 2 (interpolation): 1.5 is not a valid value for VT_I4"),
+        (
+            f.robot_move,
+            (3, 1.5, "P1", ""),
+            "Robot_Move, argument 2 (interpolation): 1.5 is not a valid value for VT_I4",
+        ),
         (f.robot_move, (3, 1, {}, ""), "Robot_Move, argument 3 (pose): a dict cannot be converted to a VARIANT"),
         (f.robot_move, (3, 1, [2**40], ""), "Robot_Move, argument 3 (pose): 1099511627776 does not fit VT_I4"),
         (f.robot_move, (3, 1, "P1", None), "Robot_Move, argument 4 (option): None is not a valid value for VT_BSTR"),
@@ -152,7 +156,7 @@ def test_a_value_whose_own_code_fails_is_reported_with_the_function():
 
 
 def test_a_request_beyond_the_limit_is_refused_here(conversation):
-    """The other side would close the connection on it (VE026A table 3-5)."""
+    """The server would close the connection for it (VE026A table 3-5)."""
     size = 2**24 - packet.OVERHEAD - 14 - 10
     assert len(Call(conversation, f.variable_put_value, 3, bytes(size)).request) == 2**24
     with pytest.raises(InvalidValue, match="Variable_PutValue: the packet of 16777217 bytes exceeds the limit of"):
@@ -384,7 +388,7 @@ SCRIPT = st.lists(st.sampled_from(["late", "executing", "foreign executing", "er
 
 @given(st.lists(st.tuples(SCRIPT, st.integers(1, 40)), min_size=1, max_size=6))
 def test_whatever_comes_before_each_call_gets_its_own_answer(scripts):
-    """Calls whose answers are cut into pieces of any size, between everything that is not an answer."""
+    """Calls whose replies are split into pieces of any size, between packets that are not the reply."""
     conversation, last = BcapConversation(), 0
     for number, (script, size) in enumerate(scripts):
         call = Call(conversation, f.variable_get_value, 3)

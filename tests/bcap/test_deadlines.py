@@ -1,4 +1,4 @@
-"""Deadlines of calls and floods of packets that are no answer, without I/O: the clock is the test's."""
+"""Deadlines of calls, and floods of packets that are not the reply, without I/O and on a manual clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SECONDS = 3.0
 
 
 class Told:
-    """A conversation whose clock the test moves."""
+    """A conversation with a manual clock."""
 
     def __init__(self, wire: BcapProfile | None) -> None:
         self.now = 100.0
@@ -150,7 +150,7 @@ def test_what_comes_at_a_bearable_rate_goes_on(told: Told) -> None:
     for _ in range(20):
         flood(told, operation, told.executing, PER_SECOND)
         told.now += 1.0
-    flood(told, operation, told.executing, AT_ONCE)  # the program has stood still
+    flood(told, operation, told.executing, AT_ONCE)  # the program was suspended
     operation.close()
 
 

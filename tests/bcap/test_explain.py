@@ -1,4 +1,4 @@
-"""Packets explained: every byte accounted for, every packet of the documents, and what is wrong with wrong ones."""
+"""Dissection of packets: all bytes covered, all packets of the documents, and errors in malformed packets."""
 
 from __future__ import annotations
 
@@ -308,7 +308,7 @@ def test_a_crc_stays_apart_from_wrong_arguments():
 
 
 def test_a_crc_is_not_seen_inside_an_argument():
-    """The last two bytes happen to be the checksum of what is before them, and one belongs to the last argument."""
+    """The last two bytes happen to be the CRC of the bytes before them, and one of them belongs to the last argument."""
     frame = bytes.fromhex(
         "0155000000070000004800000004000a000000030001000c00030000000a000000030001000000010000000e00000008000100000004"
         "0000005000310012000000080001000000080000004e004500580050540004"
@@ -382,7 +382,7 @@ def test_everything_is_there_in_japanese():
 
 @pytest.mark.parametrize("vt", [2, 3, 5, 11, 16, 17])
 def test_a_value_that_is_cut_short_by_its_own_length_is_where_it_is_wrong(vt):
-    """The argument says that it is over before its value is."""
+    """The declared length of the argument ends before its value does."""
     argument = struct.pack("<IHI", 6, vt, 1)
     assert "does not agree with its 0 bytes of data" in error_of(packet.pack(1, 101, 1, argument)).meaning
 

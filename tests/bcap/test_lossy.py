@@ -1,4 +1,4 @@
-"""Both conversations over a bad link, on a clock of the test's own: every call is carried out once, or told of."""
+"""Client and server conversations over an unreliable link, on a manual clock: each call is executed once, or fails."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TRIES = 5
 
 
 class Call:
-    """A call under way, driven by hand."""
+    """A call in progress, driven step by step."""
 
     def __init__(
         self, conversation, *arguments, function=f.variable_get_value, tries=TRIES, exact=False, nothing=False
@@ -104,7 +104,7 @@ def test_executing_allows_as_many_tries_again(conversation):
 
 
 def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
-    """Its table 3-5: "wait for a while"; whatever is busy at a first try is something else."""
+    """Table 3-5 of the VE026A: "wait for a while"; a busy reply to a first attempt has another reason."""
     conversation = BcapConversation(profile=LINE, dialect=VE026A)
     call = Call(conversation, tries=2)
     call.feed(None)
@@ -128,7 +128,7 @@ def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
 
 
 def test_a_line_that_gives_back_what_is_sent(conversation):
-    """A plug that joins both wires, or a converter for RS-485: a request is no answer."""
+    """A loopback plug or an RS-485 converter: the echo of a request is not a reply."""
     call = Call(conversation)
     call.feed(packet.encode(call.sent, crc=conversation.profile.crc))
     assert conversation.dropped == 1
@@ -143,7 +143,7 @@ def test_an_answer_tells_whether_it_echoes(conversation):
 
 
 def test_silence_that_brings_nothing_costs_one_try_only():
-    """Noise before a packet of somebody else: its end is the end of one try."""
+    """Noise before a foreign packet: the end of that packet ends one attempt."""
     conversation = BcapConversation(profile=LINE)
     call = Call(conversation, tries=3)
     for number in (2, 3):
@@ -253,7 +253,7 @@ def _sent(conversation, code):
 
 @dataclass
 class Link:
-    """One way of a link that loses, doubles, delays, mixes up, breaks and cuts what it carries."""
+    """One direction of a link that loses, duplicates, delays, reorders, corrupts and splits the data."""
 
     rng: random.Random
     loss: float = 0.2
@@ -264,14 +264,14 @@ class Link:
     delay: float = 0.08
 
     def carry(self, data):
-        """What arrives of a packet: pieces and when, from now on."""
+        """Return the pieces of a packet that arrive, each with its delay."""
         arriving = []
         for _ in range(2 if self.rng.random() < self.double else 1):
             if self.rng.random() < self.loss:
                 continue
             piece = bytearray(data)
             if self.rng.random() < self.broken:
-                piece[0] ^= 0xFF  # a datagram that is changed elsewhere is dropped by UDP's own checksum
+                piece[0] ^= 0xFF  # UDP's own checksum drops a corrupted datagram
             if self.rng.random() < self.cut:
                 del piece[self.rng.randrange(len(piece)) :]
             if piece:
@@ -281,7 +281,7 @@ class Link:
 
 @dataclass
 class NoisyLine(Link):
-    """The same for bytes: whatever is broken, the checksum tells; nothing overtakes."""
+    """The same for bytes: the CRC detects all corruption; the order is kept."""
 
     _last: float = 0.0
 
@@ -307,7 +307,7 @@ class Event:
 
 
 class World:
-    """A client and a server with a counter, the link between them, and the time."""
+    """A client and a server with a counter, the link between them, and the clock."""
 
     def __init__(self, wire, link, seed, slow=0.0):
         self.rng = random.Random(seed)
@@ -318,7 +318,7 @@ class World:
         self.numbers = itertools.count()
         self.client = BcapConversation(profile=wire)
         self.server = ServerConversation(profile=wire)
-        self.executed = []  # arguments of every call that was carried out
+        self.executed = []  # arguments of every executed call
         self.heard = 0.0
         self.slow = slow
 
@@ -345,7 +345,7 @@ class World:
         self.send("to client", self.server.finish(call, 0, variant(call.arguments[1].value + 1)))
 
     def step(self, until):
-        """Let time go on up to the next thing that the client receives; ``None`` when its time is up."""
+        """Advance the clock until the client receives data; return ``None`` after a time-out."""
         while self.events and self.events[0].when <= until:
             event = heapq.heappop(self.events)
             self.now = event.when
@@ -364,7 +364,7 @@ class World:
         return None
 
     def call(self, number):
-        """Have a number sent and one more come back; returns what came, or what went wrong."""
+        """Send a number and expect its successor; return the result, or the error."""
         operation = self.client.call(f.variable_put_value, (2, number), TRY, tries=TRIES)
         end = 0.0
         received = None
@@ -413,21 +413,21 @@ def test_every_call_is_carried_out_once(wire, link, calls):
 @pytest.mark.parametrize(("wire", "link"), [(DATAGRAM, Link), (LINE, NoisyLine)])
 @pytest.mark.parametrize("seed", range(2))
 def test_calls_that_take_longer_than_a_try(wire, link, seed):
-    """A call at work is told of; what takes 1.2 s is answered in the end."""
+    """A call in progress is reported; a call of 1.2 s finally succeeds."""
     told = check(World(wire, link, seed, slow=1.2), 300)
     assert told["done"] > 250
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_datagrams_that_come_very_late(seed):
-    """Later than a try lasts, so that they meet the calls after theirs."""
+    """They arrive after the time-out of an attempt, during the following calls."""
     told = check(World(DATAGRAM, lambda rng: Link(rng, delay=1.5, loss=0.1), seed), 1000)
     assert told["done"] > 900
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_calls_that_take_longer_than_the_memory(seed):
-    """The answer is remembered from when it was given."""
+    """The lifetime of a stored reply begins when it is sent."""
     told = check(World(DATAGRAM, Link, seed, slow=MEMORY + 1.5), 60)
     assert told["done"] > 30
 
@@ -440,7 +440,7 @@ def test_a_link_that_carries_nothing():
 
 
 def test_a_farewell(conversation):
-    """Service_Stop, said three times, for nobody answers it."""
+    """Service_Stop is sent three times, because there is no reply."""
     assert conversation.close_sequence() == [], "the controller knows nothing of it"
     Call(conversation)
     packets = [packet.decode(data, crc=conversation.profile.crc) for data, _ in conversation.close_sequence()]

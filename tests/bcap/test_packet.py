@@ -1,4 +1,4 @@
-"""Packets: every one that the documents print, both ways; and a stream of them, split and spoilt in every way."""
+"""Packets: all printed in the documents, decoded and encoded; and a stream of them, split and corrupted."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_printed_packet_means_what_is_printed_beside_it(row):
     wanted = [of_row(argument) for argument in row["arguments"]]
     assert [item.type for item in read.arguments] == [item.type for item in wanted]
     for item, printed in zip(read.arguments, wanted, strict=True):
-        # Numbers are printed with about seven digits.
+        # The documents print about seven digits.
         assert item.value == pytest.approx(printed.value) if item.type & ARRAY else same(item, printed)
     assert same(decode(data, crc=crc).arguments, [item.plain for item in read.arguments])
 
@@ -82,7 +82,7 @@ def test_the_crc_of_a_serial_line(row):
 
 
 def test_the_crc_is_ccitt():
-    """CRC-CCITT with initial value 0xFFFF, nothing reversed: its check value is well known."""
+    """CRC-CCITT with initial value 0xFFFF, not reflected: its check value is well known."""
     assert checksum(b"123456789") == 0x29B1
     assert checksum(b"") == 0xFFFF
 
@@ -213,7 +213,7 @@ STREAM = [bytes.fromhex(row["hex"]) for row in PRINTED if row["transport"] == "t
 
 
 def frames(framer: Framer, data: bytes, found: list[bytes] | None = None) -> list[bytes]:
-    """Return the packets of a piece; with ``found`` they are put there one by one, also where an error follows."""
+    """Return the packets in a piece of data; ``found`` also receives those before an error."""
     found = [] if found is None else found
     frame = framer.feed(data)
     while frame is not None:
@@ -276,7 +276,7 @@ def chunks(stream: bytes, data: st.DataObject) -> list[bytes]:
 
 @given(st.lists(st.sampled_from(STREAM), max_size=6), st.binary(min_size=1, max_size=12), st.data())
 def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
-    """No packet behind it counts, whether it is found at once or later."""
+    """No packet after it is accepted, regardless of when the error is detected."""
     if junk[0] == SOH:
         junk = b"\0" + junk
     stream = b"".join(packets) + junk + b"".join(STREAM)
@@ -359,12 +359,12 @@ def test_a_packet_of_16_mib_is_taken():
 
 
 def argument_of(size: int) -> bytes:
-    """An argument of so many bytes: a VT_UI1 array."""
+    """Return an argument of a given size: a VT_UI1 array."""
     return struct.pack("<IHI", size - 4, VarType.UI1 | ARRAY, size - 10) + bytes(size - 10)
 
 
 def test_a_packet_of_16_mib_byte_by_byte_at_its_end():
-    """What has come is not copied or searched again with every byte."""
+    """Buffered data is not copied or searched again with every byte."""
     data = pack(1, 102, 1, argument_of(2**24 - 16))
     framer = Framer()
     assert framer.feed(data[:-10_000]) is None

@@ -1,4 +1,4 @@
-"""Where packets may be lost: a request that comes again is answered again and not carried out again."""
+"""Unreliable transports: a duplicate request gets the same reply and is not executed again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CALL = 101  # Variable_GetValue
 
 
 class Line:
-    """A conversation and the packets of a client, with or without a checksum."""
+    """A conversation, and packets of a client with or without a CRC."""
 
     def __init__(self, profile=DATAGRAM, **parameters):
         self.wire = profile
@@ -40,18 +40,18 @@ class Line:
         return packet.decode(data, crc=self.wire.crc)
 
     def execute(self, serial, reserved=0, function=CALL, *arguments):
-        """The only action: a call."""
+        """Return the only action: a call."""
         (action,) = self.ask(serial, reserved, function, *arguments)
         assert isinstance(action, Execute)
         return action
 
     def done(self, serial, reserved=0, function=CALL, *arguments, result=42):
-        """Execute and answer."""
+        """Execute the call and return the reply."""
         call = self.execute(serial, reserved, function, *arguments)
         return self.read(self.server.finish(call, 0, None if result is None else variant(result)))
 
     def told(self, serial, reserved=0, function=CALL, *arguments):
-        """The only action: an answer."""
+        """Return the only action: a reply."""
         (action,) = self.ask(serial, reserved, function, *arguments)
         assert isinstance(action, Send)
         return self.read(action.data)
@@ -74,7 +74,7 @@ def test_a_retry_is_answered_from_memory(line):
 
 
 def test_a_retry_of_an_old_client_that_leaves_the_field_0(line):
-    """The serial is its number then; the same packet again is the same request."""
+    """The serial is the number in that case; the same packet again is the same request."""
     assert line.done(5, 0, CALL, 3) == Packet(5, 0, [42])
     assert line.told(5, 0, CALL, 3) == Packet(5, 0, [42])
     assert line.done(7, 0, CALL, 3, result=43) == Packet(7, 0, [43])
@@ -109,7 +109,7 @@ def test_a_retry_while_the_call_is_at_work(line):
 
 @pytest.mark.parametrize("number", [5, 0])
 def test_another_request_with_the_number_of_the_one_at_work(line, number):
-    """It is refused, and not taken for the one that is to be answered."""
+    """It is refused, and not confused with the request in progress."""
     call = line.execute(number, number, CALL, 3)
     assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
     assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
@@ -139,7 +139,7 @@ def test_what_is_long_ago_is_forgotten(line):
 
 
 def test_the_age_of_an_answer_counts_from_when_it_was_given(line):
-    """Not from when the last packet was received before."""
+    """The lifetime does not begin with the last packet received before."""
     call = line.execute(5, 0, CALL, 3)
     line.now += MEMORY
     line.server.go_on(line.now)
@@ -270,7 +270,7 @@ def test_after_service_stop_everything_is_new(line):
 
 
 def test_a_client_that_begins_anew_on_a_serial_line():
-    """The one before was killed: there is no other sign of its end."""
+    """The previous client was killed; there is no other sign of its end."""
     line = Line(LINE)
     assert line.done(1, 1, 1, result=None).code == 0
     call = line.execute(2, 2, CALL, 3)
@@ -284,7 +284,7 @@ def test_a_client_that_begins_anew_on_a_serial_line():
 
 
 def test_a_client_that_begins_anew_at_once():
-    """Its first packets are taken for ones that came late; a second after the Service_Start before it they are not."""
+    """Its first packets are considered late; one second after the previous Service_Start they are not."""
     line = Line(LINE)
     line.done(1, 1, 1, result=None)
     line.done(2, 2, CALL, 3)
@@ -297,7 +297,7 @@ def test_a_client_that_begins_anew_at_once():
 
 @pytest.mark.parametrize("old", [True, False])
 def test_a_client_on_the_same_port_begins_anew(old):
-    """UDP, with a fixed port: Service_Start has a number that is behind, and none that is under way still."""
+    """UDP, with a fixed port: Service_Start has a lower number, and no older Service_Start can still be in transit."""
     line = Line(DATAGRAM)
     line.done(1, 0 if old else 1, 1, result=None)
     line.execute(9, 9, CALL, 3)
@@ -308,7 +308,7 @@ def test_a_client_on_the_same_port_begins_anew(old):
 
 
 def test_a_try_of_service_start_that_comes_late(line):
-    """Another one than the server has seen: what was carried out since is not forgotten."""
+    """The server has seen other ones since; they are not forgotten."""
     line.done(2, 1, 1, result=None)
     line.done(3, 3, CALL, 3)
     line.now += 0.9
@@ -324,7 +324,7 @@ def test_a_service_start_that_comes_late_ends_nothing(line):
 
 
 def test_a_service_start_with_other_options_at_once(line):
-    """The same number less than a second later: it is not believed to be another client's."""
+    """The same number less than 1 s later: not considered another client's."""
     line.done(1, 1, 1, "WDT=100", result=None)
     line.done(2, 2, CALL, 3)
     assert line.ask(1, 1, 1, "WDT=200") == []
@@ -338,7 +338,7 @@ def test_a_service_start_in_between_over_udp():
 
 
 def test_a_service_start_with_the_number_of_the_call_at_work():
-    """Of an old client on UDP whose numbers do not grow: refused as any, and carried out when it is asked again."""
+    """An old client on UDP whose numbers do not increase: refused when busy, and executed when repeated."""
     line = Line(DATAGRAM)
     call = line.execute(70, 0, CALL, 3)
     assert line.told(3, 0, CALL, 4) == Packet(3, hresult.E_BUSY_PROC)
@@ -366,10 +366,10 @@ def test_what_comes_late_after_a_goodbye_makes_no_client(line):
 
 
 def test_answers_are_not_answered(line):
-    """A line that gives back what is sent, or a forged datagram: that would go on for ever."""
+    """An echo of the line, or a forged datagram: replying could cause an endless loop."""
     for code in (0, 0x80004001, 0x8000FFFF):
         assert line.ask(5, 5, code) == []
-    line.execute(6, 6, 0x900)  # S_EXECUTING looks like a function; what it is answered with is not answered
+    line.execute(6, 6, 0x900)  # S_EXECUTING looks like a function id; there is no reply to that reply
 
 
 def test_no_reset_after_a_goodbye():
@@ -398,7 +398,7 @@ def test_a_datagram_that_is_too_long_is_refused():
 
 def test_an_answer_that_is_too_long_for_a_datagram():
     line = Line(DATAGRAM)
-    body = 488 - 14  # a text of UTF-16 without its length fields
+    body = 488 - 14  # UTF-16 text without its length fields
     assert len(line.done(5, 5, CALL, 3, result="x" * (body // 2)).arguments[0]) == body // 2
     assert line.done(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA)
 
@@ -433,7 +433,7 @@ def test_silence_on_a_line():
 
 
 def test_a_packet_behind_a_head_that_noise_has_made():
-    """The line never falls silent, and more bytes are announced than will ever come."""
+    """The line is never silent, and more bytes are announced than will ever arrive."""
     line = Line(LINE)
     assert list(line.server.receive(b"\x01\x00\xf0\x00\x00", line.now)) == []
     for _ in range(20):
@@ -462,7 +462,7 @@ def test_nothing_is_inside():
 
 
 def test_only_a_shared_line_is_looked_into():
-    """Elsewhere the head of a packet is not believed to be noise, however long the rest takes."""
+    """On other transports, a header is not considered noise, regardless of how long the rest takes."""
     line = Line(replace(LINE, shared=False))
     assert list(line.server.receive(b"\x01\x00\xf0\x00\x00", line.now)) == []
     line.now += 1.0

@@ -1,4 +1,4 @@
-"""The server's conversation, driven by hand with a made-up clock: what it executes, what it answers, and when."""
+"""The server side of the conversation, driven step by step on a manual clock: calls, replies, and their times."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ def request(serial, function_id, *arguments, reserved=0):
 
 
 def actions(server, data, now=NOW):
-    """What is to be done; large packets are read at once."""
+    """Return the actions; large packets are decoded immediately."""
     for action in server.receive(data, now):
         yield from server.decoded(action, action.read(), now) if isinstance(action, Decode) else [action]
 
 
 def executed(server, data, now=NOW):
-    """The only action: a call to execute."""
+    """Return the only action: a call to execute."""
     (action,) = actions(server, data, now)
     assert isinstance(action, Execute)
     return action
 
 
 def answered(server, data, now=NOW):
-    """The only action: an answer."""
+    """Return the only action: a reply."""
     (action,) = actions(server, data, now)
     assert isinstance(action, Send)
     return packet.decode(action.data)
 
 
 def start(option=None, now=NOW, **parameters):
-    """A conversation that has been started with an option, and its answer."""
+    """Return a conversation started with an option, and the reply to Service_Start."""
     server = ServerConversation(**parameters)
     call = executed(server, request(1, 1) if option is None else request(1, 1, option), now)
     assert packet.decode(server.finish(call, 0, None)) == Packet(1, 0)
@@ -128,7 +128,7 @@ def test_unknown_functions_are_for_the_session_to_refuse(function_id):
 
 
 def test_a_trailer_is_passed_over():
-    """VE026A 3.1: a reserved area may lie behind the arguments."""
+    """VE026A 3.1: there may be a reserved area after the arguments."""
     data = packet.encode(Packet(1, 101, [3], trailer=b"\1\2\3"))
     assert executed(ServerConversation(), data).arguments == [variant(3)]
 
@@ -412,7 +412,7 @@ def test_limits_inside_a_packet(limits, value, code):
     ],
 )
 def test_a_lost_stream_is_answered_and_closed(data, code):
-    """VE026A table 3-5: the robot disconnects from a client that sends such a packet."""
+    """VE026A table 3-5: the robot disconnects the client after such a packet."""
     server = ServerConversation()
     send, close = list(server.receive(data, NOW))
     assert packet.decode(send.data) == Packet(0, code)
@@ -500,7 +500,7 @@ def test_the_client_hears_of_a_large_packet_that_takes_its_time_and_nothing_is_e
     assert packet.decode(server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
     assert list(server.decoded(decode, decode.read(), NOW + 2)) == []
     assert not server.busy
-    assert list(server.decoded(decode, decode.read(), NOW + 3)) == []  # it is forgotten
+    assert list(server.decoded(decode, decode.read(), NOW + 3)) == []  # the call is forgotten
     executed(server, request(4, 2))
 
 

@@ -1,6 +1,6 @@
-"""The whole way: a call of any function from the client's conversation to the server's and a session, and back.
+"""End to end without I/O: any function, from the client's conversation to the server's and a session, and back.
 
-Whatever bytes come instead, nothing but the documented exceptions comes out.
+For arbitrary bytes, only the documented exceptions are raised.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CODES = {hresult.E_INVALIDRCVPACKET, hresult.E_INVALIDARGTYPE, hresult.E_PACKETS
 
 @st.composite
 def calls(draw):
-    """A function and arguments for it, some optional ones left out."""
+    """A function with arguments; some optional ones are omitted."""
     function = draw(st.sampled_from(ENTRIES))
     given = draw(st.integers(function.required, len(function.arguments)))
     return function, tuple(draw(OF_TYPE[argument.vt]) for argument in function.arguments[:given])
@@ -83,7 +83,7 @@ def test_any_call_arrives_as_it_was_made_and_so_does_its_answer(call, data):
 
 
 def read(value):
-    """Numbers alike whether int or float, as the table says which they are."""
+    """Convert numbers to int or float, as the table specifies."""
     return float(value) if type(value) is int else value
 
 
@@ -112,7 +112,7 @@ class Device(Provider):
 
 
 class Server:
-    """Session and conversation, wired as a listener wires them."""
+    """A session and a conversation, connected as a listener does it."""
 
     def __init__(self) -> None:
         self.session = Session(ProviderRegistry(Device()))
@@ -160,7 +160,7 @@ def test_the_session_itself_is_answered():
 
 @st.composite
 def mutated(draw, packets=None):
-    """A good packet with some bytes changed, cut out, doubled or put in."""
+    """A valid packet with some bytes changed, deleted, duplicated or inserted."""
     data = bytearray(draw(st.sampled_from(packets or SESSION)))
     for _ in range(draw(st.integers(1, 4))):
         position = draw(st.integers(0, max(len(data) - 1, 0)))
@@ -177,7 +177,7 @@ def mutated(draw, packets=None):
                 data[position : position + 4] = struct.pack("<I", draw(st.integers(0, 2**32 - 1)))
             case "double":
                 data += data[position:]
-    if draw(st.booleans()) and len(data) >= 16:  # a sound frame round it: what is inside is read
+    if draw(st.booleans()) and len(data) >= 16:  # a valid frame around it, so that the content is decoded
         data[0], data[-1] = packet.SOH, packet.EOT
         struct.pack_into("<I", data, 1, len(data))
     return bytes(data)
@@ -201,7 +201,7 @@ def test_spoilt_requests_are_answered_with_packets_or_a_closed_connection(stream
 
 @st.composite
 def sound_calls(draw):
-    """A call whose handle may well be one in use, and whose name may well be one that exists."""
+    """A call whose handle may exist, and whose name may exist."""
     function, arguments = draw(calls())
     if function.arguments and function.arguments[0].is_handle:
         arguments = (draw(st.integers(1, 6)), *arguments[1:])

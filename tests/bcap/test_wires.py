@@ -1,4 +1,4 @@
-"""Packets in datagrams and on serial lines: what is cut out of noise, and what is passed over."""
+"""Packets in datagrams and on serial lines: packets found between noise, and bytes skipped."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def frames(framer, *pieces):
 
 
 def all_frames(framer, *pieces):
-    """The same, with silence behind each piece, and whatever noise may look like."""
+    """The same, with silence after each piece, for any noise."""
     found = []
 
     def look(take):
@@ -126,7 +126,7 @@ def test_every_packet_of_the_ve026a_document(each):
 
 @given(before=st.binary(max_size=40), between=st.binary(max_size=40), cut=st.integers(0, 200))
 def test_packets_are_found_between_noise(before, between, cut):
-    """Whatever lies between them; a packet that noise seems to hold is found once the line is silent."""
+    """Any noise lies between them; a packet that seems to be in the noise is found when the line is silent."""
     stream = before + WHOLE + between + WHOLE
     framer = LINE.server_framer(ON_A_LINE)
     found = all_frames(framer, stream[:cut]) if cut < len(before) else []
@@ -208,7 +208,7 @@ def test_a_client_takes_it_for_noise():
 
 
 def test_noise_made_to_cost_time_is_thrown_away():
-    """Beginnings of packets within packets, none of which is right: what is kept goes before it costs more."""
+    """Beginnings of packets within packets, none of them valid: the buffer is discarded before the search costs more."""
     size = 60_000
     noise = (b"\x01" + (size - 0).to_bytes(4, "little") + b"\x04" * 3) * (size // 8)
     framer = LineFramer(PacketLimits(packet=65536))

@@ -1,4 +1,4 @@
-"""What a client makes of an answer, or of none."""
+"""Replies on the client side, and missing replies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a method's client still waits for it."""
+"""client_gave_up: detection of calls without a waiting client."""
 
 from __future__ import annotations
 

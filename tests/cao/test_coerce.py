@@ -1,4 +1,4 @@
-"""Arguments in all the forms that real clients send, and the codes for those that cannot be meant."""
+"""Arguments in all forms that real clients send, and return codes for invalid ones."""
 
 from __future__ import annotations
 
@@ -214,5 +214,5 @@ def test_any_variant_is_read_or_refused_with_a_code(item):
 
 
 def test_a_long_text_that_is_nearly_a_number_is_refused_at_once():
-    """A pattern that tried every way to cut the digits would take hours for this one."""
+    """A pattern that tried all ways to split the digits would take hours for this text."""
     refused(to_number, bstr("9" * 200_000 + "x"), hresult.E_INVALIDARGTYPE, "number")

@@ -1,4 +1,4 @@
-"""Tags and parameters of commands: how much a client can have a server keep."""
+"""Quotas for tags and parameters of commands."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_size_is_that_in_a_packet(value):
 
 
 def astral(value: Variant) -> int:
-    """Signs that take two units in a packet, which count as one."""
+    """Characters of two UTF-16 units count as one character."""
     items = value.value if isinstance(value.value, list) else [value.value]
     return sum(
         sum(sign > "\uffff" for sign in item)
@@ -98,7 +98,7 @@ def test_tags_of_a_client_are_bounded():
     fit = MOST_OF_A_CLIENT // 60_006
     assert codes == [0] * fit + [hresult.E_OUTOFMEMORY] * (60 - fit)
     assert host.kept.bytes == fit * 60_006
-    assert put_tag(session, handles[0], "another") == 0  # instead of the first one
+    assert put_tag(session, handles[0], "another") == 0  # replaces the first one
     assert put_tag(session, handles[-1], bytes(60_000)) == 0
     session.invoke(f.variable_release.id, [variant(handles[1])])
     assert put_tag(session, handles[-2], bytes(60_000)) == 0

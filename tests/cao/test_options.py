@@ -1,4 +1,4 @@
-"""Option strings: as in the documents, as real clients send them, and anything else."""
+"""Option strings: from the documents, from real clients, and arbitrary text."""
 
 from __future__ import annotations
 
@@ -82,12 +82,14 @@ def test_what_is_no_whole_number(text):
 
 
 def test_the_longest_text():
-    """A client may send 16 MB of it: what no option needs is not read sign by sign."""
+    """A client may send 16 MB of text: it is not parsed character by character."""
     longest = "x" * 4096
     assert Options(longest).flag(longest)
     assert Options("a=" + "(" * 4094).text_of("a") == "(" * 4094
     for text in (longest + "x", "a," * 4_000_000):
-        with pytest.raises(CallError, match=f"option string of {len(text)} characters exceeds the limit of 4096") as caught:
+        with pytest.raises(
+            CallError, match=f"option string of {len(text)} characters exceeds the limit of 4096"
+        ) as caught:
             Options(text)
         assert caught.value.code == hresult.E_INVALIDARG
     i18n.use("ja")

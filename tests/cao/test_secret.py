@@ -1,4 +1,4 @@
-"""Secrets: which can be used; wrong ones: how long the answers to them are held back, and what is logged; on a clock that the test moves."""
+"""Secrets: validation; wrong secrets: delay of the replies, and logging; on a manual clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def test_five_are_free_and_then_the_delay_grows():
     guesses = SecretAttempts()
     delays = [guesses.failed("10.0.0.7", 100.0).delay for _ in range(FREE + 6)]
     assert delays == [0, 0, 0, 0, 0, 0.125, 0.25, 0.5, LONGEST, LONGEST, LONGEST]
-    for _ in range(5000):  # no number is too large
+    for _ in range(5000):  # arbitrarily large
         assert guesses.failed("10.0.0.7", 100.0).delay == LONGEST
 
 

@@ -26,7 +26,7 @@ def text(value: str) -> list[Variant]:
         (text(",wdt=81,INVOKETIMEOUT=80"), ServiceOptions(0.081, 0.08)),
         (text("InvokeTimeout=0x1000"), ServiceOptions(None, 4.096)),
         (text("InvokeTimeout=2147483647, Server=192.168.0.1"), ServiceOptions(None, 2147483.647)),
-        ([Variant(VarType.I4, 1)], ServiceOptions()),  # for the session to refuse
+        ([Variant(VarType.I4, 1)], ServiceOptions()),  # the session refuses it
         ([*text("WDT=1"), *text("WDT=1")], ServiceOptions()),
     ],
 )

@@ -1,4 +1,4 @@
-"""One client's session: handles, dispatch of all functions, codes for what goes wrong, and what is released when."""
+"""The session of one client: handles, dispatch of all functions, error codes, and release of objects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PROVIDER = "CaoProv.Test"
 
 
 class Memory(VariableObject):
-    """A variable; ``log`` is told its release."""
+    """A variable; its release is recorded in ``log``."""
 
     def __init__(self, name: str, log: list[str]) -> None:
         super().__init__(name, attribute=3, help="a variable")
@@ -452,7 +452,7 @@ def test_a_thousand_objects_by_default(session):
 
 @pytest.fixture
 def tree(session):
-    """Two controllers; below the first a file with a variable and a file below it, and a variable."""
+    """Two controllers; below the first a file with a variable and another file in it, and a variable."""
     controller = connect(session, "C")
     outer = value(session, "Controller_GetFile", controller, "outer", "")
     value(session, "Controller_GetVariable", controller, "I1", "")
@@ -495,7 +495,7 @@ def test_after_service_stop_the_client_may_go_on(session):
 
 
 def test_a_thousand_files_one_below_the_other_are_released(session, device):
-    """A client can make them; releasing them must not be a thousand calls deep."""
+    """A client can create many levels; releasing them must not recurse a thousand times."""
     handle = value(session, "Controller_GetFile", connect(session, "C"), "0", "")
     top = handle
     for number in range(1, 999):
@@ -644,7 +644,7 @@ PLAIN = {VarType.I4: 1, VarType.R4: 1.5, VarType.BSTR: "x", VarType.VARIANT: [1.
 
 @pytest.mark.parametrize("entry", FUNCTIONS.values(), ids=lambda entry: entry.name)
 def test_every_function_reaches_its_object(session, entry):
-    """What a bare object does: names are empty, the common properties work, all else is not implemented."""
+    """A minimal object: names are empty, the common properties work, everything else is not implemented."""
     handle = session._add(
         entry.interface, BARE.get(entry.interface, p.CaoObject)("it", attribute=2, help="h"), 0, "it", p.Provider()
     )
@@ -753,7 +753,7 @@ def test_messages_about_arguments_in_japanese(session):
 
 
 def drive(awaitable):
-    """Run an awaitable that waits for nothing."""
+    """Run an awaitable that never suspends."""
     try:
         awaitable.send(None)
     except StopIteration as stop:
@@ -834,7 +834,7 @@ def test_results_of_dates_and_money(session):
 
 
 class _Lock:
-    """Counts how often it is held, and how deep."""
+    """Counts how often it is entered, and how deep."""
 
     def __init__(self) -> None:
         self.entered = 0
@@ -933,7 +933,7 @@ def test_a_broken_promise_is_an_error_at_once():
 
 
 def test_two_threads_share_the_callbacks_of_a_promise():
-    """A callback that the other thread has taken is not called again."""
+    """A callback that the other thread has removed is not invoked again."""
     promise = p.Deferred[int]()
     called = []
 
@@ -942,7 +942,7 @@ def test_two_threads_share_the_callbacks_of_a_promise():
         called.append("first")
 
     class Emptied(list):
-        def __bool__(self) -> bool:  # as if another thread took the last one between the look and the taking
+        def __bool__(self) -> bool:  # as if another thread removed the last one between the check and the pop
             return True
 
     promise._callbacks = Emptied([lambda: called.append("second"), steal])
@@ -969,7 +969,7 @@ class SmallController(ControllerObject):
 
 
 class SmallProvider(Provider):
-    """Few functions, handles of its own, a dialect of its own."""
+    """A provider with few functions, fixed handles, and another dialect."""
 
     provider_names = ("*",)
     dialect = VE026A

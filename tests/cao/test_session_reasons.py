@@ -1,4 +1,4 @@
-"""What a device is told of its client, and where handles come from."""
+"""ClientInfo: the information that a device receives on its client, and the allocation of handles."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def value(session: Session, name: str, *arguments: Any) -> Any:
 
 
 class Told(Provider):
-    """Keeps what it is told of its client."""
+    """Stores the information on its client."""
 
     provider_names = ("Test.Told", "Test.Other")
     client: ClientInfo

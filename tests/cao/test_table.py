@@ -1,6 +1,6 @@
-"""THE TABLE walked from end to end: complete, spelled as in the documents, and used by everything built on it."""
+"""The function table: complete, spelled as in the documents, and used by everything built on it."""
 
-# No "from __future__ import annotations" here: annotations are what an entry is read from.
+# No "from __future__ import annotations" here: entries are read from annotations.
 import ast
 import doctest
 import inspect
@@ -31,7 +31,7 @@ JAPANESE = re.compile("[぀-ヿ一-鿿]")
 
 
 def python_name(entry: Function) -> str:
-    """The name by rule: ``Controller_GetID`` is ``controller_get_id``."""
+    """Return the Python name: ``Controller_GetID`` is ``controller_get_id``."""
     interface, _, method = entry.name.partition("_")
     return f"{interface.lower()}_{re.sub('(?<=[a-z])(?=[A-Z])', '_', method).lower()}"
 
@@ -160,7 +160,7 @@ def test_every_interface_has_the_common_functions():
 @BY_ENTRY
 def test_the_provider_has_a_method_for_it(entry):
     if entry.interface == "Service":
-        return  # about the connection; no device sees it
+        return  # handled by the session, not by a device
     if entry.name == "Controller_Connect":
         assert list(inspect.signature(provider.Provider.connect).parameters)[1:] == [
             "name",
@@ -185,7 +185,7 @@ def test_the_provider_has_no_other_methods():
         public = {name for name, _ in inspect.getmembers(served, inspect.isfunction) if not name.startswith("_")}
         allowed = by_interface[interface] - {"connect"}
         inherited = {name for name, _ in inspect.getmembers(provider.CaoObject, inspect.isfunction)}
-        signs_of_life = {"is_moving", "stop_moving"} if interface == "Controller" else set()  # the server asks
+        signs_of_life = {"is_moving", "stop_moving"} if interface == "Controller" else set()  # called by the server
         assert allowed <= public
         assert public - allowed <= inherited | signs_of_life
 
@@ -240,9 +240,21 @@ def test_bind(entry, arguments, named, bound):
         (functions.robot_move, (), {}, "Robot_Move requires the argument 'handle'", "引数 'handle' が必要です"),
         (functions.robot_move, (1, 2, 3, 4, 5), {}, "Robot_Move takes 4 arguments, got 5", "4 個ですが 5 個"),
         (functions.service_stop, (1,), {}, "Service_Stop takes 0 arguments, got 1", "0 個ですが 1 個"),
-        (functions.robot_halt, (3,), {"speed": 1}, "Robot_Halt got an unknown or repeated argument 'speed'", "引数 'speed' はない"),
+        (
+            functions.robot_halt,
+            (3,),
+            {"speed": 1},
+            "Robot_Halt got an unknown or repeated argument 'speed'",
+            "引数 'speed' はない",
+        ),
         (functions.robot_halt, (3, ""), {"option": ""}, "no argument 'option', or it was given twice", "二重に指定"),
-        (functions.service_start, (), {"option": None, "x": 1}, "Service_Start got an unknown or repeated argument 'x'", "引数 'x' はない"),
+        (
+            functions.service_start,
+            (),
+            {"option": None, "x": 1},
+            "Service_Start got an unknown or repeated argument 'x'",
+            "引数 'x' はない",
+        ),
     ],
 )
 def test_bind_refuses(entry, arguments, named, english, japanese):
@@ -330,7 +342,7 @@ def test_an_annotation_without_a_type_is_refused_at_once(hint):
 
 
 def test_task_modes_and_status_are_told_by_their_names():
-    """Of :mod:`orinkit.rc8.task_modes`."""
+    """Functions from :mod:`orinkit.rc8.task_modes`."""
     assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:5] == [
         "cycle",
         "continuous",

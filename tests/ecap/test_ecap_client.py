@@ -1,4 +1,4 @@
-"""The client's side of e-CAP, without I/O: what it sends, what it waits for, what it makes of it."""
+"""The client side of e-CAP, without I/O: requests, waiting times, and processing of replies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.core
 
 
 def result_of(operation: Any, *received: bytes | None) -> Any:
-    """Drive a call with what is received and return its outcome."""
+    """Feed a call with received data and return its outcome."""
     next(operation)
     for data in received[:-1]:
         assert operation.send(data) == (b"", 3.0)
@@ -58,7 +58,7 @@ def test_every_line_feed_starts_the_time_out_anew() -> None:
         (f.variable_get_value, (3,), b"0x00000000,8,a,b", "a,b"),
         (f.controller_get_name, (2,), b"0x00000000", ""),
         (f.variable_put_value, (3, 1), b"0x00000000", None),
-        (f.variable_put_value, (3, 1), b"0x00000000,3,1", None),  # nobody asked for that
+        (f.variable_put_value, (3, 1), b"0x00000000,3,1", None),  # ignored: a result that was not requested
     ],
 )
 def test_results(function: Any, arguments: Any, received: bytes, value: Any) -> None:

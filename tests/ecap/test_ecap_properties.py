@@ -1,4 +1,4 @@
-"""e-CAP bodies: what is written is read as the same; whatever else comes, nothing but the documented exceptions comes out."""
+"""e-CAP bodies: encoding and decoding are inverse; arbitrary input raises only the documented exceptions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CODES = {
 
 
 def single(value):
-    """An R4 is written with the digits that tell it from its neighbours: the same in single precision."""
+    """Round to single precision: an R4 is written with the digits that distinguish it from its neighbours."""
     return struct.pack("<f", value) if isinstance(value, float) else value
 
 
@@ -71,7 +71,7 @@ def test_any_result_arrives_as_it_was(code, result):
 
 
 def one_nan(item: Variant) -> Variant:
-    """The same with the only NaN that arrives."""
+    """Replace NaNs with the only NaN that is received."""
     if item.type == VARIANT_ARRAY:
         return Variant(item.type, [one_nan(each) for each in item.value])
     values = item.value if item.type & ARRAY else [item.value]
@@ -110,7 +110,7 @@ def refused(kind, read, body, limits):
 
 
 def is_harmless(text: str) -> bool:
-    """Whether a terminal shows a text in one line, as it is."""
+    """Return True if a terminal shows the text in one line, unchanged."""
     return all(sign.isprintable() or category(sign) == "Zs" or sign in "\u200c\u200d" for sign in text)
 
 
@@ -146,7 +146,7 @@ def test_whatever_is_made_of_the_signs_that_count_is_told(start, text):
 
 @st.composite
 def mutated(draw):
-    """A body with some bytes changed, cut out, doubled or put in."""
+    """A body with some bytes changed, deleted, duplicated or inserted."""
     replies = [
         b"0x00000000,8204,(8,Sample),(2,100)",
         b"0x00000000,8194,100,200,300",

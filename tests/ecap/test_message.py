@@ -141,7 +141,7 @@ def test_numbers_and_texts_of_other_kinds():
     )
     assert read_request(b"Func=68,Arg1=2,Arg2=1,Arg3=1e39").arguments[2] == Variant(
         VarType.R8, 1e39
-    )  # too large for one
+    )  # too large for a number
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_arrays_that_are_nested_too_deep_are_not_written():
 
 
 def test_only_arguments_at_the_end_are_optional():
-    """What is empty is left out at the end; in between there would have to be a default."""
+    """Empty arguments are omitted at the end; in between they would require a default."""
     for function in FUNCTIONS.values():
         optional = [argument.optional for argument in function.arguments]
         assert sum(optional) <= 1
@@ -264,7 +264,7 @@ def test_what_our_server_answers(code, result, body):
         (b"0x00000000, \r\n", 0, None),
         (b"0x00000000\r\n", 0, None),
         (b"0x00000000,0,", 0, Variant(VarType.EMPTY)),
-        (b"0x000000003,2", 0, i4(2)),  # as the document prints it: nothing between code and result
+        (b"0x000000003,2", 0, i4(2)),  # as printed in the document: nothing between code and result
         (b"0x00000000 8204,(8,a)", 0, Variant(VARIANT_ARRAY, [bstr("a")])),
         (b"0x00000000\n8,a\n", 0, bstr("a\n")),
         (b"0x80070057,what a server may have to say", 0x8007_0057, None),
@@ -323,7 +323,7 @@ NANS = [
 
 @pytest.mark.parametrize(("vt", "form", "bits"), NANS)
 def test_any_nan_arrives_as_the_one_that_python_has(vt, form, bits):
-    """Notation has one word for all of them; everything else arrives bit by bit."""
+    """There is only one notation for all NaNs; all other values are transmitted without loss."""
     (nan,) = struct.unpack(form, bits.to_bytes(struct.calcsize(form), "little"))
     _, result = read_reply(write_reply(0, Variant(vt, nan)))
     assert result is not None
@@ -354,8 +354,8 @@ def test_a_body_has_a_greatest_length():
         ("8200", '"a,"', 100),
         ("8199", "1", 100),
         ("8198", "1.5", 100),
-        ("8203", "1", 1615),  # 16 for one, the rest of a division is for nothing
-        ("8209", "1", 2000),  # bytes for nothing, but as text they take their time
+        ("8203", "1", 1615),  # 16 characters count as one; the remainder of the division is free
+        ("8209", "1", 2000),  # no bytes in a packet, but slow to parse as text
         ("8195", "1", 1615),
     ],
 )
