@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``client.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``client.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
-from orinkit.client._shared.common import HandleTable, check_deadline, check_timeout, check_tries, forgotten_after
+from orinkit.client._shared.common import HandleTable, check_deadline, check_timeout, check_tries, expired_handle_hint
 from orinkit.client._shared.endpoint import (
     access_to,
     another,
-    beside,
     closing_deadline,
     conversation,
+    link_for_closing,
     opening_of,
-    parting,
+    send_during_call,
     share,
 )
 from orinkit.core import hresult
@@ -40,35 +40,35 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 _LAST_SERIAL: Final = 0xFFFF
-_BEAT: Final = 0.5  # s between signs of life
-_SIGNS: Final = 4  # within the time that was promised
+_SIGN_INTERVAL: Final = 0.5  # s between signs of life
+_SIGNS: Final = 4  # number of signs of life within the interval of ``Alive``
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 class Client:
-    """Raw calls over one connection; the objects below are built on it.
+    """A connection to a controller for raw calls of CAO functions.
 
-    Calls are carried out one at a time; several threads may use one client. A call that times out leaves
-    the connection in step: its answer, should it come, is dropped.
+    Calls are executed one at a time; several threads may use one client. A call that times out leaves the
+    connection usable: its reply is dropped if it arrives later.
 
-    Where packets may be lost (UDP, serial lines), a request that is not answered in time is sent again, and the
-    controller carries it out once: it knows a request again.
+    On UDP and serial lines, where packets may be lost, a request without a timely reply is sent again. The controller
+    recognizes duplicates and executes the request once.
 
     Args:
-        link: to the controller.
-        timeout: seconds, see below; by default what is usual on the profile.
-        tries: see below.
-        limits: bounds on what is received; those of the profile count too.
-        trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
-        profile: how calls travel over the link.
+        link: Link to the controller.
+        timeout: Time-out in s, see below; the default depends on the profile.
+        tries: See below.
+        limits: Limits on received data; those of the profile apply, too.
+        trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
+        profile: Transport profile of the link.
 
     Attributes:
-        timeout: seconds that a call waits for its answer, on UDP and serial lines in each of its tries; every
-            S_EXECUTING from the controller starts it anew.
-        tries: how often a request is sent in all on UDP and serial lines, 1 to 7.
-        profile: how calls travel.
-        deadline: seconds that a call may take in all, S_EXECUTING or not; ``None`` (the default) for no such limit.
+        timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
+            restarts it.
+        tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
+        profile: Transport profile of the link.
+        deadline: Maximum duration of a call in s, regardless of S_EXECUTING; ``None`` (the default) for no limit.
     """
 
     def __init__(
@@ -85,27 +85,27 @@ class Client:
         self._tries = check_tries(tries)
         self._link: Link = link
         self._conversation = conversation(profile, limits, trace)
-        if profile.shared:  # answers to the client before it may be under way still: they are not to fit
+        if profile.shared:  # avoids a match with late replies to the previous client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
-        self._left = False
+        self._finished = False
         self._deadline: float | None = None
-        self._end: Deadline | None = None  # of connecting, or closing
+        self._end: Deadline | None = None  # of connecting or closing
         self.handles = HandleTable()
         keep_from_children(self)
         self._pulse: KeepAlive | None = None
-        self._quiet = Deadline(0.0)  # passes when the program has not called anything for a while
-        self._every = _BEAT
-        self._second: Client | None = None  # says that it lives while a call is at work, where one link cannot
+        self._idle = Deadline(0.0)  # passes if the program makes no call for half an interval
+        self._sign_interval = _SIGN_INTERVAL
+        self._second: Client | None = None  # sends signs of life during calls, if the link itself cannot
         self._controller = 0
-        self._beats = bool(profile.memory or profile.shared)  # where no connection tells that the program lives
-        self._remembered = (
+        self._sends_signs = bool(profile.memory or profile.shared)  # the transport does not show the end of a client
+        self._memory = (
             Deadline(profile.memory) if profile.memory else None
-        )  # how long the controller knows this client
+        )  # passes when the controller may have forgotten this client
 
     @property
     def timeout(self) -> float:
-        """Seconds that a call waits for its answer, on UDP and serial lines in each of its tries; may be set."""
+        """The time-out of a call in s; on UDP and serial lines, of each attempt. May be set."""
         return self._timeout
 
     @timeout.setter
@@ -114,7 +114,7 @@ class Client:
 
     @property
     def deadline(self) -> float | None:
-        """Seconds that a call may take in all, S_EXECUTING or not; ``None`` (the default) for no such limit; may be set."""
+        """The maximum duration of a call in s, regardless of S_EXECUTING; ``None`` for no limit. May be set."""
         return self._deadline
 
     @deadline.setter
@@ -123,7 +123,7 @@ class Client:
 
     @property
     def tries(self) -> int:
-        """How often a request is sent in all on UDP and serial lines; may be set (RC8 table 5-1: TORetry)."""
+        """The maximum number of times that a request is sent on UDP and serial lines (RC8 table 5-1: TORetry). May be set."""
         return self._tries
 
     @tries.setter
@@ -132,7 +132,7 @@ class Client:
 
     @property
     def dialect(self) -> Dialect:
-        """Dialect of the controller; may be set once it is known."""
+        """The dialect of the controller. May be set."""
         return self._conversation.dialect
 
     @dialect.setter
@@ -141,12 +141,12 @@ class Client:
 
     @property
     def echoes(self) -> bool:
-        """Whether the last answer had its request's reserved field, as those of a VE026A (UDP, serial lines)."""
+        """True if the last reply repeated the reserved field of its request, as a VE026A does (UDP, serial lines)."""
         return self._conversation.echoes_reserved
 
     @property
     def profile(self) -> TransportProfile:
-        """How calls travel."""
+        """The transport profile."""
         return self._conversation.profile
 
     @classmethod
@@ -163,32 +163,32 @@ class Client:
         dead_after: float = DEAD_AFTER,
         deadline: float | None = None,
     ) -> Self:
-        """Open a connection and nothing more: Service_Start is yours to call.
+        """Open a connection without calling any function; Service_Start is left to the caller.
 
         Args:
             url: ``tcp://host:port``, ``udp://host:port`` or ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``;
-                ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0`` too. ``http://host:port/path`` and
+                also ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0``. ``http://host:port/path`` and
                 ``https://...`` for e-CAP.
-            timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that
-                it may take ``timeout * tries`` in all. By default 3.0 with TCP and HTTP, 0.5 with the others; a slow
-                serial line needs longer where packets are long. A server of e-CAP that cannot say that it is at work,
-                as others than orinkit's, gets 180 s for a call.
-            tries: how often a request is sent in all with UDP and serial lines, 1 to 7: below is 1, above is 7
-                (RC8 table 5-1: TORetry). With TCP and HTTP nothing is sent twice.
-            limits: bounds on what is received; a packet with UDP has at most 504 bytes, on a serial line 65,536.
-            trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
-            token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
-            cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
-            dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as
-                lost (cable pulled, machine off): 2 to 7,200.
-            deadline: seconds that opening may take in all, if less than the time-out; that of calls is
+            timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a call
+                may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise; long packets on a slow
+                serial line need more. With an e-CAP server that cannot report that a call is still executing (any other
+                than orinkit's), calls have 180 s.
+            tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
+                (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
+            limits: Limits on received data; a packet has at most 504 bytes on UDP, 65,536 bytes on a serial line.
+            trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
+            token: Access token for HTTP, sent as ``Authorization: Bearer``.
+            cafile: PEM file of CA certificates for verifying an https server, instead of the system's.
+            dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
+                considered lost (cable pulled, power off): 2 to 7,200.
+            deadline: Maximum duration of opening in s, if less than the time-out; for calls, see
                 :attr:`Client.deadline`.
 
         Raises:
-            InvalidAddress: the URL cannot be used.
-            InvalidValue: timeout, tries or dead_after cannot be used.
-            ConnectFailed: nobody there; with UDP and HTTP that shows with the first call.
-            MissingExtra: serial lines need serialx, HTTP needs httpx2.
+            InvalidAddress: If the URL is invalid.
+            InvalidValue: If another argument is invalid.
+            ConnectFailed: If nothing listens at the address; on UDP and HTTP, the first call raises it.
+            MissingExtra: If a package is not installed: serialx for serial lines, httpx2 for HTTP.
         """
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
@@ -198,20 +198,20 @@ class Client:
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
 
     def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call a function of the table (:mod:`orinkit.functions`) and return its result.
+        """Call a function of CAO (:mod:`orinkit.functions`) and return its result.
 
         Raises:
-            TypeError: the arguments are not the function's.
-            InvalidValue: an argument does not fit its type; nothing was sent.
-            CallError: the controller answered with an error code.
-            CallTimeout: it did not answer in time.
-            ConnectFailed: with UDP and HTTP, nobody listens there.
-            ConnectionLost: the connection broke.
-            ProtocolError: what came back is not b-CAP, or not e-CAP.
+            TypeError: If the arguments do not match the function's parameters.
+            InvalidValue: If an argument does not fit its type; nothing was sent.
+            CallError: If the controller returned an error code.
+            CallTimeout: If there was no reply in time.
+            ConnectFailed: If nothing listens at the address (UDP, HTTP).
+            ConnectionLost: If the connection broke.
+            ProtocolError: If the reply violates the protocol.
         """
         arguments = function.bind(args, kwargs)
         with self._lock:
-            _, result = self._carry(function, arguments, self._timeout)
+            _, result = self._execute(function, arguments, self._timeout)
         value: R = result
         return value
 
@@ -223,30 +223,30 @@ class Client:
         deadline: float | None = None,
         exact: bool = False,
     ) -> Reply:
-        """Like :meth:`call`, with the success code beside the result.
+        """Call a function like :meth:`call`; return the success code and the result.
 
         Args:
-            function: an entry of the table.
-            arguments: its arguments.
-            timeout: seconds, of each try where there are several, instead of the client's.
-            deadline: seconds that the call may take in all, instead of the client's.
-            exact: give the result as a :class:`~orinkit.values.variant.Variant` with its type.
+            function: Function of CAO (:mod:`orinkit.functions`).
+            arguments: Arguments of the function.
+            timeout: Time-out in s, instead of :attr:`timeout`; on UDP and serial lines, of each attempt.
+            deadline: Maximum duration of the call in s, instead of :attr:`deadline`.
+            exact: Return the result as a :class:`~orinkit.values.variant.Variant` with its type.
         """
         seconds = self.timeout if timeout is None else check_timeout(timeout)
         limit = check_deadline(deadline)
         bound = function.bind(arguments, {})
         with self._lock:
-            return Reply(*self._carry(function, bound, seconds, exact, limit))
+            return Reply(*self._execute(function, bound, seconds, exact, limit))
 
     def end_within(self, seconds: float | None) -> None:
-        """Have all calls from now on end within so many seconds together; ``None`` for no such limit."""
+        """Set a common deadline in s for all further calls; ``None`` removes it."""
         self._end = None if seconds is None else Deadline(seconds)
 
     def usual_deadline(self) -> float:
-        """Return the seconds that connecting, or closing, may take in all unless the program says otherwise."""
+        """Return the default deadline in s for connecting and for closing."""
         return closing_deadline(self._timeout, self._tries, self.profile)
 
-    def _carry(
+    def _execute(
         self,
         function: Function[..., Any],
         arguments: tuple[Any, ...],
@@ -257,21 +257,21 @@ class Client:
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
-        if self._beats:
-            return self._carry_and_beat(function, arguments, seconds, exact, deadline)
-        return self._carry_now(function, arguments, seconds, exact, deadline)
+        if self._sends_signs:
+            return self._execute_with_signs(function, arguments, seconds, exact, deadline)
+        return self._execute_now(function, arguments, seconds, exact, deadline)
 
     def promise(self, seconds: float, controller: int) -> None:
-        """Show signs of life from now on, also while a call is at work: three and more within that time.
+        """Start sending signs of life, also during calls: at least three per interval.
 
-        To be called after Controller_Connect, and once. Where packets may be lost a call at work is shown by its tries, so
-        :attr:`timeout` is shortened to a third of the time.
+        Call this once, after Controller_Connect. On UDP and serial lines, repeated requests are the signs of life during a
+        call, so :attr:`timeout` is limited to a quarter of the interval.
 
         Args:
-            seconds: that the server has been told (``Alive=<ms>``).
-            controller: handle of the controller.
+            seconds: Interval in s that was passed to the server (``Alive=<ms>``).
+            controller: Handle of the controller.
         """
-        self._beats, self._every, self._controller = True, seconds / _SIGNS, controller
+        self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)
         share(self._link)
@@ -280,22 +280,22 @@ class Client:
             self._second = type(self)(link, timeout=self._timeout, profile=self.profile)
         if self._pulse is not None:
             self._pulse.end()
-        self._pulse = KeepAlive(self._show, self._every)
+        self._pulse = KeepAlive(self._send_sign, self._sign_interval)
 
-    def _show(self) -> None:
-        """Show a sign of life: a call if nothing is at work, else something beside it."""
+    def _send_sign(self) -> None:
+        """Send a sign of life: a call if the client is idle, otherwise a message during the call."""
         if take_now(self._lock):
             try:
-                if self._quiet.passed and not self._left:
-                    self._carry_in_time(controller_get_name, (self._controller,), self._timeout, exact=False)
+                if self._idle.passed and not self._finished:
+                    self._execute_remembered(controller_get_name, (self._controller,), self._timeout, exact=False)
             finally:
                 self._lock.release()
         elif self._second is not None:
             self._second.call(controller_get_name, self._controller)
         elif not self.profile.lossy:
-            beside(self._link, sign_of_life(self._controller))
+            send_during_call(self._link, sign_of_life(self._controller))
 
-    def _carry_and_beat(
+    def _execute_with_signs(
         self,
         function: Function[..., Any],
         arguments: tuple[Any, ...],
@@ -303,27 +303,27 @@ class Client:
         exact: bool,
         deadline: float | None,
     ) -> tuple[int, Any]:
-        """Carry out a call; with the first one that may begin a motion, begin to show signs of life (:meth:`_beat`)."""
-        if function.id in MOVING and self._pulse is None and not self._left:
-            self._pulse = KeepAlive(self._beat, _BEAT)
+        """Execute a call; with the first one that may start a motion, start sending signs of life (:meth:`_keep_alive`)."""
+        if function.id in MOVING and self._pulse is None and not self._finished:
+            self._pulse = KeepAlive(self._keep_alive, _SIGN_INTERVAL)
         try:
-            code, result = self._carry_in_time(function, arguments, seconds, exact, deadline)
+            code, result = self._execute_remembered(function, arguments, seconds, exact, deadline)
         finally:
-            self._quiet = Deadline(self._every / 2)
+            self._idle = Deadline(self._sign_interval / 2)
         if function is controller_connect:
             self._controller = result.value if exact else result
         return code, result
 
-    def _beat(self) -> None:
-        """Ask for the controller's name, unless the program has just called something.
+    def _keep_alive(self) -> None:
+        """Request the controller's name, unless the program has just made a call.
 
-        A server stops the arm of a client that it does not hear where no connection tells that it is there.
+        On a transport without connections, a server stops the arm of a client that sends no requests.
         """
         with self._lock:
-            if self._quiet.passed and not self._left:
-                self._carry_in_time(controller_get_name, (self._controller,), self._timeout, exact=False)
+            if self._idle.passed and not self._finished:
+                self._execute_remembered(controller_get_name, (self._controller,), self._timeout, exact=False)
 
-    def _carry_in_time(
+    def _execute_remembered(
         self,
         function: Function[..., Any],
         arguments: tuple[Any, ...],
@@ -331,19 +331,19 @@ class Client:
         exact: bool,
         deadline: float | None = None,
     ) -> tuple[int, Any]:
-        """Carry out a call where the controller forgets a client that is silent, and say so where it has."""
-        forgotten = self._remembered is not None and self._remembered.passed
+        """Execute a call; explain E_HANDLE if the controller may have forgotten this client after a long idle period."""
+        forgotten = self._memory is not None and self._memory.passed
         try:
-            return self._carry_now(function, arguments, seconds, exact, deadline)
+            return self._execute_now(function, arguments, seconds, exact, deadline)
         except CallError as error:
             if forgotten and error.code == hresult.E_HANDLE:
-                error.detail = forgotten_after(self.profile)
+                error.detail = expired_handle_hint(self.profile)
             raise
         finally:
-            if self._remembered is not None:
-                self._remembered = Deadline(self.profile.memory)
+            if self._memory is not None:
+                self._memory = Deadline(self.profile.memory)
 
-    def _carry_now(
+    def _execute_now(
         self,
         function: Function[..., Any],
         arguments: tuple[Any, ...],
@@ -365,75 +365,75 @@ class Client:
             raise
 
     def patience(self, command: str) -> float | None:
-        """Return the time-out for a command, of each try, where the controller is known to take long for it."""
+        """Return the time-out in s, of each attempt, for a command that is known to take long; otherwise ``None``."""
         longest = self.dialect.patience.get(str(command).strip().lower())
         if longest is None:
             return None
         return max(self._timeout, longest / self._tries if self.profile.lossy else longest)
 
     def _fileno(self) -> int:
-        """Return the descriptor of the connection, to be given to another process."""
+        """Return the file descriptor of the connection, for another process."""
         return self._link.fileno()
 
     def _detach(self, closing: Callable[[], None]) -> int:
-        """Lend the connection to another process: until it is taken back, every call here is refused.
+        """Hand the connection over to another process; all calls are refused until it is reattached.
 
         Args:
-            closing: is called when the connection is closed here meanwhile.
+            closing: Callback invoked if the connection is closed here before it is reattached.
 
         Returns:
-            serial number of the next request.
+            Serial number of the next request.
         """
-        self._link.fileno()  # whoever has it receives from now on
+        self._link.fileno()  # from now on, the other process receives
         self._link = DetachedLink(self._link, closing)
         return self._conversation.serial
 
     def _reattach(self, serial: int) -> None:
-        """Use the connection again.
+        """Resume using the connection.
 
         Args:
-            serial: of the next request.
+            serial: Serial number of the next request.
         """
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._conversation.serial = serial
 
     def _forfeit(self) -> None:
-        """Leave the connection to the other process for good; here it is closed."""
+        """Give the connection up to the other process; close it in this process."""
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._link.release()
 
     @property
     def dropped(self) -> int:
-        """How many answers came late, twice, or for nobody."""
+        """The number of replies that were late, repeated, or matched no request."""
         return self._conversation.stray_replies
 
     def left_behind(self) -> Iterable[int]:
-        """Be of no more use in a forked child, where a thread that held the lock is not there to give it back."""
+        """Disable the client in a forked child, where the thread that held the lock does not exist."""
         self._lock = threading.RLock()
-        self._left, self._pulse = True, None
+        self._finished, self._pulse = True, None
         return ()
 
     def close(self) -> None:
-        """Close the connection at once; the controller then releases every object of it.
+        """Close the connection immediately; the controller then releases all its objects.
 
-        With UDP and serial lines Service_Stop is sent before, and no answer is waited for; with HTTP for a second at most.
+        On UDP and serial lines, Service_Stop is sent first, without waiting for a reply; on HTTP, the wait is limited to 1 s.
         """
         link = self._link
         if self._pulse is not None:
             self._pulse.end()
         second, self._second = self._second, None
         if second is not None:
-            second._left = True
+            second._finished = True
             second.close()
         try:
-            words = [] if self._left else self._conversation.close_sequence()
-            self._left = True
-            if words:
-                link = parting(link)
-            send_close(link, words)
-        finally:  # being cancelled, or interrupted, leaves nothing open
+            packets = [] if self._finished else self._conversation.close_sequence()
+            self._finished = True
+            if packets:
+                link = link_for_closing(link)
+            send_close(link, packets)
+        finally:  # close the links even if this is cancelled or interrupted
             link.close()
             self._link.close()
 

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``controller.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``controller.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from orinkit.client._shared.common import (
     check_content,
     check_deadline,
     check_watchdog,
+    clear_error_parameter,
     dialect_of,
     error_count,
     error_info,
     file_data,
     file_option,
     file_text,
-    is_no_file,
+    is_bad_index,
+    is_file_not_found,
     is_ve026a,
-    moment,
-    no_code,
-    no_such_error,
+    parse_date,
     service_option,
     text_list,
     with_alive,
@@ -54,7 +54,7 @@ N = TypeVar("N", bound="ObjectBase")
 
 
 class Extension(ObjectContainer):
-    """An extension board, for example a hand."""
+    """An extension board of a controller, for example a hand."""
 
     __slots__ = ()
 
@@ -66,10 +66,9 @@ class Extension(ObjectContainer):
 
 
 class File(ObjectContainer):
-    """A file or folder of the controller.
+    """A file or folder of a controller.
 
-    One that is not there yet may be connected to: setting its text or data makes it, and its folders; everything else
-    is refused until it is there.
+    The file need not exist: setting its text or data creates it and its folders. Until then, all other functions fail.
     """
 
     __slots__ = ("_missing",)
@@ -85,27 +84,27 @@ class File(ObjectContainer):
         self._missing: tuple[ObjectContainer, Function[[int, str, str], int], str] | None = None
 
     def file(self, name: str, option: str = "", *, create: bool = False) -> File:
-        """Connect to a file below this folder; with ``create`` it is made if it is not there."""
+        """Connect to a file in this folder; with ``create``, create it if it does not exist."""
         return _file(self, f.file_get_file, name, option, create=create)
 
     def get_exists(self) -> bool:
-        """Whether the file is there: False until its text or data are set."""
+        """Return True if the file exists."""
         if self._missing is not None:
             try:
-                self._appear(create=False)
+                self._connect_missing(create=False)
             except CallError as error:
-                if is_no_file(error):
+                if is_file_not_found(error):
                     return False
                 raise
         return True
 
     def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
         if self._missing is not None:
-            self._appear(create=function is f.file_put_value)
+            self._connect_missing(create=function is f.file_put_value)
         return super()._call(function, *args, **kwargs)
 
-    def _appear(self, *, create: bool) -> None:
-        """Connect to the file after all, which is made if it may be."""
+    def _connect_missing(self, *, create: bool) -> None:
+        """Connect to a file that did not exist before; with ``create``, create it."""
         self._require_open()
         if self._missing is None:
             return
@@ -119,11 +118,11 @@ class File(ObjectContainer):
         owner._adopt(self)
 
     def file_names(self, option: str = "") -> list[str]:
-        """Names of the files below this one."""
+        """Return the names of the files in this folder."""
         return text_list(self._call(f.file_get_file_names, option))
 
     def copy(self, name: str, option: str = "") -> None:
-        """Copy the file to another name."""
+        """Copy the file to a new name."""
         self._call(f.file_copy, name, option)
 
     def delete(self, option: str = "") -> None:
@@ -135,30 +134,30 @@ class File(ObjectContainer):
         self._call(f.file_move, name, option)
 
     def run(self, option: str = "") -> str:
-        """Run the program, one cycle, and return the name of its task."""
+        """Run the program for one cycle; return the name of its task."""
         return self._call(f.file_run, option)
 
     def get_date_created(self) -> Any:
-        """When the file was created: a local ``datetime`` where the controller's answer can be read as one."""
-        return moment(self._call(f.file_get_date_created))
+        """Return the time of creation, as a local ``datetime`` if the controller's value can be parsed."""
+        return parse_date(self._call(f.file_get_date_created))
 
     def get_date_last_accessed(self) -> Any:
-        """When the file was last read."""
-        return moment(self._call(f.file_get_date_last_accessed))
+        """Return the time of the last access, as a local ``datetime`` if the controller's value can be parsed."""
+        return parse_date(self._call(f.file_get_date_last_accessed))
 
     def get_date_last_modified(self) -> Any:
-        """When the file was last changed."""
-        return moment(self._call(f.file_get_date_last_modified))
+        """Return the time of the last modification, as a local ``datetime`` if the controller's value can be parsed."""
+        return parse_date(self._call(f.file_get_date_last_modified))
 
     def get_names(self) -> list[str]:
-        """Names of the files below this folder."""
+        """Return the names of the files in this folder."""
         return self.file_names()
 
     def get_text(self) -> str:
-        """Content as text.
+        """Return the content as text.
 
         Raises:
-            InvalidValue: it is none; ``data`` has the bytes.
+            InvalidValue: If the content is not text; use ``data`` for bytes.
         """
         return file_text(self.get_value())
 
@@ -167,7 +166,7 @@ class File(ObjectContainer):
         self.put_value(check_content(str, text))
 
     def get_data(self) -> bytes:
-        """Content as bytes; of a file that the controller answers as text, that text in UTF-8."""
+        """Return the content as bytes; a text from the controller is encoded as UTF-8."""
         return file_data(self.get_value())
 
     def put_data(self, data: bytes) -> None:
@@ -175,19 +174,19 @@ class File(ObjectContainer):
         self.put_value(check_content(bytes, data))
 
     def get_path(self) -> str:
-        """Path in the controller."""
+        """Return the path of the file on the controller."""
         return self._call(f.file_get_path)
 
     def get_size(self) -> int:
-        """Size in bytes."""
+        """Return the size in bytes."""
         return self._call(f.file_get_size)
 
     def get_type(self) -> str:
-        """Type of the file."""
+        """Return the type of the file."""
         return self._call(f.file_get_type)
 
     def get_value(self) -> Any:
-        """Content."""
+        """Return the content: text or bytes, as the controller sends it."""
         return self._call(f.file_get_value)
 
     def put_value(self, value: Value) -> None:
@@ -196,35 +195,35 @@ class File(ObjectContainer):
 
     @property
     def exists(self) -> bool:
-        """Whether the file is there: False until its text or data are set."""
+        """Return True if the file exists."""
         return self.get_exists()
 
     @property
     def date_created(self) -> Any:
-        """When the file was created: a local ``datetime`` where the controller's answer can be read as one."""
+        """Return the time of creation, as a local ``datetime`` if the controller's value can be parsed."""
         return self.get_date_created()
 
     @property
     def date_last_accessed(self) -> Any:
-        """When the file was last read."""
+        """Return the time of the last access, as a local ``datetime`` if the controller's value can be parsed."""
         return self.get_date_last_accessed()
 
     @property
     def date_last_modified(self) -> Any:
-        """When the file was last changed."""
+        """Return the time of the last modification, as a local ``datetime`` if the controller's value can be parsed."""
         return self.get_date_last_modified()
 
     @property
     def names(self) -> list[str]:
-        """Names of the files below this folder."""
+        """Return the names of the files in this folder."""
         return self.get_names()
 
     @property
     def text(self) -> str:
-        """Content as text.
+        """Return the content as text.
 
         Raises:
-            InvalidValue: it is none; ``data`` has the bytes.
+            InvalidValue: If the content is not text; use ``data`` for bytes.
         """
         return self.get_text()
 
@@ -234,7 +233,7 @@ class File(ObjectContainer):
 
     @property
     def data(self) -> bytes:
-        """Content as bytes; of a file that the controller answers as text, that text in UTF-8."""
+        """Return the content as bytes; a text from the controller is encoded as UTF-8."""
         return self.get_data()
 
     @data.setter
@@ -243,22 +242,22 @@ class File(ObjectContainer):
 
     @property
     def path(self) -> str:
-        """Path in the controller."""
+        """Return the path of the file on the controller."""
         return self.get_path()
 
     @property
     def size(self) -> int:
-        """Size in bytes."""
+        """Return the size in bytes."""
         return self.get_size()
 
     @property
     def type(self) -> str:
-        """Type of the file."""
+        """Return the type of the file."""
         return self.get_type()
 
     @property
     def value(self) -> Any:
-        """Content."""
+        """Return the content: text or bytes, as the controller sends it."""
         return self.get_value()
 
     @value.setter
@@ -267,7 +266,7 @@ class File(ObjectContainer):
 
 
 class Command(NamedObject):
-    """A command that can be started, watched and cancelled."""
+    """A command of a controller that can be executed, monitored and cancelled."""
 
     __slots__ = ()
 
@@ -277,15 +276,15 @@ class Command(NamedObject):
     )  # fmt: skip
 
     def execute(self, mode: int = 0) -> None:
-        """Execute: 0 wait for the end, 1 return at once."""
+        """Execute the command. Mode 0 waits for its end, mode 1 returns immediately."""
         self._call(f.command_execute, mode)
 
     def cancel(self) -> None:
-        """Cancel the running command."""
+        """Cancel the command during its execution."""
         self._call(f.command_cancel)
 
     def get_timeout(self) -> int:
-        """Time-out in ms."""
+        """Return the time-out in ms."""
         return self._call(f.command_get_timeout)
 
     def put_timeout(self, timeout: int) -> None:
@@ -293,24 +292,24 @@ class Command(NamedObject):
         self._call(f.command_put_timeout, timeout)
 
     def get_state(self) -> int:
-        """State of the command."""
+        """Return the state of the command."""
         return self._call(f.command_get_state)
 
     def get_parameters(self) -> Any:
-        """Parameters."""
+        """Return the parameters."""
         return self._call(f.command_get_parameters)
 
     def put_parameters(self, parameters: Value) -> None:
-        """Set the parameters; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in them go out as their texts."""
+        """Set the parameters; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in them are sent as text."""
         self._call(f.command_put_parameters, sendable(parameters))
 
     def get_result(self) -> Any:
-        """Result of the last execution."""
+        """Return the result of the last execution."""
         return self._call(f.command_get_result)
 
     @property
     def timeout(self) -> int:
-        """Time-out in ms."""
+        """Return the time-out in ms."""
         return self.get_timeout()
 
     @timeout.setter
@@ -319,12 +318,12 @@ class Command(NamedObject):
 
     @property
     def state(self) -> int:
-        """State of the command."""
+        """Return the state of the command."""
         return self.get_state()
 
     @property
     def parameters(self) -> Any:
-        """Parameters."""
+        """Return the parameters."""
         return self.get_parameters()
 
     @parameters.setter
@@ -333,19 +332,19 @@ class Command(NamedObject):
 
     @property
     def result(self) -> Any:
-        """Result of the last execution."""
+        """Return the result of the last execution."""
         return self.get_result()
 
 
 class Message(ObjectBase):
-    """An event that the controller reported."""
+    """An event reported by a controller."""
 
     __slots__ = ()
 
     functions = ObjectFunctions(f.message_release)
 
     def reply(self, value: Value = None) -> None:
-        """Answer the event."""
+        """Reply to the event."""
         self._call(f.message_reply, value)
 
     def clear(self) -> None:
@@ -353,71 +352,71 @@ class Message(ObjectBase):
         self._call(f.message_clear)
 
     def get_date_time(self) -> Any:
-        """When it happened, local ``datetime`` of the controller."""
+        """Return the time of the event, as a ``datetime`` in the controller's local time."""
         return self._call(f.message_get_date_time)
 
     def get_description(self) -> str:
-        """What happened, in words."""
+        """Return the description of the event."""
         return self._call(f.message_get_description)
 
     def get_destination(self) -> str:
-        """Whom it is for."""
+        """Return the destination of the event."""
         return self._call(f.message_get_destination)
 
     def get_number(self) -> int:
-        """Number that tells the kind of event."""
+        """Return the number of the event type."""
         return self._call(f.message_get_number)
 
     def get_serial_number(self) -> int:
-        """Serial number of the message."""
+        """Return the serial number of the event."""
         return self._call(f.message_get_serial_number)
 
     def get_source(self) -> str:
-        """Where it came from."""
+        """Return the source of the event."""
         return self._call(f.message_get_source)
 
     def get_value(self) -> Any:
-        """Value that came with it."""
+        """Return the value of the event."""
         return self._call(f.message_get_value)
 
     @property
     def date_time(self) -> Any:
-        """When it happened, local ``datetime`` of the controller."""
+        """Return the time of the event, as a ``datetime`` in the controller's local time."""
         return self.get_date_time()
 
     @property
     def description(self) -> str:
-        """What happened, in words."""
+        """Return the description of the event."""
         return self.get_description()
 
     @property
     def destination(self) -> str:
-        """Whom it is for."""
+        """Return the destination of the event."""
         return self.get_destination()
 
     @property
     def number(self) -> int:
-        """Number that tells the kind of event."""
+        """Return the number of the event type."""
         return self.get_number()
 
     @property
     def serial_number(self) -> int:
-        """Serial number of the message."""
+        """Return the serial number of the event."""
         return self.get_serial_number()
 
     @property
     def source(self) -> str:
-        """Where it came from."""
+        """Return the source of the event."""
         return self.get_source()
 
     @property
     def value(self) -> Any:
-        """Value that came with it."""
+        """Return the value of the event."""
         return self.get_value()
 
 
 class Controller(ObjectContainer):
-    """A controller; :func:`connect` makes one. Closing it releases everything and closes the connection."""
+    """A connected controller, returned by :func:`connect`. Closing it releases its objects and closes the connection."""
 
     __slots__ = ()
 
@@ -432,17 +431,17 @@ class Controller(ObjectContainer):
         return self._child(Extension, f.controller_get_extension, name, option)
 
     def file(self, name: str, option: str = "", *, create: bool = False) -> File:
-        r"""Connect to a file or folder by name, ``dir\Pro1.pcs``.
+        r"""Connect to a file or folder by name, for example ``dir\Pro1.pcs``.
 
         Args:
-            name: from the root folder; that of a folder may end in a separator.
-            option: of Controller_GetFile.
-            create: make it if it is not there. Without, a file that is not there is made when its text or data are set.
+            name: Path relative to the root folder; the path of a folder may end in a separator.
+            option: Option string of Controller_GetFile.
+            create: Create the file if it does not exist. Otherwise, setting its text or data creates it.
         """
         return _file(self, f.controller_get_file, name, option, create=create)
 
     def robot(self, name: str = "Arm", option: str = "") -> Robot:
-        """Connect to a robot; the name is free, option ``ID=1`` picks the second arm."""
+        """Connect to a robot; the name is arbitrary. Option ``ID=1`` selects the second arm."""
         return self._child(Robot, f.controller_get_robot, name, option)
 
     def task(self, name: str, option: str = "") -> Task:
@@ -454,7 +453,7 @@ class Controller(ObjectContainer):
         return self._child(Command, f.controller_get_command, name, option)
 
     def message(self) -> Message | None:
-        """Fetch the oldest waiting event; ``None`` when none waits."""
+        """Return the oldest pending event; ``None`` if no event is pending."""
         try:
             handle = self._call(f.controller_get_message)
         except ObjectNotFound:
@@ -464,60 +463,60 @@ class Controller(ObjectContainer):
         return message
 
     def extension_names(self, option: str = "") -> list[str]:
-        """Names of the extension boards."""
+        """Return the names of the extension boards."""
         return text_list(self._call(f.controller_get_extension_names, option))
 
     def file_names(self, option: str = "") -> list[str]:
-        """Names of the files."""
+        """Return the names of the files."""
         return text_list(self._call(f.controller_get_file_names, option))
 
     def robot_names(self, option: str = "") -> list[str]:
-        """Names of the robots."""
+        """Return the names of the robots."""
         return text_list(self._call(f.controller_get_robot_names, option))
 
     def task_names(self, option: str = "") -> list[str]:
-        """Names of the tasks."""
+        """Return the names of the tasks."""
         return text_list(self._call(f.controller_get_task_names, option))
 
     def command_names(self, option: str = "") -> list[str]:
-        """Names of the commands."""
+        """Return the names of the commands."""
         return text_list(self._call(f.controller_get_command_names, option))
 
     def errors(self) -> list[ErrorInfo]:
-        """Errors that the controller reports now, newest first (GetCurErrorCount, GetCurErrorInfo)."""
+        """Return the errors present on the controller, newest first (GetCurErrorCount, GetCurErrorInfo)."""
         errors: list[ErrorInfo] = []
         for index in range(error_count(self.execute("GetCurErrorCount"))):
             try:
                 errors.append(error_info(self.execute("GetCurErrorInfo", index)))
             except CallError as error:
-                if not no_such_error(error):
+                if not is_bad_index(error):
                     raise
-                break  # somebody has cleared errors meanwhile
+                break  # errors were cleared in the meantime
         return errors
 
     def clear_error(self) -> None:
-        """Clear the controller's errors (RC8 3.3.6)."""
-        self.execute("ClearError", no_code(self.client.dialect))
+        """Clear the errors of the controller (RC8 3.3.6)."""
+        self.execute("ClearError", clear_error_parameter(self.client.dialect))
 
     def error_description(self, code: int) -> str:
-        """Return the controller's own text for a code."""
+        """Return the controller's own text for a return code (GetErrorDescription)."""
         return str(self.execute("GetErrorDescription", hresult.signed(code)))
 
     def close(self, *, deadline: float | None = None) -> None:
-        """Release everything, newest first, disconnect, stop the service, close the connection.
+        """Release all objects, newest first, disconnect, stop the service and close the connection.
 
         Args:
-            deadline: seconds for asking the controller, even if it says that it is at work; then the connection is closed,
-                which says the same. By default three time-outs (of all tries), at least 3 s.
+            deadline: Maximum time in s for the calls to the controller, regardless of S_EXECUTING; then the connection is
+                closed, which has the same effect. The default is three time-outs (with all attempts), at least 3 s.
         """
         if not self._open:
             return
         limit = check_deadline(deadline)
         self.client.end_within(self.client.usual_deadline() if limit is None else limit)
         try:
-            if self._let_go():
+            if self._release():
                 self.client.call(f.service_stop)
-        except OrinError:  # closing the connection says the same
+        except OrinError:  # closing the connection has the same effect
             pass
         finally:
             self.client.close()
@@ -526,11 +525,11 @@ class Controller(ObjectContainer):
 def _file(
     owner: ObjectContainer, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
 ) -> File:
-    """Connect to a file below an object; one that is not there, and is not to be made, gets no handle yet."""
+    """Connect to a file of an object. Without ``create``, a file that does not exist has no handle yet."""
     try:
         return owner._child(File, function, name, file_option(option, create=create))
     except CallError as error:
-        if create or not is_no_file(error):
+        if create or not is_file_not_found(error):
             raise
     file = File(owner.client, 0, name, owner)
     file._missing = (owner, function, option)
@@ -556,46 +555,46 @@ def connect(
     alive: float | None = None,
     deadline: float | None = None,
 ) -> Controller:
-    """Connect to a controller: open the connection, Service_Start, Controller_Connect (RC8 3.1).
+    """Connect to a controller: open the connection, then call Service_Start and Controller_Connect (RC8 3.1).
 
     Args:
-        url: ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007``, ``serial:///dev/ttyUSB0?baudrate=38400``; DENSO's
-            ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0`` too. ``http://192.168.0.1:8080/path``
-            and ``https://...`` for e-CAP.
-        provider: provider name; RC9 and COBOTTA PRO want ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
-        name: name of the controller in this connection; empty lets the controller choose.
-        machine: machine name; controllers take ``localhost`` or their own address.
-        option: connection options, for example ``@IfNotMember``.
-        timeout: seconds for connecting and for each call; with UDP and serial lines for each try of a call, so that it
-            may take ``timeout * tries`` in all. By default 3.0 with TCP and HTTP, 0.5 with the others.
-        tries: how often a request is sent in all with UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry); the
-            controller carries it out once. With TCP and HTTP nothing is sent twice.
-        service: option of Service_Start; by default a watchdog (``WDT=400``), so that a long call outlasts the time-out. On
-            a serial line none: there the answer to a repeated request tells that the controller is still at work. With
-            HTTP none: the request itself asks for it.
-        limits: bounds on what is received.
-        trace: is told every packet, or body of e-CAP: ``">"`` or ``"<"``, and its bytes.
-        dialect: ``"rc8"`` or ``"ve026a"``. By default the second where the provider's name is empty or has ``VE026A`` in
-            it; on a serial line, and with UDP where its answers are of that form, where the controller's ``@VERSION`` has;
-            otherwise the first.
-        token: for HTTP, what lets a client in; it is sent as ``Authorization: Bearer``.
-        cafile: for https, a PEM file of certificates that the server's is to be signed by, instead of the system's.
-        dead_after: seconds without an answer from the controller's machine after which a TCP connection counts as lost
-            (cable pulled, machine off): 2 to 7,200.
-        alive: ties motion to this program: if nothing is heard of it for that many seconds while the arm moves, the
-            server stops the arm, though the connection stands; 0.3 to 3,600. Signs of life are sent by a thread (in
-            asyncio by a task), so a program that is stopped (SIGSTOP) or, in asyncio, whose event loop is blocked, shows
-            none. An option of orinkit's servers (``Alive=`` in Service_Start), which other controllers may not know.
-        deadline: seconds that connecting may take in all, even if the controller says that it is at work; by default three
-            time-outs (of all tries), at least 3 s. Calls have none unless ``client.deadline`` is set.
+        url: ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007`` or ``serial:///dev/ttyUSB0?baudrate=38400``; also the
+            notation of DENSO: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For e-CAP,
+            ``http://192.168.0.1:8080/path`` or ``https://...``.
+        provider: Provider name; RC9 and COBOTTA PRO require ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
+        name: Name of the controller within this connection; if empty, the controller chooses it.
+        machine: Machine name; controllers accept ``localhost`` or their own address.
+        option: Option string of Controller_Connect, for example ``@IfNotMember``.
+        timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a call may
+            take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise.
+        tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry); the
+            controller executes it once. On TCP and HTTP, requests are sent once.
+        service: Option string of Service_Start. The default is a watchdog (``WDT=400``), so that a call may take longer than
+            the time-out. On serial lines the default is empty: the reply to a repeated request shows that the call is still
+            executing. On HTTP it is empty, too: each request asks the server to report that the call is still executing.
+        limits: Limits on received data.
+        trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
+        dialect: ``"rc8"`` or ``"ve026a"``. The default is ``"ve026a"`` if the provider name is empty or contains
+            ``VE026A``, or if the controller's ``@VERSION`` contains it (read on serial lines, and on UDP if the replies have
+            the form of a VE026A); otherwise ``"rc8"``.
+        token: Access token for HTTP, sent as ``Authorization: Bearer``.
+        cafile: PEM file of CA certificates for verifying an https server, instead of the system's.
+        dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is considered
+            lost (cable pulled, power off): 2 to 7,200.
+        alive: Interval in s, 0.3 to 3,600, within which the server must receive a sign of life while the arm moves; otherwise
+            it stops the arm, even if the connection is open. A thread (in asyncio a task) sends the signs of life, so they
+            cease if the program is stopped (SIGSTOP) or, in asyncio, its event loop is blocked. This is an option of
+            orinkit's servers (``Alive=`` in Service_Start); other controllers may not support it.
+        deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three time-outs (with all
+            attempts), at least 3 s. For calls, set ``client.deadline``; by default they have no deadline.
 
     Raises:
-        InvalidAddress: the URL cannot be used.
-        InvalidValue: there is no such dialect, or another value cannot be used.
-        ConnectFailed: nobody there.
-        CallTimeout: nobody answers.
-        CallError: the controller refuses.
-        MissingExtra: serial lines need serialx, HTTP needs httpx2.
+        InvalidAddress: If the URL is invalid.
+        InvalidValue: If another argument is invalid, for example an unknown dialect.
+        ConnectFailed: If nothing listens at the address.
+        CallTimeout: If there is no reply in time.
+        CallError: If the controller refuses the connection.
+        MissingExtra: If a package is not installed: serialx for serial lines, httpx2 for HTTP.
     """
     known = dialect_of(dialect, provider)
     check_alive(alive, service, known or RC8_DIALECT)
@@ -607,11 +606,11 @@ def connect(
     try:
         client.end_within(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
-        shown = alive is not None and client.profile.lossy  # by the tries of a call, which S_EXECUTING would put off
-        if shown:
+        tries_are_signs = alive is not None and client.profile.lossy  # S_EXECUTING would postpone the next attempt
+        if tries_are_signs:
             check_watchdog(service)
-        asked = service if shown else service_option(service, client.profile, client.dialect, client.timeout)
-        client.call(f.service_start, with_alive(asked, alive))
+        wanted = service if tries_are_signs else service_option(service, client.profile, client.dialect, client.timeout)
+        client.call(f.service_start, with_alive(wanted, alive))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)
         if known is None and (client.profile.shared or client.echoes) and is_ve026a(_version(controller)):
@@ -629,5 +628,5 @@ def _version(controller: Controller) -> Any:
     try:
         with controller.variable("@VERSION") as version:
             return version.get_value()
-    except CallError:  # it does not tell
+    except CallError:  # the controller does not have the variable
         return ""

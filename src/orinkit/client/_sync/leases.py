@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``leases.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``leases.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -16,16 +16,15 @@ from orinkit.client._sync.motion import ArmBase, MotionTracker
 from orinkit.core.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
 from orinkit.transport.runner import Deadline, pause
 
-_HALT_PATIENCE: Final = 0.3
+_HALT_TIMEOUT: Final = 0.3  # s
 
 
 class Lease(ABC):
-    """Something that is taken for as long as a block lasts.
+    """Base class of context managers for something that is taken at the beginning of a block and given back at its end.
 
-    A block that ends well lets the motion that runs come to its end (one that the program has paused is halted), then
-    gives back. Where a block ends with an exception the arm is halted first; what goes wrong while giving back is noted
-    in the exception, and hides neither it nor the steps that follow. A lost connection ends it: the controller itself
-    then stops the arm and takes it back.
+    At the normal end of a block, the current motion is completed first (or halted, if the program has paused it). If the block
+    raises an exception, the arm is halted first; errors of the clean-up are added to the exception as notes, and the remaining
+    steps are still executed. If the connection is lost, the controller itself stops the arm and releases its semaphore.
     """
 
     __slots__ = ("_robot", "_track")
@@ -43,8 +42,8 @@ class Lease(ABC):
             self._track.at_rest = False
         except CallError:  # refused: nothing has changed
             raise
-        except BaseException as error:  # whether it was taken is not known
-            self._persist(error, self._give, self._longest())
+        except BaseException as error:  # it may have been taken
+            self._retry(error, self._give, self._max_busy_time())
             raise
 
     def __exit__(
@@ -54,13 +53,13 @@ class Lease(ABC):
             self._clean_up(error)
             return
         try:
-            self._come_to_rest()
+            self._finish_motion()
         except BaseException as failure:
             self._clean_up(failure)
             raise
         self._give()
 
-    def _come_to_rest(self) -> None:
+    def _finish_motion(self) -> None:
         track = self._track
         if track.at_rest or (track.running is None and not track.passing):
             return
@@ -74,23 +73,23 @@ class Lease(ABC):
             track.passing = False
 
     def _clean_up(self, error: BaseException) -> None:
-        """Halt and give back after an exception; what fails is noted in it."""
+        """Halt the arm and give back after an exception; add errors of these steps to it as notes."""
         robot = self._robot
         if not self._track.at_rest:
-            problem = self._persist(error, robot.halt, _HALT_PATIENCE)
+            problem = self._retry(error, robot.halt, _HALT_TIMEOUT)
             if isinstance(problem, BusyError):
                 robot.client.close()
                 error.add_note(common.note_closed(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
-        self._persist(error, self._give, self._longest())
+        self._retry(error, self._give, self._max_busy_time())
 
-    def _persist(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
-        """Do a step of the clean-up, again and again while the controller is busy with an earlier call.
+    def _retry(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
+        """Execute a step of the clean-up; repeat it while the controller is busy with an earlier call.
 
         Returns:
-            what it failed with; that is noted in the exception.
+            The error of the step, which is also added to the exception as a note; ``None`` on success.
         """
         deadline = Deadline(seconds)
         while True:
@@ -104,27 +103,27 @@ class Lease(ABC):
                 return problem
             return None
 
-    def _longest(self) -> float:
-        """Seconds that an earlier call may still be at work."""
+    def _max_busy_time(self) -> float:
+        """Return the maximum time in s for which an earlier call may still be executing."""
         client = self._robot.client
         return max(client.timeout, *client.dialect.patience.values(), 0.0)
 
     def _is_busy(self, problem: OrinError) -> bool:
-        """Whether the controller is at work with an earlier call."""
+        """Return True if the error means that the controller is executing an earlier call."""
         busy = self._robot.client.dialect.busy
         return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 
     @abstractmethod
     def _take(self) -> None:
-        """Take it."""
+        """Take the arm, or switch the motor on."""
 
     @abstractmethod
     def _give(self) -> None:
-        """Give it back."""
+        """Give the arm back, or switch the motor off."""
 
 
 class Arm(Lease):
-    """The arm, taken (RC8 3.3.2) and given back."""
+    """Takes the arm semaphore (RC8 3.3.2) and gives it back."""
 
     __slots__ = ("_group", "_keep")
 
@@ -143,7 +142,7 @@ class Arm(Lease):
 
 
 class Motor(Lease):
-    """The motor, switched on and off again; each waits until that is done."""
+    """Switches the motor on and off, and waits until each is done."""
 
     __slots__ = ()
 

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``motion.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``motion.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ _ARM: Final = 1
 
 
 class MotionTracker:
-    """What a robot object knows of its motions.
+    """Tracks the motions of a robot object.
 
     Attributes:
-        newest: number of the last motion that was commanded.
-        answered: number of the last one that was answered at its end, so that all before it are over.
-        halted: number of the last one that this program has halted.
-        running: the last one that is not answered at its end, until it is known to be over.
-        passing: whether the last one was answered at its pass mark, while the arm may still have moved.
-        sure: whether all that was commanded is known; not where a call had no answer, or a command may have moved the arm.
-        paused: whether this program has paused it.
-        at_rest: whether the arm surely stands: it was halted, and nothing has been commanded since.
+        newest: Number of the newest motion that was commanded.
+        answered: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
+        halted: Number of the newest motion that this program has halted.
+        running: Newest motion without a reply at its end, until it is known to be over; otherwise ``None``.
+        passing: True if the reply to the newest motion came at its pass mark, so that the arm may still move.
+        sure: True if all motions of the arm are known; False after a call without a reply, or a command that may have moved
+            the arm.
+        paused: True if this program has paused the motion.
+        at_rest: True if the arm is certainly at standstill: it was halted, and no motion has been commanded since.
     """
 
     __slots__ = ("answered", "at_rest", "halted", "newest", "passing", "paused", "running", "sure")
@@ -51,7 +52,7 @@ class MotionTracker:
 
 
 class ArmBase(ObjectContainer):
-    """Where an arm is, and how its motions are started and stopped: what :class:`Motion` needs of a robot."""
+    """Base class of robots: position of the arm, and start and stop of motions, as required by :class:`Motion`."""
 
     __slots__ = ("_track",)
 
@@ -60,22 +61,22 @@ class ArmBase(ObjectContainer):
         self._track = MotionTracker()
 
     def _begin(
-        self, function: Function[..., None], *arguments: Any, wait: bool, way: common.MotionSegment | None = None
+        self, function: Function[..., None], *arguments: Any, wait: bool, segment: common.MotionSegment | None = None
     ) -> Motion:
-        """Make the call that starts a motion, and return the motion.
+        """Call a function that starts a motion; return the motion.
 
-        A call that is broken off, by Ctrl-C or because its task is cancelled, closes the connection: the controller
-        then stops the arm, which would otherwise go on with nobody to wait for it. With UDP and on a serial line it is
-        only told so once, and does not notice by itself, or late.
+        If the call is interrupted, by Ctrl-C or by cancelling its task, the connection is closed, so that the controller stops
+        the arm instead of completing an unsupervised motion. On UDP and serial lines, the closing packet is sent only once;
+        if it is lost, the controller detects the end of the connection late (UDP) or not by itself (serial line).
 
         Args:
-            function: the call.
-            arguments: of the call, without the handle.
-            wait: whether the controller answers at the end of the motion.
-            way: is filled in with where the motion begins and ends; by default nothing more is asked of the controller.
+            function: Function that starts the motion.
+            arguments: Arguments of the call, without the handle.
+            wait: True if the controller replies at the end of the motion.
+            segment: Segment to fill with the start and end of the motion; without it, the controller is not queried for them.
         """
         track = self._track
-        before = None if wait or way is None else self._before(track)
+        before = None if wait or segment is None else self._previous(track)
         previous, track.newest, track.at_rest = track.newest, track.newest + 1, False
         number = track.newest
         try:
@@ -91,17 +92,17 @@ class ArmBase(ObjectContainer):
             error.add_note(common.note_broken_off(self.client.profile))
             raise
         call = (self._label, function.name, arguments)
-        motion = Motion(self, track, number, call, way or common.MotionSegment(), over=wait)
+        motion = Motion(self, track, number, call, segment or common.MotionSegment(), over=wait)
         track.running = None if wait else motion
         track.passing = wait and passes(arguments)
         if wait:
             track.answered, track.sure = number, True
         elif before is not None:
-            self._note_way(motion.way, *before)
+            self._begin_segment(motion.way, *before)
         return motion
 
-    def _before(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
-        """Return the way of the motion before, and whether that one is as good as over; None where it is not known."""
+    def _previous(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
+        """Return the segment of the previous motion, and True if that motion is over; ``None`` if it is unknown."""
         running = track.running
         answered = track.sure and running is None and track.newest == track.answered
         try:
@@ -117,9 +118,9 @@ class ArmBase(ObjectContainer):
             return None
         return running.way, False
 
-    def _note_way(self, way: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
+    def _begin_segment(self, segment: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
         try:
-            way.begin(before, self.get_joints() if over else None, self.get_destination())
+            segment.begin(before, self.get_joints() if over else None, self.get_destination())
         except CallError as error:
             if not is_missing(error):
                 raise
@@ -128,24 +129,24 @@ class ArmBase(ObjectContainer):
         """Execute an extended command, for example ``execute("CurJnt")``, and return its result.
 
         Args:
-            command: its name.
-            parameter: a value of CAO; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in it go out as their texts.
+            command: Name of the command.
+            parameter: Value of CAO; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in it are sent as text.
         """
         if str(command).strip().lower() not in HOLDING_COMMANDS:
             self._track.at_rest = self._track.sure = False
         return super().execute(command, sendable(parameter))
 
     def halt(self, option: str = "") -> None:
-        """Stop the motion and abandon it; works from a second connection while the first waits for its motion.
+        """Stop and abort the motion; also possible over a second connection while the first one waits for its motion.
 
-        It is answered when the command stands. The encoders follow a few cycles later: joints that are read at once may
-        still change by a fraction of a degree.
+        The reply arrives when the command position is at standstill. The encoders follow a few cycles later: joints that are
+        read immediately may still change by a fraction of a degree.
         """
         track = self._track
         track.halted = track.newest
         if self.client.dialect.takes_arm:
             self._call(f.robot_halt, option)
-        else:  # nothing but slave mode moves it
+        else:  # the arm moves in slave mode only
             self._call(f.robot_execute, "slvChangeMode", 0)
         track.at_rest = track.sure = True
         track.paused = track.passing = False
@@ -156,47 +157,47 @@ class ArmBase(ObjectContainer):
         self._call(f.robot_hold, option)
 
     def unhold(self, option: str = "") -> None:
-        """Go on with a paused motion."""
+        """Resume a paused motion."""
         self._call(f.robot_unhold, option)
         self._track.paused = False
 
-    # --- where it is --------------------------------------------------------------------------------------------
+    # --- position -----------------------------------------------------------------------------------------------
 
     def motion_complete(self, mode: int = 0) -> bool:
-        """Return whether all motions are over (MotionComplete): 0 the command's, 1 the arm's too."""
+        """Return True if all motions are over (MotionComplete). Mode 0 checks the command position, mode 1 also the arm."""
         return bool(read_number("MotionComplete", self._ask("MotionComplete", [-1, mode])))
 
     def get_joints(self) -> J:
-        """Joints of the arm, degrees (CurJnt)."""
+        """Return the joints of the arm in deg (CurJnt)."""
         return read_pose(J, "CurJnt", self._ask("CurJnt"))
 
     def get_position(self) -> P:
-        """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
+        """Return the position of the tool in the current work frame: mm, deg, figure (CurPos)."""
         return read_pose(P, "CurPos", self._ask("CurPos"))
 
     def get_trans(self) -> T:
-        """Where the tool is, as a homogeneous transformation (CurTrn)."""
+        """Return the pose of the tool as a homogeneous transformation (CurTrn)."""
         return read_pose(T, "CurTrn", self._ask("CurTrn"))
 
     def get_destination(self) -> J:
-        """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
+        """Return the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
         return read_pose(J, "DestJnt", self._ask("DestJnt"))
 
     def _locked(self) -> bool:
-        """Return whether the machine lock is on: motions run, the arm stays."""
-        return bool(_told(self._controller(), "@LOCK"))
+        """Return True if the machine lock is on, in which motions are executed without moving the arm."""
+        return bool(_value_or_none(self._controller(), "@LOCK"))
 
     def _reason(self, *, halted: bool) -> str:
-        """Return in words why a motion was stopped; ``halted``: this program has halted it."""
+        """Return the cause of a stop as text; ``halted`` is True if this program halted the motion."""
         owner = self._controller()
         try:
             count = error_count(owner.execute("GetCurErrorCount"))
             error = str(error_info(owner.execute("GetCurErrorInfo", count - 1))) if count else ""
-        except (CallError, ProtocolError):  # it is only a hint
+        except (CallError, ProtocolError):  # the error is only a hint
             error = ""
-        stops = _told(owner, "@EMERGENCY_STOP"), _told(owner, "@PROTECTIVE_STOP")
-        known = common.StopDiagnosis(*stops, _told(owner, "@MODE"), _told(self, "@SERVO_ON"))
-        return known.reason(error, halted=halted)
+        stops = _value_or_none(owner, "@EMERGENCY_STOP"), _value_or_none(owner, "@PROTECTIVE_STOP")
+        diagnosis = common.StopDiagnosis(*stops, _value_or_none(owner, "@MODE"), _value_or_none(self, "@SERVO_ON"))
+        return diagnosis.reason(error, halted=halted)
 
     def _controller(self) -> ObjectContainer:
         return self._parent if isinstance(self._parent, ObjectContainer) else self
@@ -213,27 +214,27 @@ class ArmBase(ObjectContainer):
 
     @property
     def joints(self) -> J:
-        """Joints of the arm, degrees (CurJnt)."""
+        """Return the joints of the arm in deg (CurJnt)."""
         return self.get_joints()
 
     @property
     def position(self) -> P:
-        """Where the tool is: mm, degrees, figure (CurPos), in the work frame in use."""
+        """Return the position of the tool in the current work frame: mm, deg, figure (CurPos)."""
         return self.get_position()
 
     @property
     def trans(self) -> T:
-        """Where the tool is, as a homogeneous transformation (CurTrn)."""
+        """Return the pose of the tool as a homogeneous transformation (CurTrn)."""
         return self.get_trans()
 
     @property
     def destination(self) -> J:
-        """Where the motion that runs ends, degrees (DestJnt); where the arm is, when nothing moves."""
+        """Return the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
         return self.get_destination()
 
 
-def _told(owner: ObjectContainer, name: str) -> Any:
-    """Return the value of a variable; None where an object has no such variable, or does not tell."""
+def _value_or_none(owner: ObjectContainer, name: str) -> Any:
+    """Return the value of a variable; ``None`` if the object does not have it or it cannot be read."""
     try:
         with owner.variable(name) as variable:
             return variable.get_value()
@@ -242,14 +243,14 @@ def _told(owner: ObjectContainer, name: str) -> Any:
 
 
 class Motion:
-    """A motion that was commanded: wait for it, or iterate over it to see how far it is.
+    """A commanded motion. Wait for its end, or iterate over it for its progress.
 
-    The controller is asked each time: MotionComplete tells whether it is over, CurJnt and DestJnt how far it is. A motion
-    that was stopped, by whomever, is an error wherever it is asked for, so that no program goes on as if it had arrived.
-    A motion that another one follows is over when the robot is on its way to where that one ends.
+    Each query calls the controller: MotionComplete for the end, CurJnt and DestJnt for the progress. If the motion was
+    stopped, by this or another program, all queries raise an error, so that a program cannot continue as if the arm had
+    arrived. A motion that is followed by another one is over as soon as the robot executes that one.
 
     Attributes:
-        way: from where to where it goes.
+        way: Start and end of the motion.
     """
 
     __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "way")
@@ -268,7 +269,7 @@ class Motion:
         self._robot = robot
         self._track = track
         self._number = number
-        self._call = call  # the robot's name, the function, its arguments
+        self._call = call  # (name of the robot, name of the function, arguments)
         self._over = over
         self._fraction = float(over)
         self._stop: common.MotionStop | None = None
@@ -278,18 +279,18 @@ class Motion:
         return f"<{type(self).__name__} {self._call[1]} of {self._call[0]!r}: {state}, {self._fraction:.0%}>"
 
     def __iter__(self) -> MotionProgress:
-        """Give how far it is, 0 to 1, until it is over; the last one is 1."""
+        """Iterate over the progress, 0 to 1, until the motion is over; the last value is 1."""
         return MotionProgress(self)
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait until it is over.
+        """Wait for the end of the motion.
 
         Args:
-            timeout: seconds; by default as long as it takes. The motion goes on when they have passed.
+            timeout: Maximum time to wait in s; the default is no limit. After the time-out, the motion continues.
 
         Raises:
-            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
-            TimeoutError: it is not over yet.
+            CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
+            TimeoutError: If the motion is not over after the time-out.
         """
         deadline = Deadline(timeout)
         while not self.get_done():
@@ -298,45 +299,45 @@ class Motion:
             pause(min(common.POLL, deadline.left))
 
     def halt(self) -> None:
-        """Stop it and abandon it; from then on it is a motion that was stopped."""
+        """Stop and abort the motion. It then counts as stopped before its end."""
         self._robot.halt()
 
     def get_done(self) -> bool:
-        """Whether it is over.
+        """Return True if the motion is over.
 
         Raises:
-            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         if self._stop is None and not self._over:
-            self._look()
+            self._update()
         if self._stop is not None:
             subject, function, arguments = self._call
             raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.way)
         return self._over
 
     def get_progress(self) -> float:
-        """How far it is: the part of its way that the joints have left behind, 1 when it is over; never goes back.
+        """Return the progress: the covered part of the distance in joint space, 1 at the end; it never decreases.
 
         Raises:
-            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         if not self.get_done():
             self._fraction = max(self._fraction, self.way.fraction(self._robot.get_joints()))
         return self._fraction
 
-    def _look(self) -> None:
-        """Ask how it goes, and note it if it is over or was stopped."""
-        robot, way, track = self._robot, self.way, self._track
+    def _update(self) -> None:
+        """Query the controller; record if the motion is over or was stopped."""
+        robot, segment, track = self._robot, self.way, self._track
         followed = track.newest != self._number
         complete = False
         if self._number < track.answered:
             self._over = True
-        elif followed or way.waits:
-            told = robot.get_destination()
+        elif followed or segment.waits:
+            destination = robot.get_destination()
             complete = robot.motion_complete()
-            if not complete:  # an arm that stands says where it stands
-                way.see(told)
-                self._over = followed and way.left_behind(told)
+            if not complete:  # at standstill, DestJnt is the position of the arm
+                segment.see(destination)
+                self._over = followed and segment.left_behind(destination)
         else:
             complete = robot.motion_complete()
         if not self._over and complete:
@@ -347,16 +348,16 @@ class Motion:
             track.running = None
 
     def _arrived(self) -> bool | None:
-        """Return whether the arm is where the motion ends; None where nobody knows where that is."""
-        robot, way = self._robot, self.way
-        if way.end is not None and common.near(robot.get_joints(), way.end):
+        """Return True if the arm is at the end of the motion; ``None`` if the end is unknown."""
+        robot, segment = self._robot, self.way
+        if segment.end is not None and common.near(robot.get_joints(), segment.end):
             return True
-        if isinstance(way.target, P):
-            return common.same_place(robot.get_position(), way.target)
-        return None if way.end is None else False
+        if isinstance(segment.target, P):
+            return common.same_place(robot.get_position(), segment.target)
+        return None if segment.end is None else False
 
     def _arrived_late(self) -> bool:
-        """DrainInput again: the encoders are behind the command, and a motion that was just taken may not have begun."""
+        """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
         robot = self._robot
         pause(common.SETTLE)
         if not robot.motion_complete(_ARM):
@@ -369,25 +370,25 @@ class Motion:
 
     @property
     def done(self) -> bool:
-        """Whether it is over.
+        """Return True if the motion is over.
 
         Raises:
-            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         return self.get_done()
 
     @property
     def progress(self) -> float:
-        """How far it is: the part of its way that the joints have left behind, 1 when it is over; never goes back.
+        """Return the progress: the covered part of the distance in joint space, 1 at the end; it never decreases.
 
         Raises:
-            CallError: STOPPED_DURING_PC_MOTION, it was stopped before its end.
+            CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         return self.get_progress()
 
 
 class MotionProgress:
-    """How far a motion is, again and again, until it is over."""
+    """Iterates over the progress of a motion until it is over."""
 
     __slots__ = ("_begun", "_ended", "_motion")
 

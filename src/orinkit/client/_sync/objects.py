@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``objects.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``objects.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ N = TypeVar("N", bound="ObjectBase")
 
 
 class ObjectBase:
-    """An object of the controller: what all kinds have in common.
+    """Base class of all objects of a controller.
 
-    Released by ``with``, by :meth:`close`, or when the controller is closed; one that is merely dropped is
-    released before the next object is made.
+    An object is released at the end of ``with``, by :meth:`close`, or when the controller is closed. An object that is
+    deleted without being closed is released before the next object is created.
     """
 
     __slots__ = (
@@ -45,7 +45,7 @@ class ObjectBase:
         self.client = client
         self.handle = handle
         self._label = label
-        self._parent = parent  # keeps it alive as long as this object is
+        self._parent = parent  # keeps the parent alive
         self._children: WeakValueDictionary[int, ObjectBase] = WeakValueDictionary()
         self._open = True
 
@@ -54,16 +54,14 @@ class ObjectBase:
         return f"<{type(self).__name__} {self._label!r} handle {self.handle}{state}>"
 
     def __reduce__(self) -> str:
-        raise TypeError(
-            tr("{object!r} cannot be copied or pickled: it stands for one handle of one connection", object=self)
-        )
+        raise TypeError(tr("{object!r} cannot be copied or pickled: its handle belongs to one connection", object=self))
 
     def __del__(self) -> None:
         if getattr(self, "_open", False) and self._parent is not None and self.handle:
             self.client.handles.add(self.functions.release, self.handle)
 
     def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call a function of this object; an error says which object it was."""
+        """Call a function of this object; add the object's name to errors."""
         self._require_open()
         try:
             return self.client.call(function, self.handle, *args, **kwargs)
@@ -72,8 +70,8 @@ class ObjectBase:
             raise
 
     def _require_open(self) -> None:
-        if not self._open:  # its handle may stand for another object by now
-            raise ObjectReleased(tr("{object!r} was used after it was closed; connect to it again", object=self))
+        if not self._open:  # the handle may belong to another object by now
+            raise ObjectReleased(tr("{object!r} was used after it was closed. Try: connect to it again", object=self))
 
     def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         self._require_open()
@@ -81,7 +79,7 @@ class ObjectBase:
             try:
                 if self.client.handles.is_last(*dropped):
                     self.client.call(*dropped)
-            except CallError:  # the controller had let go of it already
+            except CallError:  # the controller has already released it
                 pass
         handle = self.client.call(function, self.handle, name, option)
         child = kind(self.client, handle, name, self)
@@ -89,36 +87,36 @@ class ObjectBase:
         return child
 
     def _adopt(self, child: ObjectBase) -> None:
-        """Have a child released with this object."""
+        """Register a child object, which is released with this one."""
         self._children[id(child)] = child
         self.client.handles.hold(child.functions.release, child.handle)
 
     def close(self) -> None:
-        """Release the object and those below it, newest first; does nothing the second time.
+        """Release the object and its child objects, newest first. Further calls have no effect.
 
-        An object that the controller has released already, or that went with a broken connection, is no error. Where
-        the controller does not answer in time, no more is asked of it.
+        It is not an error if the controller has already released the object, or if the connection is lost. If the controller
+        does not reply in time, no further calls are made.
         """
-        self._let_go()
+        self._release()
 
-    def _let_go(self) -> bool:
-        """Release; False where the controller does not answer, so that closing does not take a time-out per object."""
+    def _release(self) -> bool:
+        """Release the object; return False if there was no reply, so that closing takes one time-out in all."""
         if not self._open:
             return True
         self._open = False
-        for reference in reversed(self._children.valuerefs()):  # a list: another thread may be adding one
+        for reference in reversed(self._children.valuerefs()):  # a copy: another thread may add a child
             child = reference()
-            if child is not None and not child._let_go():
+            if child is not None and not child._release():
                 return False
         if not self.handle:
-            return True  # a file that is not there
+            return True  # a file that does not exist
         if not self.client.handles.is_last(self.functions.release, self.handle):
-            return True  # another object has the same
+            return True  # another object has the same handle
         try:
             self.client.call(self.functions.release, self.handle)
         except CallTimeout:
             return False
-        except OrinError:  # it went with its parent or with the connection: it is released either way
+        except OrinError:  # already released with its parent or with the connection
             pass
         return True
 
@@ -132,27 +130,27 @@ class ObjectBase:
 
 
 class NamedObject(ObjectBase):
-    """An object with attribute, help, name, tag and ID: all but messages."""
+    """Base class of objects with attribute, help, name, tag and ID: all except messages."""
 
     __slots__ = ()
 
     def get_attribute(self) -> int:
-        """Attribute bits."""
+        """Return the attribute bits."""
         assert self.functions.attribute is not None
         return self._call(self.functions.attribute)
 
     def get_help(self) -> str:
-        """Help text."""
+        """Return the help text."""
         assert self.functions.help is not None
         return self._call(self.functions.help)
 
     def get_name(self) -> str:
-        """Name that the controller gives to the object."""
+        """Return the name of the object on the controller."""
         assert self.functions.name is not None
         return self._call(self.functions.name)
 
     def get_tag(self) -> Any:
-        """Tag: a value of your own that the controller keeps with the object."""
+        """Return the tag, a user-defined value that the controller stores with the object."""
         assert self.functions.get_tag is not None
         return self._call(self.functions.get_tag)
 
@@ -162,7 +160,7 @@ class NamedObject(ObjectBase):
         self._call(self.functions.put_tag, tag)
 
     def get_id(self) -> Any:
-        """ID; on a variable ``I*`` it is the index."""
+        """Return the ID; for a variable ``I*``, this is the index."""
         assert self.functions.get_id is not None
         return self._call(self.functions.get_id)
 
@@ -173,22 +171,22 @@ class NamedObject(ObjectBase):
 
     @property
     def attribute(self) -> int:
-        """Attribute bits."""
+        """Return the attribute bits."""
         return self.get_attribute()
 
     @property
     def help(self) -> str:
-        """Help text."""
+        """Return the help text."""
         return self.get_help()
 
     @property
     def name(self) -> str:
-        """Name that the controller gives to the object."""
+        """Return the name of the object on the controller."""
         return self.get_name()
 
     @property
     def tag(self) -> Any:
-        """Tag: a value of your own that the controller keeps with the object."""
+        """Return the tag, a user-defined value that the controller stores with the object."""
         return self.get_tag()
 
     @tag.setter
@@ -197,7 +195,7 @@ class NamedObject(ObjectBase):
 
     @property
     def id(self) -> Any:
-        """ID; on a variable ``I*`` it is the index."""
+        """Return the ID; for a variable ``I*``, this is the index."""
         return self.get_id()
 
     @id.setter
@@ -216,7 +214,7 @@ class Variable(NamedObject):
     )  # fmt: skip
 
     def get_value(self) -> Any:
-        """The value, as plain Python (:mod:`orinkit.values.variant`)."""
+        """Return the value, converted to Python types (:mod:`orinkit.values.variant`)."""
         return self._call(f.variable_get_value)
 
     def put_value(self, value: Value) -> None:
@@ -224,16 +222,16 @@ class Variable(NamedObject):
         self._call(f.variable_put_value, value)
 
     def get_date_time(self) -> Any:
-        """When the value was taken, local ``datetime`` of the controller."""
+        """Return the time at which the value was sampled, as a ``datetime`` in the controller's local time."""
         return self._call(f.variable_get_date_time)
 
     def get_microsecond(self) -> int:
-        """Microseconds of the time when the value was taken."""
+        """Return the microseconds of the time at which the value was sampled."""
         return self._call(f.variable_get_microsecond)
 
     @property
     def value(self) -> Any:
-        """The value, as plain Python (:mod:`orinkit.values.variant`)."""
+        """Return the value, converted to Python types (:mod:`orinkit.values.variant`)."""
         return self.get_value()
 
     @value.setter
@@ -242,17 +240,17 @@ class Variable(NamedObject):
 
     @property
     def date_time(self) -> Any:
-        """When the value was taken, local ``datetime`` of the controller."""
+        """Return the time at which the value was sampled, as a ``datetime`` in the controller's local time."""
         return self.get_date_time()
 
     @property
     def microsecond(self) -> int:
-        """Microseconds of the time when the value was taken."""
+        """Return the microseconds of the time at which the value was sampled."""
         return self.get_microsecond()
 
 
 class ObjectContainer(NamedObject):
-    """An object with variables and extended commands of its own."""
+    """Base class of objects that have variables and extended commands."""
 
     __slots__ = ()
 
@@ -262,7 +260,7 @@ class ObjectContainer(NamedObject):
         return self._child(Variable, self.functions.variable, name, option)
 
     def variable_names(self, option: str = "") -> list[str]:
-        """Names of the variables."""
+        """Return the names of the variables."""
         assert self.functions.variable_names is not None
         return text_list(self._call(self.functions.variable_names, option))
 

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``robot.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``robot.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 
 class Robot(ArmBase):
-    """A robot (RC8 3.3). A motion is never repeated by the client.
+    """A robot of a controller (RC8 3.3). The client never repeats a motion by itself.
 
     Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
-    ``"@P"``, ``"@10"``) and options by name: ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds, and ``wait``.
-    By default the controller answers when the motion is over as its pass mark has it; with ``wait=False`` it answers at
-    once. Both give the motion, :class:`~orinkit.Motion`.
+    ``"@P"``, ``"@10"``) and keyword options: ``speed``, ``accel``, ``decel`` in percent, ``time`` in s, and ``wait``. By
+    default, the call returns at the end of the motion as defined by its pass mark; with ``wait=False``, it returns
+    immediately. Both return the motion, an :class:`~orinkit.Motion`.
     """
 
     __slots__ = ()
@@ -42,23 +42,23 @@ class Robot(ArmBase):
         f.robot_get_variable, f.robot_get_variable_names, f.robot_execute,
     )  # fmt: skip
 
-    # --- holding it ---------------------------------------------------------------------------------------------
+    # --- arm, motor and slave mode ------------------------------------------------------------------------------
 
     def arm(self, keep: bool = False, group: int = 0) -> Arm:
-        """Take the arm for as long as a block lasts: ``with robot.arm(), robot.motor():``.
+        """Take the arm semaphore for the duration of a block: ``with robot.arm(), robot.motor():``.
 
-        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+        At the end of the block, the current motion is completed. If the block raises an exception, the arm is halted.
 
         Args:
-            keep: keep internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
-            group: number of the arm group, 0 to 31.
+            keep: Keep the internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
+            group: Number of the arm group, 0 to 31.
         """
         return Arm(self, self._track, group, keep)
 
     def motor(self) -> Motor:
-        """Switch the motor on for as long as a block lasts; afterwards it is off, whatever it was before.
+        """Switch the motor on for the duration of a block; afterwards it is off, even if it was on before.
 
-        At the end of the block a motion that runs is waited for; when an exception ends it, the arm is halted.
+        At the end of the block, the current motion is completed. If the block raises an exception, the arm is halted.
         """
         return Motor(self, self._track)
 
@@ -80,7 +80,7 @@ class Robot(ArmBase):
         user: tuple[int, bytes] | None = None,
         user_window: tuple[int, int] | None = None,
     ) -> Stream:
-        """Move the arm set-point by set-point for as long as a block lasts (RC8 4), with arm and motor taken.
+        """Stream set-points in slave mode for the duration of a block (RC8 4). The arm must be taken and the motor on.
 
         ::
 
@@ -88,29 +88,30 @@ class Robot(ArmBase):
                 stream.run(trajectory)
 
         Args:
-            mode: 0 and 2 have the controller queue three set-points: 2, the default, lets its answers wait until there is
-                room, 0 says that there is none; 1 has it keep the newest one only (RC8 4.3). A VE026A has 0, a set-point
-                in every cycle, and 1, its default (VE026A 2.2.1).
-            pose: ``"J"`` joints, ``"P"`` positions, ``"T"`` homogeneous transformations.
-            recv: what comes back with each set-point: ``"joints"``, ``"position"`` or ``"trans"`` (joints can come with
-                either), ``"mini"``, ``"hand"`` I/O, ``"current"`` of the motors; the controller's time always.
-            limits: within which everything stays; by default those of the arm as the controller names it.
-            speed: percent of these limits.
-            period: seconds of the controller's cycle.
-            queue: most set-points that :meth:`Stream.push` queues.
-            idle: seconds without a pushed set-point after which slave mode is left; ``None`` for never.
-            on_range: what to do with a live target beyond the arm's range: ``"clamp"`` or ``"refuse"``.
-            record: file that every set-point and what came back is written to, ``.csv`` or ``.mcap``.
-            mini: mini I/O outputs that go with every set-point.
-            hand: hand I/O outputs.
-            user: number and bytes of user I/O outputs.
-            user_window: number of the first user I/O that comes back, and how many bytes.
+            mode: In modes 0 and 2, the controller queues three set-points; if the queue is full, mode 2 (the default) delays
+                the reply until there is room, mode 0 returns an error code. In mode 1, the controller keeps only the newest
+                set-point (RC8 4.3). A VE026A supports mode 0, a set-point in every cycle, and mode 1, its default
+                (VE026A 2.2.1).
+            pose: Pose type: ``"J"`` joints, ``"P"`` positions, ``"T"`` homogeneous transformations.
+            recv: Feedback for each set-point: ``"joints"``, ``"position"`` or ``"trans"`` (either can be combined with joints),
+                ``"mini"`` I/O, ``"hand"`` I/O, ``"current"`` of the motors; the controller's time is always included.
+            limits: Limits of all motions; the default is those of the arm type that the controller reports.
+            speed: Percentage of these limits.
+            period: Cycle time of the controller in s.
+            queue: Maximum number of set-points that :meth:`Stream.push` queues.
+            idle: Time in s without a pushed set-point after which slave mode is left; ``None`` for no limit.
+            on_range: Handling of a live target beyond the arm's range: ``"clamp"`` or ``"refuse"``.
+            record: File for recording all set-points and their feedback, ``.csv`` or ``.mcap``.
+            mini: Mini I/O outputs to send with every set-point.
+            hand: Hand I/O outputs to send with every set-point.
+            user: First number and bytes of the user I/O outputs to send with every set-point.
+            user_window: Number of the first user I/O in the feedback, and the number of bytes.
 
         Raises:
-            InvalidValue: an option is none.
+            InvalidValue: If an option is invalid.
         """
         from orinkit.client._shared.stream_options import read_options
-        from orinkit.client._sync.stream import Stream  # most programs need none of this
+        from orinkit.client._sync.stream import Stream  # slow import, not needed by most programs
 
         dialect = self.client.dialect
         options = read_options(
@@ -128,27 +129,28 @@ class Robot(ArmBase):
     def move(self, *arguments: Any, **named: Any) -> Motion | None:
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
-        As CAO has it, where the first argument is a number: ``move(1, "@E P1", "SPEED=20,TIME=1500")``. That form checks
-        nothing but bare lists of 6 numbers, and returns nothing.
+        The form of CAO has a number as the first argument: ``move(1, "@E P1", "SPEED=20,TIME=1500")``. It rejects bare lists
+        of 6 numbers, checks nothing else, and returns ``None``.
 
         Args:
-            *arguments: ``pose``: ``P(...)`` (mm, degrees), ``J(...)`` (degrees), ``T(...)``, or a text such as ``"P1"``; then
-                ``mark``: the pass mark, ``"@0"`` the command is there (the controller's default), ``"@E"`` the encoders
-                are, ``"@P"`` near, ``"@10"`` within 10 mm. Of CAO's form: ``interpolation``, 1 point to point, 2 line, 3
-                arc, 4 free curve; ``pose``, any value of CAO with its pass mark, in which ``P(...)``, ``J(...)`` and
-                ``T(...)`` go out as their texts; ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in
-                percent, TIME in ms.
-            **named: the same by name, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in seconds,
+            *arguments: ``pose``: ``P(...)`` (mm, deg), ``J(...)`` (deg), ``T(...)``, or a text such as ``"P1"``; then
+                ``mark``, the pass mark, which defines the end of the motion: ``"@0"`` command position at the pose (the
+                controller's default), ``"@E"`` encoders at the pose, ``"@P"`` near the pose, ``"@10"`` within 10 mm. In the
+                form of CAO: ``interpolation``, 1 point to point, 2 line, 3 arc, 4 free curve; ``pose``, any value of CAO with
+                its pass mark, in which ``P(...)``, ``J(...)`` and ``T(...)`` are sent as text; ``option``, a text such as
+                ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in percent, TIME in ms.
+            **named: The same arguments by name, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in s,
                 ``wait``.
 
         Returns:
-            the motion; it is over unless ``wait=False``, or the arm still passes (``"@P"``, ``"@10"``).
+            The motion. It is over, except with ``wait=False``, or if the arm still moves after its pass mark (``"@P"``,
+            ``"@10"``).
 
         Raises:
-            TypeError: the arguments are of neither form.
-            InvalidValue: the pose, the mark or an option cannot be sent.
-            NotationError: the mark is a text that is none.
-            CallError: the controller refuses, or the motion was stopped.
+            TypeError: If the arguments match neither form.
+            InvalidValue: If the pose, the mark or an option is invalid.
+            NotationError: If the mark is not a pass mark.
+            CallError: If the controller refuses, or the motion was stopped.
         """
         common.check_move(arguments, named)
         if common.is_raw("interpolation", arguments, named):
@@ -157,13 +159,13 @@ class Robot(ArmBase):
         return self._move_to(common.PTP, *arguments, **named)
 
     def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
-        """Move the tool to a pose along a line."""
+        """Move the tool to a pose in a straight line."""
         return self._move_to(common.LINE, pose, mark, **options)
 
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
-        """Move the tool along the arc through one pose to another."""
-        way = MotionSegment(common.literal_end(end))
-        return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, way)
+        """Move the tool along an arc through ``via`` to ``end``."""
+        segment = MotionSegment(common.literal_end(end))
+        return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 
     def move_s(
         self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
@@ -171,9 +173,9 @@ class Robot(ArmBase):
         """Move the tool along a free curve.
 
         Args:
-            path: number of a path that is stored in the controller (AddPathPoint), or a list of poses.
-            mark: pass mark of its end.
-            options: of every motion.
+            path: Number of a path stored on the controller (AddPathPoint), or a list of poses.
+            mark: Pass mark of the end.
+            options: Options common to all motions.
         """
         return self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
@@ -186,14 +188,14 @@ class Robot(ArmBase):
         line: bool = False,
         **options: Unpack[MoveOptions],
     ) -> Motion:
-        """Move to before a pose, ``distance`` mm back along its tool's Z; point to point, or along a line."""
+        """Move to a point ``distance`` mm before a pose, against the tool's Z axis; point to point, or with ``line`` linear."""
         comp = common.LINE if line else common.PTP
         return self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
     def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
     ) -> Motion:
-        """Move back ``distance`` mm along the tool's Z; point to point, or along a line."""
+        """Move back ``distance`` mm against the tool's Z axis; point to point, or with ``line`` linear."""
         comp = common.LINE if line else common.PTP
         return self._extended("Depart", [comp, common.distance_text(distance, mark)], options)
 
@@ -209,21 +211,22 @@ class Robot(ArmBase):
         **options: Unpack[MoveOptions],
     ) -> Motion: ...
     def drive(self, *arguments: Any, **named: Any) -> Motion | None:
-        """Move joints by degrees (mm for linear ones), or to them: ``drive({1: 10, 2: -5}, absolute=False)``.
+        """Move axes by deg (mm for linear axes), or with ``absolute`` to a value: ``drive({1: 10, 2: -5}, absolute=False)``.
 
-        As CAO has it, one joint, where the first argument is a number: ``drive(1, 10.0, "SPEED=20,TIME=1500")``.
+        The form of CAO moves one axis and has a number as the first argument: ``drive(1, 10.0, "SPEED=20,TIME=1500")``.
 
         Args:
-            *arguments: ``axes``: for each joint, 1 to 8, by how many degrees or mm, or with ``absolute`` to which; then
-                ``mark``: the pass mark, as of :meth:`move`. Of CAO's form: ``axis``, 1 to 8; ``value``, degrees or mm;
-                ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in percent, TIME in ms.
-            **named: the same by name, ``absolute``, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in
-                seconds, ``wait``.
+            *arguments: ``axes``: a mapping from axes, 1 to 8, to relative values in deg or mm, or with ``absolute`` to
+                absolute values; then ``mark``: the pass mark, as for :meth:`move`. In the form of CAO: ``axis``, 1 to 8;
+                ``value``, deg or mm; ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in
+                percent, TIME in ms.
+            **named: The same arguments by name, ``absolute``, and the options ``speed``, ``accel``, ``decel`` in percent,
+                ``time`` in s, ``wait``.
 
         Raises:
-            TypeError: the arguments are of neither form.
-            InvalidValue: a joint, the mark or an option cannot be sent.
-            CallError: the controller refuses, or the motion was stopped.
+            TypeError: If the arguments match neither form.
+            InvalidValue: If an axis, a value, the mark or an option is invalid.
+            CallError: If the controller refuses, or the motion was stopped.
         """
         common.check_drive(arguments, named)
         if common.is_raw("axis", arguments, named):
@@ -232,47 +235,47 @@ class Robot(ArmBase):
         return self._drive(*arguments, **named)
 
     def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate by degrees in a plane about a pivot.
+        """Rotate in a plane around a pivot.
 
         Args:
-            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in it go out as their texts.
-            angle: degrees.
+            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in it are sent as text.
+            angle: Angle in deg.
             pivot: ``V(...)``, ``"P1"``, or a value of CAO.
-            option: pass mark and options as a text: ``"@E,SPEED=20,NEXT"``.
+            option: Pass mark and options as text: ``"@E,SPEED=20,NEXT"``.
         """
-        places = common.sendable(plane), angle, common.sendable(pivot)
-        self._begin(f.robot_rotate, *places, option, wait=common.waits(option))
+        arguments = common.sendable(plane), angle, common.sendable(pivot)
+        self._begin(f.robot_rotate, *arguments, option, wait=common.waits(option))
 
     def go_home(self) -> None:
         """Move to the home pose."""
         self._begin(f.robot_go_home, wait=True)
 
     def chuck(self, option: str = "") -> None:
-        """Close the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
+        """Close the chuck. A virtual RC8 has none and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         self._call(f.robot_chuck, option)
 
     def unchuck(self, option: str = "") -> None:
-        """Open the chuck. A virtual RC8 has none and answers E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
+        """Open the chuck. A virtual RC8 has none and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
         self._call(f.robot_unchuck, option)
 
     # --- settings -----------------------------------------------------------------------------------------------
 
     def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed, with the arm taken and nothing moving.
+        """Set the internal speed. The arm must be taken and at standstill.
 
         Args:
-            axis: -1 all motions, 0 point-to-point ones only.
-            speed: percent, above 0, at most 100.
+            axis: -1 for all motions, 0 for point-to-point motions only.
+            speed: Speed in percent, above 0 and at most 100.
         """
         self._call(f.robot_speed, axis, speed)
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration, with the arm taken and nothing moving.
+        """Set the internal acceleration and deceleration. The arm must be taken and at standstill.
 
         Args:
-            axis: -1 all motions, 0 point-to-point ones only.
-            accel: percent, above 0, at most 100; -1 keeps it.
-            decel: the same.
+            axis: -1 for all motions, 0 for point-to-point motions only.
+            accel: Acceleration in percent, above 0 and at most 100; -1 leaves it unchanged.
+            decel: Deceleration in percent, above 0 and at most 100; -1 leaves it unchanged.
         """
         self._call(f.robot_accelerate, axis, accel, decel)
 
@@ -281,18 +284,18 @@ class Robot(ArmBase):
         self._call(f.robot_change, name)
 
     def get_ext_speed(self) -> float:
-        """External speed in percent, which holds for every motion (CurExtSpd)."""
+        """Return the external speed in percent, which applies to all motions (CurExtSpd)."""
         return common.read_number("CurExtSpd", self._ask("CurExtSpd"))
 
     def put_ext_speed(self, percent: float) -> None:
-        """Set the external speed in percent; the accelerations become its square by 100.
+        """Set the external speed in percent; acceleration and deceleration become its square divided by 100.
 
-        It is the controller's and stays after the connection has ended.
+        This is a setting of the controller; it persists after the connection is closed.
         """
         self._ask("ExtSpeed", [float(percent)])
 
     def get_tool(self) -> int:
-        """Number of the tool in use, 0 for the flange (CurTool)."""
+        """Return the number of the current tool, 0 for the flange (CurTool)."""
         return int(common.read_number("CurTool", self._ask("CurTool")))
 
     def put_tool(self, number: int) -> None:
@@ -300,7 +303,7 @@ class Robot(ArmBase):
         self.change(f"Tool{number}")
 
     def get_work(self) -> int:
-        """Number of the work frame in use, 0 for the base (CurWork)."""
+        """Return the number of the current work frame, 0 for the base (CurWork)."""
         return int(common.read_number("CurWork", self._ask("CurWork")))
 
     def put_work(self, number: int) -> None:
@@ -308,51 +311,51 @@ class Robot(ArmBase):
         self.change(f"Work{number}")
 
     def set_tool(self, number: int, frame: PoseLike) -> None:
-        """Define a tool, until the controller is switched off: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``, in the flange."""
+        """Define a tool relative to the flange: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``; lost at power-off of the controller."""
         self._ask("SetToolDef", [number, pose_text(frame)])
 
     def set_work(self, number: int, frame: PoseLike) -> None:
-        """Define a work frame, until the controller is switched off; in the base."""
+        """Define a work frame relative to the base; lost at power-off of the controller."""
         self._ask("SetWorkDef", [number, pose_text(frame)])
 
-    # --- how it is ----------------------------------------------------------------------------------------------
+    # --- state --------------------------------------------------------------------------------------------------
 
     def get_figure(self) -> int:
-        """Figure of the arm (CurFig); :func:`orinkit.values.poses.describe_figure` says it in words."""
+        """Return the figure of the arm (CurFig); :func:`orinkit.values.poses.describe_figure` describes it as text."""
         return int(common.read_number("CurFig", self._ask("CurFig")))
 
     def get_motor_on(self) -> bool:
-        """Whether the motor is on (@SERVO_ON)."""
+        """Return True if the motor is on (@SERVO_ON)."""
         return bool(self._read("@SERVO_ON"))
 
     def get_moving(self) -> bool:
-        """Whether a motion runs, whoever commanded it (@BUSY_STATUS)."""
+        """Return True if a motion of any client or program is executing (@BUSY_STATUS)."""
         return bool(self._read("@BUSY_STATUS"))
 
     # --- conversions --------------------------------------------------------------------------------------------
 
     def to_joints(self, pose: PoseLike) -> J:
-        """Return the joints of a pose of type P or T, in the tool and work frames in use (P2J, T2J).
+        """Return the joints of a pose of type P or T, in the current tool and work frames (P2J, T2J).
 
         Raises:
-            CallError: the arm does not reach it.
+            CallError: If the arm cannot reach the pose.
         """
         return self._convert(J, "J", pose)
 
     def to_position(self, pose: PoseLike) -> P:
-        """Return joints, or a homogeneous transformation, as a position (J2P, T2P)."""
+        """Convert joints or a homogeneous transformation to a position (J2P, T2P)."""
         return self._convert(P, "P", pose)
 
     def to_trans(self, pose: PoseLike) -> T:
-        """Return joints, or a position, as a homogeneous transformation (J2T, P2T)."""
+        """Convert joints or a position to a homogeneous transformation (J2T, P2T)."""
         return self._convert(T, "T", pose)
 
     def out_of_range(self, pose: PoseLike) -> int:
-        """Return whether the arm cannot take a pose (OutRange).
+        """Check without moving whether the arm can reach a pose (OutRange).
 
         Returns:
-            0 if it can; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... that would be beyond their limits; -1 out of
-            reach; -2 at a singular point.
+            0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if it is
+            out of reach; -2 at a singular point.
         """
         return int(common.read_number("OutRange", self._ask("OutRange", pose_text(pose))))
 
@@ -377,25 +380,25 @@ class Robot(ArmBase):
     def _move_to(
         self, interpolation: int, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> Motion:
-        way = MotionSegment(common.literal_end(pose))
-        return self._interpolate(interpolation, pose_text(pose, mark), options, way)
+        segment = MotionSegment(common.literal_end(pose))
+        return self._interpolate(interpolation, pose_text(pose, mark), options, segment)
 
-    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, way: MotionSegment) -> Motion:
+    def _interpolate(self, interpolation: int, pose: str, options: MoveOptions, segment: MotionSegment) -> Motion:
         option, wait = common.option_text(options)
-        return self._begin(f.robot_move, interpolation, pose, option, wait=wait, way=way)
+        return self._begin(f.robot_move, interpolation, pose, option, wait=wait, segment=segment)
 
     def _extended(self, name: str, parameter: list[Any], options: MoveOptions) -> Motion:
         option, wait = common.option_text(options)
         whole = [*parameter, option] if option else parameter
-        return self._begin(f.robot_execute, name, whole, wait=wait, way=MotionSegment())
+        return self._begin(f.robot_execute, name, whole, wait=wait, segment=MotionSegment())
 
-    def _convert(self, kind: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
+    def _convert(self, pose_type: type[common.Pose], wanted: str, pose: PoseLike) -> common.Pose:
         command = f"{common.kind_of(pose, wanted)}2{wanted}"
-        return common.read_pose(kind, command, self._ask(command, pose_text(pose)))
+        return common.read_pose(pose_type, command, self._ask(command, pose_text(pose)))
 
     @property
     def ext_speed(self) -> float:
-        """External speed in percent, which holds for every motion (CurExtSpd)."""
+        """Return the external speed in percent, which applies to all motions (CurExtSpd)."""
         return self.get_ext_speed()
 
     @ext_speed.setter
@@ -404,7 +407,7 @@ class Robot(ArmBase):
 
     @property
     def tool(self) -> int:
-        """Number of the tool in use, 0 for the flange (CurTool)."""
+        """Return the number of the current tool, 0 for the flange (CurTool)."""
         return self.get_tool()
 
     @tool.setter
@@ -413,7 +416,7 @@ class Robot(ArmBase):
 
     @property
     def work(self) -> int:
-        """Number of the work frame in use, 0 for the base (CurWork)."""
+        """Return the number of the current work frame, 0 for the base (CurWork)."""
         return self.get_work()
 
     @work.setter
@@ -422,15 +425,15 @@ class Robot(ArmBase):
 
     @property
     def figure(self) -> int:
-        """Figure of the arm (CurFig); :func:`orinkit.values.poses.describe_figure` says it in words."""
+        """Return the figure of the arm (CurFig); :func:`orinkit.values.poses.describe_figure` describes it as text."""
         return self.get_figure()
 
     @property
     def motor_on(self) -> bool:
-        """Whether the motor is on (@SERVO_ON)."""
+        """Return True if the motor is on (@SERVO_ON)."""
         return self.get_motor_on()
 
     @property
     def moving(self) -> bool:
-        """Whether a motion runs, whoever commanded it (@BUSY_STATUS)."""
+        """Return True if a motion of any client or program is executing (@BUSY_STATUS)."""
         return self.get_moving()

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``slave_mode.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``slave_mode.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from orinkit.client._shared import stream as common
-from orinkit.client._shared.common import motor_state, no_code
+from orinkit.client._shared.common import clear_error_parameter, motor_state
 from orinkit.client._shared.stream_options import StreamOptions, limits_for
 from orinkit.client._sync.motion import ArmBase
 from orinkit.core import hresult
@@ -27,11 +27,11 @@ _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ER
 
 
 class SlaveMode:
-    """Slave mode while a streaming process has the connection.
+    """A context manager for slave mode, during which a streaming process has the connection.
 
     Attributes:
-        limits: within which everything stays.
-        real_time: what the system has granted the process.
+        limits: Limits of all motions.
+        real_time: Real-time settings that the system granted to the streaming process.
     """
 
     def __init__(self, robot: ArmBase, options: StreamOptions) -> None:
@@ -40,15 +40,15 @@ class SlaveMode:
         self._streaming: StreamerProcess | None = None
         self._recording: common.SampleRecording | None = None
         self._failure: OrinError | None = None
-        self._told = False  # whether a call has raised it
+        self._failure_raised = False  # by a call within the block
         self._inside = False  # the block
-        self._kind = options.mode.kind
+        self._pose_type = options.mode.kind
         self._outputs = options.outputs
         self.limits: Limits | PathLimits | None = options.limits
         self.real_time = RealTime()
 
     def _forget(self) -> None:
-        """Forget what was wanted before: the arm is somewhere else now."""
+        """Discard earlier targets, because the arm may be at another position."""
 
     # --- entering and leaving -----------------------------------------------------------------------------------
 
@@ -73,12 +73,12 @@ class SlaveMode:
             self._leave(StreamCommand.FINISH if error is None else StreamCommand.LEAVE)
         finally:
             self._close_recording(quiet=error is not None)
-        if error is None and self._failure is not None and not self._told:
+        if error is None and self._failure is not None and not self._failure_raised:
             raise self._failure
 
     def _enter(self) -> None:
         robot, client, options = self._robot, self._robot.client, self._options
-        self._failure, self._told = None, False
+        self._failure, self._failure_raised = None, False
         self._forget()
         streaming = StreamerProcess(client._fileno(), client.profile.name)
         self._streaming = streaming
@@ -90,22 +90,22 @@ class SlaveMode:
                 type_name = "" if options.limits else robot.execute("GetRobotTypeName")
             self.limits = limits_for(options, type_name)
             start, beyond = self._start()
-            self._until(lambda: streaming.real_time is not None)
+            self._wait_until(lambda: streaming.real_time is not None)
         except BaseException:
             self._give_up(streaming)
             raise
         self.real_time = streaming.real_time or RealTime()
-        serial = client._detach(lambda: _let_go(streaming))
+        serial = client._detach(lambda: _stop_streaming(streaming))
         try:
-            streaming.begin(self._setup(start, beyond, serial))
-            self._until(lambda: streaming.streaming and streaming.shared.samples > 0)
+            streaming.begin(self._config(start, beyond, serial))
+            self._wait_until(lambda: streaming.streaming and streaming.shared.samples > 0)
         except BaseException:
             self._give_up(streaming)
             raise
         if self._recording is not None:
             self._recording.follow(streaming.shared)
 
-    def _setup(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> StreamerConfig:
+    def _config(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> StreamerConfig:
         options = self._options
         assert self.limits is not None
         return StreamerConfig(
@@ -116,22 +116,22 @@ class SlaveMode:
         )  # fmt: skip
 
     def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return where the arm stands, once its encoders do; and the joints that there are no limits for."""
+        """Wait for standstill; return the position of the arm, and the joints without limits."""
         robot = self._robot
         deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
         while not deadline.passed and not robot.motion_complete(1):
             pause(common.POLL)
-        if self._kind == "P":
+        if self._pose_type == "P":
             return tuple(robot.get_position()), ()
-        if self._kind == "T":
+        if self._pose_type == "T":
             return tuple(robot.get_trans()), ()
         assert isinstance(self.limits, Limits)
         return common.with_limits(tuple(robot.get_joints()), self.limits)
 
-    def _until(self, happened: Callable[[], bool]) -> None:
-        """Wait for something that the streaming process does."""
-        while not happened():
-            self._look()
+    def _wait_until(self, condition: Callable[[], bool]) -> None:
+        """Wait until the streaming process fulfils a condition."""
+        while not condition():
+            self._check()
             pause(common.POLL)
 
     def _leave(self, order: StreamCommand) -> None:
@@ -151,10 +151,10 @@ class SlaveMode:
             self._give_up(streaming)
 
     def _give_up(self, streaming: StreamerProcess) -> None:
-        """Take the connection back; where nobody knows what state it is in, it is closed.
+        """Take the connection back; close it if its state is unknown.
 
-        A streaming process that is still at work, because whoever waited for it was interrupted, keeps it: it brings the
-        arm to rest and leaves slave mode by itself.
+        If the streaming process still runs because waiting for it was interrupted, it keeps the connection; it stops the arm
+        and leaves slave mode by itself.
         """
         self._streaming = None
         if self._recording is not None:
@@ -184,13 +184,13 @@ class SlaveMode:
                     raise
 
     def recover(self) -> None:
-        """Stream again after an error, from where the arm is now (RC8 4.7): errors cleared, motor on, slave mode on.
+        """Resume streaming after an error (RC8 4.7): clear errors, switch the motor on and enter slave mode again.
 
-        Nothing moves until there are new set-points; what was queued is forgotten.
+        Queued set-points are discarded. The arm stays at its current position until there are new set-points.
 
         Raises:
-            CallError: the controller refuses: somebody has to look at it.
-            StreamError: outside the block.
+            CallError: If the controller refuses; an operator must check it.
+            StreamError: If called outside the block.
         """
         if not self._inside:
             raise common.ended_because("", None)
@@ -198,7 +198,7 @@ class SlaveMode:
         for attempt in range(common.TRIES):
             try:
                 dialect = self._robot.client.dialect
-                self._robot._controller().execute("ClearError", no_code(dialect))
+                self._robot._controller().execute("ClearError", clear_error_parameter(dialect))
                 self._robot.execute("Motor", motor_state(dialect, on=True))
                 self._enter()
             except CallError as error:
@@ -208,11 +208,11 @@ class SlaveMode:
             else:
                 return
 
-    # --- how it is ---------------------------------------------------------------------------------------------
+    # --- state -------------------------------------------------------------------------------------------------
 
     @property
     def error(self) -> OrinError | None:
-        """What ended streaming; ``None`` while all is well."""
+        """The error that ended streaming; ``None`` if there was none."""
         if self._failure is None and self._streaming is not None:
             self._has_ended(self._streaming)
         return self._failure
@@ -221,29 +221,29 @@ class SlaveMode:
         """Return the streaming process.
 
         Raises:
-            OrinError: it has ended.
+            OrinError: If streaming has ended.
         """
-        self._look()
+        self._check()
         assert self._streaming is not None
         return self._streaming
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         streaming = self._streaming
         if streaming is not None and not self._has_ended(streaming):
             return
-        self._told = True
+        self._failure_raised = True
         raise self._failure or common.ended_because("", None)
 
     def _has_ended(self, streaming: StreamerProcess) -> bool:
-        """Tell whether streaming is over, and note why."""
+        """Return True if streaming has ended; record the cause."""
         streaming.look()
         if streaming.ended:
             self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
         return streaming.ended
 
 
-def _let_go(streaming: StreamerProcess) -> None:
-    """The connection is closed under the streaming process: it has the arm come to rest first."""
+def _stop_streaming(streaming: StreamerProcess) -> None:
+    """Order the streaming process to stop the arm first, because this process is closing the connection."""
     if not streaming.shared.closed:
         streaming.shared.forget()
         streaming.shared.order(StreamCommand.GOODBYE)

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``stream.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``stream.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ from orinkit.values.poses import J, P, T
 
 
 class Stream(SlaveMode):
-    """Slave mode for as long as a block lasts; ``Robot.slave_mode`` makes one.
+    """A context manager for slave mode, returned by ``Robot.slave_mode``.
 
-    A process of its own has the connection meanwhile and sends a set-point in each cycle of the controller, whatever this
-    program does: from :meth:`run`, from :attr:`target`, or from :meth:`push`. When there are none, when this program
-    raises, is stopped or killed, it brings the arm to rest within the limits, repeats the last pose, and leaves slave mode.
+    During the block, a separate streaming process has the connection. It sends a set-point in each cycle of the controller,
+    independently of the load of this program: from :meth:`run`, :attr:`target` or :meth:`push`. If there are no more
+    set-points, or this program raises an exception, is stopped or killed, the process stops the arm within the limits, repeats
+    the last pose and leaves slave mode.
 
     Attributes:
-        limits: within which everything stays.
-        real_time: what the system has granted the process.
+        limits: Limits of all motions.
+        real_time: Real-time settings that the system granted to the streaming process.
     """
 
     def __init__(self, robot: ArmBase, options: StreamOptions) -> None:
@@ -56,93 +57,96 @@ class Stream(SlaveMode):
     def _forget(self) -> None:
         self._pushed = self._target = None
 
-    # --- a whole trajectory -------------------------------------------------------------------------------------
+    # --- trajectories -------------------------------------------------------------------------------------------
 
     def run(
         self, trajectory: Any, *, retime: bool = False, progress: Callable[[Progress], object] | None = None
     ) -> StreamResult:
-        """Send a trajectory, one set-point for each cycle, and wait until the arm stands at its end.
+        """Send a trajectory, one set-point per cycle, and wait for standstill at its end.
 
         Args:
-            trajectory: an array of one row per cycle, a sequence of ``J(...)``, ``P(...)`` or ``T(...)``, the path of a
-                CSV file, or an iterator. All but an iterator is checked as a whole before anything moves.
-            retime: slow down what is faster than the limits; not of an iterator.
-            progress: is told how many set-points have been sent.
+            trajectory: Array with one row per cycle, sequence of ``J(...)``, ``P(...)`` or ``T(...)``, path of a CSV file, or
+                iterator. All set-points are checked before the arm moves, except those of an iterator.
+            retime: Slow the trajectory down if it exceeds the limits; not available for an iterator.
+            progress: Callback invoked with the progress.
+
+        Returns:
+            The number of set-points sent, the samples and the timing.
 
         Raises:
-            TrajectoryError: a set-point breaks a limit, or is none; the message names it and the axis.
-            CallError: the controller ended slave mode: its first error.
-            StreamError: slave mode has ended.
+            TrajectoryError: If a set-point is invalid or exceeds a limit; the message gives the set-point and the axis.
+            CallError: If the controller ended slave mode; this is its first error.
+            StreamError: If slave mode has ended.
         """
         streaming = self._alive()
         total: int | None = None
-        self._still()
+        self._wait_for_standstill()
         if isinstance(trajectory, Iterator):
             if retime:
-                raise InvalidValue(tr("retime: an iterator cannot be retimed; make a list of it"))
+                raise InvalidValue(tr("an iterator cannot be retimed. Try: convert it to a list"))
             points = self._checked(trajectory)
             ready = list(islice(points, common.PREFETCH))
         else:
-            ready = self._prepared(trajectory, retime=retime)
+            ready = self._prepare(trajectory, retime=retime)
             points, total = iter(()), len(ready)
-        course = common.TrajectoryRun(streaming.shared, total, progress)
+        run = common.TrajectoryRun(streaming.shared, total, progress)
         try:
-            sent = self._feed(ready, points, course)
-            while course.sent < sent or not course.shared.settled:
-                self._go_on(course)
+            sent = self._feed(ready, points, run)
+            while run.sent < sent or not run.shared.settled:
+                self._poll(run)
         except BaseException:
-            course.give_up()
+            run.give_up()
             raise
         self._pushed = None
-        return course.result(sent)
+        return run.result(sent)
 
     def _feed(
-        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], course: common.TrajectoryRun
+        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], run: common.TrajectoryRun
     ) -> int:
-        """Queue set-points as there is room; returns how many there were."""
-        shared = course.shared
+        """Queue the set-points as room becomes available; return their number."""
+        shared = run.shared
         sent = 0
-        looked = monotonic_ns()
+        polled = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
                 while shared.waiting >= QUEUE_ROOM:
-                    course.start()
-                    self._go_on(course)
+                    run.start()
+                    self._poll(run)
                 shared.put(point)
                 sent += 1
-                if monotonic_ns() - looked > common.LOOK_NS:
-                    self._go_on(course)
-                    looked = monotonic_ns()
-            course.start()  # as much as there is room for is there before the first one is sent
+                if monotonic_ns() - polled > common.LOOK_NS:
+                    self._poll(run)
+                    polled = monotonic_ns()
+            run.start()  # fill the queue before sending the first set-point
         return sent
 
-    def _go_on(self, course: common.TrajectoryRun) -> None:
-        """DrainInput how a trajectory goes, and let others do something.
+    def _poll(self, run: common.TrajectoryRun) -> None:
+        """Read the state of a trajectory, and yield to other tasks.
 
         Raises:
-            StreamError: something else has ended it.
+            StreamError: If another call interrupted the trajectory.
         """
         self._alive()
-        course.look()
+        run.look()
         pause(common.POLL)
 
-    def _prepared(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
+    def _prepare(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
         options, start = self._options, self._command()
-        points = read_trajectory(trajectory, self._kind, self._axes, period=options.period)
+        points = read_trajectory(trajectory, self._pose_type, self._axes, period=options.period)
         assert self.limits is not None
         if retime:
-            points = retimed(points, self.limits, options.period, self._kind)
+            points = retimed(points, self.limits, options.period, self._pose_type)
         if isinstance(self.limits, Limits):
             check_trajectory(points, self.limits, start, options.period)
         else:
-            check_path(points, self.limits, start, options.period, self._kind)
+            check_path(points, self.limits, start, options.period, self._pose_type)
         return points
 
     def _checked(self, points: Iterator[Any]) -> Iterator[tuple[float, ...]]:
         start = self._command()
         shadow = self._shadow(start)
         for number, given in enumerate(points):
-            point = read_point(given, self._kind, self._axes, number)
+            point = read_point(given, self._pose_type, self._axes, number)
             try:
                 shadow.check(point)
             except InvalidValue as error:
@@ -151,40 +155,40 @@ class Stream(SlaveMode):
             yield point
 
     def _shadow(self, start: Sequence[float]) -> Planner:
-        """Return a planner that goes where the streaming process goes, to see what it would pass through."""
+        """Return a planner that follows the one of the streaming process, to check set-points in advance."""
         assert self.limits is not None
-        return planner_for(self.limits, self._options.period, start, self._kind)
+        return planner_for(self.limits, self._options.period, start, self._pose_type)
 
-    def _still(self) -> None:
-        """Wait until what was pushed has been sent, or the live target is reached, and the arm stands."""
+    def _wait_for_standstill(self) -> None:
+        """Wait until all pushed set-points are sent or the live target is reached, and the arm is at standstill."""
         shared = self._alive().shared
-        from_now = shared.samples + 1  # one that knows what was wanted just now
-        while shared.samples <= from_now or not shared.rested or shared.waiting:
+        current = shared.samples + 1  # a later sample takes the newest target into account
+        while shared.samples <= current or not shared.rested or shared.waiting:
             self._alive()
             pause(common.POLL)
         shared.hold()
 
-    # --- set-points one by one ----------------------------------------------------------------------------------
+    # --- single set-points --------------------------------------------------------------------------------------
 
     def push(
         self, point: Any, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
     ) -> None:
-        """Queue one set-point; waits while the queue is full.
+        """Queue a set-point; wait while the queue is full.
 
-        When no more come the arm is brought to rest, and after ``idle`` seconds slave mode is left.
+        If no further set-point is pushed, the arm is stopped; after ``idle`` s, slave mode is left.
 
         Args:
-            point: ``J(...)``, ``P(...)`` or ``T(...)`` as the block's ``pose`` has it, or its numbers.
-            mini: outputs that change with it, of those that the block was opened with.
-            hand: the same.
-            user: the same.
+            point: ``J(...)``, ``P(...)`` or ``T(...)``, of the pose type of the block, or its numbers.
+            mini: New mini I/O outputs from this set-point on, if enabled in ``slave_mode``.
+            hand: New hand I/O outputs from this set-point on, if enabled in ``slave_mode``.
+            user: New user I/O outputs from this set-point on, if enabled in ``slave_mode``.
 
         Raises:
-            InvalidValue: it is none, or farther from the one before than the limits allow.
-            CallError: the controller ended slave mode: its first error.
-            StreamError: slave mode has ended.
+            InvalidValue: If the set-point is invalid, or exceeds the limits with respect to the previous one.
+            CallError: If the controller ended slave mode; this is its first error.
+            StreamError: If slave mode has ended.
         """
-        values = read_point(point, self._kind, self._axes)
+        values = read_point(point, self._pose_type, self._axes)
         outputs = self._changed(mini=mini, hand=hand, user=user)
         while self._alive().shared.waiting >= self._options.queue:
             pause(common.POLL)
@@ -194,9 +198,9 @@ class Stream(SlaveMode):
     def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
         shared = self._alive().shared
         shadow = self._pushed
-        under_way = shared.waiting or not shared.at_rest
-        if shadow is None or not (under_way or _admitted(shadow, values)):
-            shadow = self._shadow(self._command())  # nothing is under way: from where the arm is held
+        moving = shared.waiting or not shared.at_rest
+        if shadow is None or not (moving or _admitted(shadow, values)):
+            shadow = self._shadow(self._command())  # the arm is held: start at the current command
         shadow.check(values)
         shadow.track(values)
         self._pushed = shadow
@@ -204,22 +208,22 @@ class Stream(SlaveMode):
         shared.put(values, outputs)
         shared.feed_queue()
 
-    # --- a live target ------------------------------------------------------------------------------------------
+    # --- live target --------------------------------------------------------------------------------------------
 
     @property
     def target(self) -> J | P | T | None:
-        """Where the arm is to go: may be set at any time, as often as one likes; the arm follows within the limits."""
+        """The live target of the arm. May be set at any time and at any rate; the arm follows it within the limits."""
         return self._target
 
     @target.setter
     def target(self, pose: Any) -> None:
         streaming = self._alive()
-        values = read_point(pose, self._kind, self._axes)
+        values = read_point(pose, self._pose_type, self._axes)
         if self._options.on_range == "refuse":
             self._check_range(values)
         streaming.shared.forget()
         streaming.shared.set_target(values, monotonic_ns())
-        self._target = common.POSE_TYPES[self._kind].of(values)
+        self._target = common.POSE_TYPES[self._pose_type].of(values)
         self._pushed = None
 
     def _check_range(self, values: Sequence[float]) -> None:
@@ -229,7 +233,7 @@ class Stream(SlaveMode):
             if not low <= value <= high:
                 raise InvalidValue(
                     tr(
-                        "axis {axis}: {value:g} is beyond its range of {low:g} to {high:g}",
+                        "axis {axis}: {value:g} is outside the range of {low:g} to {high:g}",
                         axis=axis,
                         value=value,
                         low=low,
@@ -238,7 +242,7 @@ class Stream(SlaveMode):
                 )
 
     def stop(self) -> None:
-        """Bring the arm to rest within the limits, forget what is queued, and hold it there; slave mode stays on."""
+        """Stop the arm within the limits, discard queued set-points, and hold the position; slave mode stays on."""
         shared = self._alive().shared
         shared.forget()
         shared.hold()
@@ -250,35 +254,35 @@ class Stream(SlaveMode):
                 pause(common.POLL)
         finally:
             if not shared.closed:
-                shared.order(StreamCommand.RUN)  # nothing is fed: the arm stays at rest, or comes to it
+                shared.order(StreamCommand.RUN)  # without set-points, the arm stops or remains at standstill
 
     def wait(self) -> None:
-        """Wait until the arm stands: at the live target, or at the last set-point."""
+        """Wait for standstill at the live target or at the last set-point."""
         streaming = self._alive()
         shared = streaming.shared
-        from_now = shared.samples + 1  # one that knows what was wanted just now
-        while shared.samples <= from_now or shared.waiting or not shared.settled:
+        current = shared.samples + 1  # a later sample takes the newest target into account
+        while shared.samples <= current or shared.waiting or not shared.settled:
             self._alive()
             pause(common.POLL)
 
     def outputs(
         self, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
     ) -> None:
-        """Change outputs, of those that the block was opened with, from the next cycle on (RC8 table 4-2)."""
+        """Change outputs that were enabled in ``slave_mode``, from the next cycle on (RC8 table 4-2)."""
         streaming = self._alive()
         self._outputs = self._outputs.changed(self._changed(mini=mini, hand=hand, user=user))
         streaming.shared.set_outputs(self._outputs)
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
-        new_ones = read_outputs(**given)
-        check_opened(self._options, new_ones)
-        check_outputs(self._options, new_ones)
-        return new_ones
+        outputs = read_outputs(**given)
+        check_opened(self._options, outputs)
+        check_outputs(self._options, outputs)
+        return outputs
 
-    # --- what comes back ----------------------------------------------------------------------------------------
+    # --- feedback -----------------------------------------------------------------------------------------------
 
     def feedback(self) -> Iterator[Sample]:
-        """Give every sample from now on, until the block ends."""
+        """Iterate over all further samples, until the end of the block."""
         streaming = self._alive()
         reader = SampleReader(streaming.shared, streaming.shared.samples)
         while self._streaming is streaming and not streaming.ended:
@@ -289,7 +293,7 @@ class Stream(SlaveMode):
             self._alive()
 
     def samples(self) -> list[Sample]:
-        """Return the samples since the last call, or since the block began, without waiting."""
+        """Return the samples since the last call, or since the beginning of the block, without waiting."""
         streaming = self._alive()
         if self._reader is None or self._reader.shared is not streaming.shared:
             self._reader = SampleReader(streaming.shared)
@@ -307,17 +311,17 @@ class Stream(SlaveMode):
 
     @property
     def at_rest(self) -> bool:
-        """Whether the command stands still."""
+        """True if the command position is at standstill."""
         return self._alive().shared.at_rest
 
     @property
     def waiting(self) -> int:
-        """How many set-points are queued."""
+        """The number of queued set-points."""
         return self._alive().shared.waiting
 
     @property
     def underflows(self) -> int:
-        """How often the queue was empty while the arm moved, so that the arm was brought to rest."""
+        """The number of times that the queue was empty while the arm moved, so that the arm was stopped."""
         return self._alive().shared.dry
 
     @property
@@ -325,10 +329,10 @@ class Stream(SlaveMode):
         return len(self.limits.lower) if isinstance(self.limits, Limits) else 6
 
     def _command(self) -> tuple[float, ...]:
-        """Return the newest command."""
+        """Return the newest command position; NaN without a sample."""
         sample = self.latest
         assert self.limits is not None
-        count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._kind]
+        count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._pose_type]
         return sample.command[:count] if sample is not None else (math.nan,) * count
 
 

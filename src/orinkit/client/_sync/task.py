@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``task.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``task.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from orinkit.transport.runner import Deadline, pause
 
 
 class Task(ObjectContainer):
-    """A program task (RC8 3.2)."""
+    """A task: a program of a controller that can run (RC8 3.2)."""
 
     __slots__ = ()
 
@@ -37,14 +37,14 @@ class Task(ObjectContainer):
     )  # fmt: skip
 
     def start(self, mode: TaskMode | TaskName | int = TaskMode.CYCLE, option: str = "") -> None:
-        """Start the program, or go on with one that is suspended.
+        """Start the program, or resume it if it is suspended.
 
         Args:
-            mode: ``"cycle"`` (1) once, ``"continuous"`` (2) again and again, ``"step"`` (3) one statement.
-            option: of Task_Start.
+            mode: ``"cycle"`` (1) to run it once, ``"continuous"`` (2) to repeat it, ``"step"`` (3) to execute one statement.
+            option: Option string of Task_Start.
 
         Raises:
-            CallError: the controller refuses. SYNTAX_ERROR has what the controller's error log says of it.
+            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error log.
         """
         try:
             self._call(f.task_start, task_mode(TaskMode, mode), option)
@@ -54,22 +54,27 @@ class Task(ObjectContainer):
             raise
 
     def stop(self, mode: StopMode | StopName | int = StopMode.DEFAULT, option: str = "") -> None:
-        """Stop: ``"default"`` (0), ``"instant"`` (1), after the statement ``"step"`` (2) or ``"cycle"`` (3), ``"initialize"`` (4)."""
+        """Stop the program.
+
+        Args:
+            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3) after the
+                current cycle, ``"initialize"`` (4).
+            option: Option string of Task_Stop.
+        """
         self._call(f.task_stop, task_mode(StopMode, mode), option)
 
     def wait(self, timeout: float | None = None, *, check: bool = False) -> TaskStatus:
-        """Wait until it does not run any more, and return its status.
+        """Wait until the program no longer runs; return its status.
 
-        A program that an error has ended is ready again: what the error was is in the controller's ``errors()``, or is
-        raised with ``check``.
+        After an error, the status of the program is READY. The error is in ``errors()`` of the controller; ``check`` raises it.
 
         Args:
-            timeout: seconds; by default as long as it takes.
-            check: whether an error that the controller reports of this program is raised.
+            timeout: Maximum time to wait in s; the default is no limit.
+            check: Raise the error that the controller reports for this program, if any.
 
         Raises:
-            TimeoutError: it still runs.
-            CallError: with ``check``, the error that has ended the program.
+            TimeoutError: If the program still runs after the time-out.
+            CallError: With ``check``, the error that ended the program.
         """
         deadline = Deadline(timeout)
         while (status := self.get_status()) is TaskStatus.RUNNING:
@@ -81,15 +86,15 @@ class Task(ObjectContainer):
         return status
 
     def get_status(self) -> TaskStatus:
-        """What it is doing (GetStatus)."""
+        """Return the status of the program (GetStatus)."""
         return task_status(self.execute("GetStatus"))
 
     def get_running(self) -> bool:
-        """Whether it runs."""
+        """Return True if the program runs."""
         return self.get_status() is TaskStatus.RUNNING
 
     def get_line(self) -> int:
-        """Line of the program that is executed next (@LINE_NO)."""
+        """Return the line of the program that is executed next (@LINE_NO)."""
         with self.variable("@LINE_NO") as variable:
             return int(variable.get_value())
 
@@ -98,11 +103,11 @@ class Task(ObjectContainer):
         self._call(f.task_delete, option)
 
     def get_file_name(self) -> str:
-        """File that the task came from."""
+        """Return the name of the program file of the task."""
         return self._call(f.task_get_file_name)
 
     def _check(self) -> None:
-        """Raise the newest error of this program that the controller reports."""
+        """Raise the newest error that the controller reports for this program, if any."""
         if not isinstance(self._parent, ObjectContainer):
             return
         for index in range(error_count(self._parent.execute("GetCurErrorCount"))):
@@ -111,30 +116,30 @@ class Task(ObjectContainer):
                 raise program_error(info, self._label)
 
     def _logged(self, code: int) -> str:
-        """Return what the newest record of the error log says, if it is of this code."""
+        """Return the message of the newest record in the error log, if the record has this code."""
         if not isinstance(self._parent, ObjectContainer):
             return ""
         try:
             return logged_message(self._parent.execute("GetErrorLog", 0), code)
-        except (CallError, ProtocolError):  # it is only a hint
+        except (CallError, ProtocolError):  # the message is only a hint
             return ""
 
     @property
     def status(self) -> TaskStatus:
-        """What it is doing (GetStatus)."""
+        """Return the status of the program (GetStatus)."""
         return self.get_status()
 
     @property
     def running(self) -> bool:
-        """Whether it runs."""
+        """Return True if the program runs."""
         return self.get_running()
 
     @property
     def line(self) -> int:
-        """Line of the program that is executed next (@LINE_NO)."""
+        """Return the line of the program that is executed next (@LINE_NO)."""
         return self.get_line()
 
     @property
     def file_name(self) -> str:
-        """File that the task came from."""
+        """Return the name of the program file of the task."""
         return self.get_file_name()

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``bus.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``bus.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class MotorBus(SharedBus):
-    """A CAN bus that any number of drivers and listeners share; :func:`open_bus` makes it."""
+    """A CAN bus shared by any number of drivers and listeners; created by :func:`open_bus`."""
 
     @overload
     def driver(self, *, dialect: Literal["v1"] = "v1", **settings: Unpack[HostSettings]) -> Driver[DP0R, BR1]: ...
@@ -35,19 +35,19 @@ class MotorBus(SharedBus):
         """Return a driver on this bus; nothing is sent.
 
         Args:
-            dialect: ``"v1"``, the document's, or ``"v2"``, that of drivers of 2023.
-            **settings: as of :class:`HostSettings`.
+            dialect: ``"v1"`` for the document's dialect, ``"v2"`` for that of drivers of 2023.
+            **settings: See :class:`HostSettings`.
 
         Raises:
-            InvalidValue: a setting is out of its range, or there is an object for this driver already: two would not know
-                what the other one has commanded.
+            InvalidValue: If a setting is out of range, or if this driver already has an object on this bus: neither object would
+                know what the other one has commanded.
         """
         check_names(settings, HostSettings, "dialect")
         host = host_of(dialect, settings)
         if self.has(host):
             raise InvalidValue(
                 tr(
-                    "ABH3 {address} has a driver object on this bus already. Try: use that one, or close it first",
+                    "ABH3 {address} already has a driver object on this bus. Try: use that object, or close it first",
                     address=host.address,
                 )
             )
@@ -58,14 +58,14 @@ def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]
     """Open a CAN bus for several drivers (4.1, abh3_can_port_init).
 
     Args:
-        at: its URL, as ``can://socketcan/can0``; or a bus of python-can, which stays the caller's: nobody else may receive
-            from it meanwhile, and it is not closed.
-        **settings: ``interface``, ``channel`` and ``bitrate`` where there is no URL.
+        at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. A python-can bus is not closed here, and
+            nothing else may receive from it meanwhile.
+        **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given.
 
     Raises:
-        InvalidAddress: it is no CAN bus.
-        ConnectFailed: it cannot be opened.
-        MissingExtra: a package is missing.
+        InvalidAddress: If it is not a CAN bus.
+        ConnectFailed: If the bus cannot be opened.
+        MissingExtra: If a package is missing.
     """
     check_names(settings, BusSettings)
     return MotorBus.open(at, **settings)
@@ -100,23 +100,24 @@ def connect(
     init: bool = True,
     **settings: Unpack[Settings],
 ) -> Driver[Any, Any]:
-    """Open a CAN bus with one driver and send it commands and inputs that are all 0 (4.1, abh3_can_init).
+    """Open a CAN bus with one driver, and set its commands and inputs to 0 (4.1, abh3_can_init).
 
     Closing the driver closes the bus, if it was opened here.
 
     Args:
-        at: URL of the bus, or a bus of python-can; as :func:`open_bus`.
-        dialect: ``"v1"``, the document's, or ``"v2"``, that of drivers of 2023: the wire does not tell.
-        init: ``False`` sends nothing, as abh3_can_port_init does.
-        **settings: ``interface``, ``channel`` and ``bitrate`` where there is no URL; ``address``, ``host``, ``group``,
-            ``timeout``, ``priority`` and ``load_unit`` as of :class:`HostSettings`.
+        at: URL of the bus, or a python-can bus; see :func:`open_bus`.
+        dialect: ``"v1"`` for the document's dialect, ``"v2"`` for that of drivers of 2023. The frames do not show which one
+            a driver uses.
+        init: ``False`` to send nothing, as abh3_can_port_init does.
+        **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given; ``address``, ``host``, ``group``,
+            ``timeout``, ``priority`` and ``load_unit``, see :class:`HostSettings`.
 
     Raises:
-        InvalidAddress: it is no CAN bus.
-        InvalidValue: a setting is out of its range.
-        ConnectFailed: the bus cannot be opened.
-        DriverTimeout: the driver does not answer; the bus is closed again.
-        MissingExtra: a package is missing.
+        InvalidAddress: If it is not a CAN bus.
+        InvalidValue: If a setting is out of range.
+        ConnectFailed: If the bus cannot be opened.
+        DriverTimeout: If the driver does not reply; the bus is closed again.
+        MissingExtra: If a package is missing.
     """
     check_names(settings, Settings, "dialect", "init")
     host = host_of(dialect, settings)

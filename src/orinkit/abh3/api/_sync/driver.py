@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``driver.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``driver.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ F = TypeVar("F", bound=Feedback)
 S = TypeVar("S", bound=States)
 R = TypeVar("R")
 _GOODBYE: Final = 0.1
-"""Seconds to wait for a driver's answer before the bus is closed."""
+"""Seconds to wait for a driver's reply before the bus is closed."""
 
 
 class Driver(Generic[F, S]):
-    """One ABH3 driver on a bus; :func:`connect` and :meth:`MotorBus.driver` make it.
+    """One ABH3 driver on a bus; created by :func:`connect` or :meth:`MotorBus.driver`.
 
     Velocities are in min^-1, currents and loads in %, supplies and analog inputs in V. A call sends one frame and waits for
-    the driver's answer to it; several threads may use one driver. Commands and inputs that a call leaves out are those that
-    were sent last.
+    the driver's reply; several threads may use one driver. Commands and inputs that a call omits keep the values that were
+    sent last.
 
-    When an answer does not come in time, or the bus breaks, commands are 0 and start is off from then on: what moves is for
-    the program to say anew. The bus is opened again by the next call if it was opened here.
+    If a reply is late or the bus breaks, the commands are set to 0 and start is switched off; the program has to command any
+    motion again. If the bus was opened here, the next call reopens it.
 
     Args:
-        bus: that it is on.
-        host: what is known of it.
-        owner: closing the driver closes the bus too.
+        bus: The bus that the driver is on.
+        host: The host of this driver: its settings and the commands sent last.
+        owner: Closing the driver closes the bus too.
 
     Attributes:
-        bus: that it is on.
-        host: what is known of it.
+        bus: The bus that the driver is on.
+        host: The host of this driver: its settings and the commands sent last.
     """
 
     def __init__(self, bus: SharedBus, host: Host[F], *, owner: bool = False) -> None:
@@ -59,7 +59,7 @@ class Driver(Generic[F, S]):
         self._port: CanReceiver = bus.enter(self)
         self._lock = threading.RLock()
         self._heart: KeepAliveTimer | None = None
-        self._keeper: PeriodicCall | None = None
+        self._keep_alive_call: PeriodicCall | None = None
         self._ended: DriverTimeout | None = None
 
     def __enter__(self) -> Self:
@@ -73,7 +73,7 @@ class Driver(Generic[F, S]):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.address} on {self.bus.url}>"
 
-    # --- what is known ------------------------------------------------------------------------------------------------
+    # --- state --------------------------------------------------------------------------------------------------------
 
     @property
     def address(self) -> int:
@@ -82,103 +82,103 @@ class Driver(Generic[F, S]):
 
     @property
     def inputs(self) -> Flags:
-        """The inputs as they were sent last."""
+        """The inputs that were sent last."""
         return Flags(self.host.inputs, self.host.dialect.inputs)
 
     @property
     def commands(self) -> tuple[float, float]:
-        """The A/Y and the B/X command as they were sent last, in min^-1, or % of an axis whose inputs say torque."""
+        """The A/Y and B/X commands that were sent last, in min^-1, or in % if the axis is in torque mode."""
         return self.host.commands
 
     # --- commands and inputs (4.1 to 4.5) -----------------------------------------------------------------------------
 
     def init(self) -> F:
-        """Send commands and inputs that are all 0, and return the feedback (4.1, abh3_can_cmd_init).
+        """Set all commands and inputs to 0 and return the feedback (4.1, abh3_can_cmd_init).
 
         Raises:
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.init(), calming=True)
+        return self._run(self.host.init(), safe_when_stopped=True)
 
     def command(self, ay: float | None = None, bx: float | None = None) -> F:
         """Send commands and return the feedback (4.2, 4.3, abh3_can_cmdAY, cmdBX, cmd).
 
         Args:
-            ay: A/Y command in min^-1, -6553.6 to 6553.4, rounded to 0.2; or in %, -327.68 to 327.67, where the input
-                ``ay_torque`` is 1. Left out it is as before.
-            bx: the same for B/X.
+            ay: A/Y command in min^-1, -6553.6 to 6553.4, rounded to 0.2; if the input ``ay_torque`` is 1, in %, -327.68 to
+                327.67. If omitted, the command is unchanged.
+            bx: B/X command, in the same way.
 
         Raises:
-            InvalidValue: a command is out of its range; nothing was sent.
-            DriverTimeout: no answer; whether the driver took the command is not known. Both are 0 and start is off from now on.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If a command is out of range; nothing was sent.
+            DriverTimeout: If the driver does not reply; it may or may not have taken the command. Both commands are now 0 and
+                start is off.
+            TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.command(ay, bx))
 
     def set_inputs(self, data: int, mask: int = 0xFFFFFFFF) -> F:
-        """Send the inputs whose mask is 1, and return the feedback (4.4, abh3_can_inSet).
+        """Set the inputs whose mask bit is 1, and return the feedback (4.4, abh3_can_inSet).
 
         Raises:
-            InvalidValue: data or mask is no word of 32 bits; nothing was sent.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If data or mask is not a 32-bit word; nothing was sent.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.set_inputs(data, mask))
 
     def set_input(self, bit: int | str, value: int) -> F:
-        """Send one input, by number or name, and return the feedback (4.5, abh3_can_inBitSet).
+        """Set one input, by number or name, and return the feedback (4.5, abh3_can_inBitSet).
 
         Args:
-            bit: 0 to 31, or a name: ``ay_servo_on``, ``bx_start``, ``error_reset`` ...; without an axis it is that of both:
+            bit: 0 to 31, or a name: ``ay_servo_on``, ``bx_start``, ``error_reset`` ...; a name without an axis sets both axes:
                 ``servo_on``, ``start``. The names are in :attr:`Dialect.inputs`.
             value: 0, 1, ``False`` or ``True``.
 
         Raises:
-            InvalidValue: there is no such input or value; nothing was sent.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If the input or the value does not exist; nothing was sent.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.set_input(bit, value))
 
     def stop(self) -> F:
-        """Send commands 0 and start off, and return the feedback: the driver decelerates, its servo stays on.
+        """Set the commands to 0, switch start off, and return the feedback: the driver decelerates, its servo stays on.
 
         Raises:
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.stop(), calming=True)
+        return self._run(self.host.stop(), safe_when_stopped=True)
 
     def stop_and_wait(self, seconds: float = 5.0) -> F:
-        """Send commands 0 and start off until both motors stand, and return the feedback; the servo stays on.
+        """Repeat :meth:`stop` until both motors stand still, and return the feedback; the servo stays on.
 
         Args:
-            seconds: that it may take.
+            seconds: Seconds that the motors may take.
 
         Raises:
-            InvalidValue: there are no such seconds.
-            DriverTimeout: no answer, or the motors still turn.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If seconds is out of range.
+            DriverTimeout: If the driver does not reply, or the motors still turn.
+            TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), calming=True)
+        return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), safe_when_stopped=True)
 
     def reset_errors(self, tries: int = 5) -> BR0:
-        """Clear errors and warnings; commands are 0, servo and start off after it.
+        """Clear errors and warnings; afterwards the commands are 0, and servo and start are off.
 
-        A driver that has not heard of a host for a second has an error, and keeps it until it is reset: a program begins
-        with this.
+        A driver that has received nothing from a host for one second reports an error until it is reset, so call this first.
 
         Args:
-            tries: how often it may be tried, 0 to 100; once at least.
+            tries: The highest number of attempts, 0 to 100; at least one is made.
 
         Raises:
-            InvalidValue: there are no such tries; nothing was sent.
-            DriverFault: errors or warnings are left.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If tries is out of range; nothing was sent.
+            DriverFault: If errors or warnings remain.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.reset_errors(tries), calming=True)
+        return self._run(self.host.reset_errors(tries), safe_when_stopped=True)
 
     # --- requests (4.6, 4.7) ------------------------------------------------------------------------------------------
 
@@ -211,12 +211,12 @@ class Driver(Generic[F, S]):
 
         Args:
             number: 0 to 6 of the driver's group; or, from 8 on, group * 8 + number as in the document.
-            everyone: the request goes to all drivers; the answer of this one is returned.
+            everyone: Send the request to all drivers; the reply of this one is returned.
 
         Raises:
-            InvalidValue: there is no such number.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If the number is not valid.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.request(number, everyone=everyone))
 
@@ -229,15 +229,15 @@ class Driver(Generic[F, S]):
     def request_single(self, dp: int = 0) -> Any:
         """Request a single packet without commanding anything (abh3_can_reqSNG).
 
-        It does not keep a driver from stopping by itself: commands only do.
+        A request does not reset the driver's command time-out; only commands do.
 
         Args:
-            dp: 0 the feedback, 1 the pulse counts (2.2, withheld by the document: :meth:`pulses` has them too).
+            dp: 0 for the feedback, 1 for the pulse counts (2.2, withheld by the document: use :meth:`pulses` instead).
 
         Raises:
-            InvalidValue: there is no such page.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If the page does not exist.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.request_single(dp))
 
@@ -266,22 +266,22 @@ class Driver(Generic[F, S]):
         return self.request_broadcast(5)
 
     def monitors(self) -> BR6:
-        """Request what the driver monitors (2.9), as :meth:`request_broadcast`."""
+        """Request the two monitored values of the driver (2.9), as :meth:`request_broadcast`."""
         return self.request_broadcast(6)
 
     # --- parameters (TelABH3 over multi-packet messages) --------------------------------------------------------------
 
     def exchange_message(self, message: bytes) -> bytes:
-        """Send a multi-packet message and return the driver's.
+        """Send a multi-packet message and return the driver's reply.
 
         Args:
-            message: at most 1785 bytes; TelABH3 text as :mod:`orinkit.abh3.session.telabh3` makes it.
+            message: At most 1785 bytes, such as the TelABH3 texts made by :mod:`orinkit.abh3.session.telabh3`.
 
         Raises:
-            InvalidValue: it is empty, too long, or no bytes; nothing was sent.
-            ProtocolError: the driver has broken it off.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If the message is empty, too long, or not bytes; nothing was sent.
+            ProtocolError: If the driver aborted the transfer.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         self._check_open()
         self.feed()
@@ -291,14 +291,14 @@ class Driver(Generic[F, S]):
         """Read a parameter of the driver.
 
         Args:
-            address: 0 to 0xFFFF; those that are known are in :data:`orinkit.abh3.session.telabh3.PARAMETERS`.
+            address: 0 to 0xFFFF; the known ones are in :data:`orinkit.abh3.session.telabh3.PARAMETERS`.
 
         Raises:
-            InvalidValue: there is no such address.
-            DriverRefused: the driver refuses it.
-            ProtocolError: the driver has broken it off, or answers something else.
-            DriverTimeout: no answer.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If the address is out of range.
+            DriverRefused: If the driver refuses the request.
+            ProtocolError: If the driver aborted the transfer, or its reply cannot be read.
+            DriverTimeout: If the driver does not reply.
+            TransportError: If the bus is broken or closed.
         """
         return parameter_value.parameter(address, (self._ask(telabh3.read_parameter(address))).word)
 
@@ -306,122 +306,124 @@ class Driver(Generic[F, S]):
         """Write a parameter of the driver.
 
         Args:
-            address: as of :meth:`read_parameter`.
-            value: in the parameter's unit.
-            raw: the value is the word of 32 bits itself.
+            address: As for :meth:`read_parameter`.
+            value: In the parameter's unit.
+            raw: The value is the 32-bit word itself.
 
         Raises:
-            InvalidValue: value or address cannot be; nothing was sent.
-            DriverRefused, ProtocolError, DriverTimeout, TransportError: as of :meth:`read_parameter`.
+            InvalidValue: If the value or the address is not valid; nothing was sent.
+            DriverRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
         """
         word = parameter_value.word_of(address, value, raw=raw)
         (self._ask(telabh3.write_parameter(address, word))).confirmed()
 
     def read_monitor(self, address: int) -> ParameterValue:
-        """Read a value that the driver monitors; as :meth:`read_parameter`.
+        """Read a monitor of the driver, as :meth:`read_parameter`.
 
         Args:
-            address: 0 to 0xFFFF; those that are known are in :data:`orinkit.abh3.session.telabh3.MONITORS`.
+            address: 0 to 0xFFFF; the known ones are in :data:`orinkit.abh3.session.telabh3.MONITORS`.
         """
         return parameter_value.monitor(address, (self._ask(telabh3.read_monitor(address))).word)
 
     def read_identification(self, number: int = telabh3.VERSION) -> str:
-        """Return an identification of the driver, by default its version; as :meth:`read_parameter`."""
+        """Read an identification of the driver, by default its version, as :meth:`read_parameter`."""
         return (self._ask(telabh3.read_identification(number))).confirmed()
 
     def _ask(self, request: bytes) -> telabh3.TelReply:
-        """Send a TelABH3 text and return the driver's answer, which knows what it is about."""
-        answer = self.exchange_message(request)
-        return telabh3.parse_reply(answer, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
+        """Send a TelABH3 text and return the driver's reply, with a description of the request for errors."""
+        reply = self.exchange_message(request)
+        return telabh3.parse_reply(reply, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
 
     # --- keep-alive ---------------------------------------------------------------------------------------------------
 
     def keep_alive(self, period: float = 0.1, *, patience: float = 0.5, idle: float | None = None) -> None:
-        """Send commands and inputs again in the background, so that the driver does not stop by itself.
+        """Repeat commands and inputs in the background, so that the driver's command time-out does not expire.
 
-        It ends when the driver does not answer for ``patience`` seconds, when the program does not call for ``idle``
-        seconds, and with the program. Commands are 0 then; the next call after a driver's silence raises DriverTimeout.
+        The keep-alive ends if the driver does not reply for ``patience`` seconds, if the program makes no call for ``idle``
+        seconds, and with the program. The commands are then 0; if the driver did not reply, the next call raises DriverTimeout.
 
         Args:
-            period: s between commands, 0.001 or more; well below the driver's time-out of 500 ms.
-            patience: s.
-            idle: s; ``None``: a program that hangs may hold the motor at its speed.
+            period: Seconds between commands, 0.001 or more; well below the driver's time-out of 500 ms.
+            patience: Seconds without a reply after which the keep-alive ends.
+            idle: Seconds without a call after which the keep-alive ends; with ``None``, a program that hangs may keep the motor
+                turning.
 
         Raises:
-            InvalidValue: a number is not positive, or more than an hour; the period is below 1 ms, or not below the patience.
+            InvalidValue: If a number is not positive or exceeds an hour, or if the period is below 1 ms or not below the
+                patience.
         """
-        heart = KeepAliveTimer(period, patience, idle, monotonic())
+        timer = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
         self.end_keep_alive()
-        self._heart = heart
-        self._keeper = PeriodicCall(self._beat, self._left, f"orinkit-abh3-{self.address}")
+        self._heart = timer
+        self._keep_alive_call = PeriodicCall(self._send_if_due, self._keep_alive_lost, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
-        """End it; the driver stops by itself if no commands come. One that has ended by itself is told of no more."""
+        """End the keep-alive; the driver stops by itself if no commands arrive. Discards a time-out that was not raised yet."""
         self._ended = None
-        keeper = self._take_keeper()
-        if keeper is not None:
-            keeper.join()
+        periodic_call = self._stop_keep_alive()
+        if periodic_call is not None:
+            periodic_call.join()
 
-    def _take_keeper(self) -> PeriodicCall | None:
-        keeper, self._keeper, self._heart = self._keeper, None, None
-        if keeper is not None:
-            keeper.stop()
-        return keeper
+    def _stop_keep_alive(self) -> PeriodicCall | None:
+        periodic_call, self._keep_alive_call, self._heart = self._keep_alive_call, None, None
+        if periodic_call is not None:
+            periodic_call.stop()
+        return periodic_call
 
-    def _left(self) -> None:
-        """The keep-alive has ended with whoever began it, or by an exception."""
+    def _keep_alive_lost(self) -> None:
+        """Handle the end of a keep-alive whose thread or task has ended, or that an exception has ended."""
         if self._heart is not None:
             self._heart = None
             self.host.reset_commands()
 
     @property
     def kept_alive(self) -> bool:
-        """Whether a keep-alive is at work."""
+        """True while a keep-alive is active."""
         return self._heart is not None
 
-    def _beat(self) -> float | None:
-        """Send the command again if that is due; returns the seconds until the next time."""
+    def _send_if_due(self) -> float | None:
+        """Repeat the command if it is due; return the seconds until the next time, ``None`` if the keep-alive has ended."""
         with self._lock:
-            heart = self._heart
-            if heart is None:
+            timer = self._heart
+            if timer is None:
                 return None
             now = monotonic()
-            end = heart.too_late(now)  # first: a driver that has stopped by itself does not start again by itself
-            if end is None and heart.due <= now:
-                self._send_again(heart)
-            end = end or heart.end(monotonic())
+            end = timer.too_late(now)  # first: a driver that stopped on its own must not start again
+            if end is None and timer.due <= now:
+                self._repeat_command(timer)
+            end = end or timer.end(monotonic())
             if end is not None:
-                self._end(end, heart)
+                self._end_timer(end, timer)
                 return None
-            return max(0.0, heart.due - monotonic())
+            return max(0.0, timer.due - monotonic())
 
-    def _send_again(self, heart: KeepAliveTimer) -> None:
-        began = monotonic()
+    def _repeat_command(self, timer: KeepAliveTimer) -> None:
+        sent_at = monotonic()
         try:
-            answered = self.bus.run(self.host.repeat(heart.period), self._port, revive=False)
+            answered = self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
         except OrinError:
             answered = False
-        heart.sent(began, answered=answered)
+        timer.sent(sent_at, answered=answered)
 
-    def _end(self, end: KeepAliveEnd, heart: KeepAliveTimer) -> None:
+    def _end_timer(self, end: KeepAliveEnd, timer: KeepAliveTimer) -> None:
         self._heart = None
         if end is KeepAliveEnd.SILENT:
-            self._ended = DriverTimeout("keep_alive", heart.patience, self.address)
-        self._part()
+            self._ended = DriverTimeout("keep_alive", timer.patience, self.address)
+        self._stop_motion()
 
     # --- the bus ------------------------------------------------------------------------------------------------------
 
     def listen(self, seconds: float | None = None) -> Iterator[DecodedFrame]:
-        """Yield every frame on the bus, decoded, those of others too; as :meth:`MotorBus.listen`."""
+        """Yield every frame on the bus, decoded, including those of other nodes; as :meth:`MotorBus.listen`."""
         return self.bus.listen(seconds, dialect=self.host.dialect, hosts=(self.host.host,))
 
     def close(self) -> None:
-        """Have the driver come to rest, end the keep-alive, and close the bus if it was opened for this driver (4.8).
+        """Stop the driver, end the keep-alive, and close the bus if it was opened for this driver (4.8).
 
-        A driver that was asked for nothing is left alone. May be called again.
+        If the driver was never commanded to move, nothing is sent. May be called again.
         """
-        keeper = self._take_keeper()
+        periodic_call = self._stop_keep_alive()
         try:
             self.release()
         finally:
@@ -430,16 +432,16 @@ class Driver(Generic[F, S]):
                 if self._owner:
                     self.bus.close()
             finally:
-                if keeper is not None:
-                    keeper.join()
+                if periodic_call is not None:
+                    periodic_call.join()
 
     def release(self) -> None:
-        """End the keep-alive, and have the driver come to rest if it was asked to move; for its bus."""
-        self._take_keeper()
+        """End the keep-alive, and stop the driver if it was commanded to move; called by the bus when it closes."""
+        self._stop_keep_alive()
         with self._lock:
-            self._part()
+            self._stop_motion()
 
-    def _part(self) -> None:
+    def _stop_motion(self) -> None:
         if self._port.closed:
             return
         try:
@@ -448,13 +450,13 @@ class Driver(Generic[F, S]):
             self.host.reset_commands()
 
     def abandon(self) -> None:
-        """Forget commands and inputs, and end the keep-alive; nothing is sent. For one whose driver has another host now."""
-        self._take_keeper()
+        """End the keep-alive and reset commands and inputs without sending them, as another host now commands the driver."""
+        self._stop_keep_alive()
         self.host.abandon()
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed."""
+        """True if the driver was closed."""
         return self._port.closed
 
     def _check_open(self) -> None:
@@ -462,25 +464,26 @@ class Driver(Generic[F, S]):
             raise closed()
 
     def feed(self) -> None:
-        """Tell the keep-alive that the program is there, as every call does."""
-        heart = self._heart
-        if heart is not None:
-            heart.called(monotonic())
+        """Restart the idle time of the keep-alive, as every call does."""
+        timer = self._heart
+        if timer is not None:
+            timer.called(monotonic())
 
-    def _run(self, operation: CanOperation[R], *, calming: bool = False) -> R:
-        """Carry out an operation.
+    def _run(self, operation: CanOperation[R], *, safe_when_stopped: bool = False) -> R:
+        """Run an operation.
 
         Args:
-            operation: what to do.
-            calming: it moves nothing, so that it is carried out even if a keep-alive has ended that nobody was told of.
+            operation: The operation.
+            safe_when_stopped: It starts no motion, so it runs even if the keep-alive ended and no call has raised the
+                DriverTimeout yet.
         """
         with self._lock:
             ended, self._ended = self._ended, None
-            if ended is not None and not calming:
+            if ended is not None and not safe_when_stopped:
                 operation.close()
                 raise ended
             self.feed()
-            heart = self._heart
+            timer = self._heart
             return self.bus.run(
-                operation if heart is None else watched(operation, heart, self.host, monotonic), self._port
+                operation if timer is None else watched(operation, timer, self.host, monotonic), self._port
             )

@@ -1,6 +1,6 @@
-"""The synchronous client: the caller's own thread sends and waits; no hidden thread, no event loop.
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
 
-Made from ``shared.py`` by ``tools/make_sync.py``: do not edit.
+Generated from ``shared.py`` by ``tools/make_sync.py``: do not edit.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
     import can
 
 R = TypeVar("R")
-_HEARD: Final = 4096
-"""Frames that a listener may be behind."""
+_LISTENER_SIZE: Final = 4096
+"""Frames that are buffered for a listener."""
 _SLICE: Final = 3600.0
 
 
 class BusMember(Protocol):
-    """A driver, as far as its bus is concerned."""
+    """The part of a driver that its bus uses."""
 
     host: Host[Any]
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed."""
+        """True if the driver was closed."""
 
     def release(self) -> None:
-        """Have the driver come to rest, if it was asked to move."""
+        """Stop the driver if it was commanded to move."""
 
 
 class DriverLock:
-    """Whose turn it is to exchange messages with a driver.
+    """Serializes the multi-packet exchanges with one driver.
 
     Attributes:
-        lock: is held for an exchange.
-        clean: the one before has come to its end.
+        lock: Held during an exchange.
+        clean: True if the previous exchange was completed.
     """
 
     def __init__(self) -> None:
@@ -62,20 +62,20 @@ class DriverLock:
 
 
 class SharedBus:
-    """What a bus with drivers does for all of them.
+    """A bus with the operations that concern all of its drivers.
 
     Args:
-        line: of the transport.
+        line: The shared CAN bus of the transport.
 
     Attributes:
-        url: of the bus, or what python-can says of a bus that was given.
+        url: URL of the bus, or python-can's description of a bus that was passed in.
     """
 
     def __init__(self, line: SharedCanBus) -> None:
         self._line = line
         self._lock = threading.RLock()
         self._members: WeakSet[BusMember] = WeakSet()
-        self._turns: dict[tuple[int, int], DriverLock] = {}
+        self._driver_locks: dict[tuple[int, int], DriverLock] = {}
         self.url = str(line)
 
     @classmethod
@@ -109,20 +109,20 @@ class SharedBus:
         dialect: str | Dialect = "v1",
         load_unit: float = 1.0,
     ) -> dict[int, AnyRecord]:
-        """Request a broadcast of all drivers of a group, and return what they answer by their addresses (4.7).
+        """Request a broadcast of all drivers of a group, and return their replies by address (4.7).
 
         Args:
             number: 0 to 6; or, from 8 on, group * 8 + number as in the document.
-            seconds: to wait for answers.
-            count: of drivers, 0 to 254; when so many have answered there is no more waiting.
-            group: of the drivers.
-            host: address of this host.
-            dialect: of the drivers.
-            load_unit: % of a code of the load.
+            seconds: Seconds to wait for replies.
+            count: Number of drivers, 0 to 254; the wait ends early once this many have replied.
+            group: Broadcast group of the drivers.
+            host: Address of this host.
+            dialect: Dialect of the drivers.
+            load_unit: Load per code, in %.
 
         Raises:
-            InvalidValue: an argument is out of its range.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If an argument is out of range.
+            TransportError: If the bus is broken or closed.
         """
         check_seconds("seconds", seconds)
         codec = Codec(dialect_of(dialect).with_load_unit(load_unit))
@@ -141,36 +141,36 @@ class SharedBus:
         hosts: Iterable[int] = (2,),
         load_unit: float = 1.0,
     ) -> Iterator[DecodedFrame]:
-        """Yield every frame on the bus, decoded: those of others, not what is sent from here.
+        """Yield every frame on the bus, decoded, except those that are sent from here.
 
-        Some interfaces (udp_multicast) give back what is sent from here too.
+        Some interfaces (udp_multicast) also return the frames that are sent from here.
 
         Args:
-            seconds: after which it ends; ``None`` for never.
-            dialect: of the drivers.
-            hosts: addresses of hosts, to tell commands from feedback.
-            load_unit: % of a code of the load.
+            seconds: Seconds after which to stop; ``None`` for never.
+            dialect: Dialect of the drivers.
+            hosts: Addresses of hosts, to distinguish commands from feedback.
+            load_unit: Load per code, in %.
 
         Raises:
-            InvalidValue: an argument is out of its range.
-            TransportError: the bus is broken, or closed.
+            InvalidValue: If an argument is out of range.
+            TransportError: If the bus is broken or closed.
         """
         decoder = Decoder(dialect_of(dialect).with_load_unit(load_unit), hosts=hosts)
         end = None if seconds is None else monotonic() + check_seconds("seconds", seconds)
-        port = self._line.port(_is_any, size=_HEARD)
+        port = self._line.port(_is_any, size=_LISTENER_SIZE)
         try:
             while True:
-                left = _SLICE if end is None else end - monotonic()
-                if left <= 0:
+                remaining = _SLICE if end is None else end - monotonic()
+                if remaining <= 0:
                     return
-                frame = port.receive(left)
+                frame = port.receive(remaining)
                 if frame is not None:
                     yield decoder.decode(frame)
         finally:
             port.close()
 
     def close(self) -> None:
-        """Have every driver come to rest that was asked to move, and close the bus; one that was given stays open.
+        """Stop every driver that was commanded to move, and close the bus unless it was passed in open.
 
         May be called again.
         """
@@ -183,77 +183,77 @@ class SharedBus:
     # --- for drivers --------------------------------------------------------------------------------------------------
 
     def enter(self, member: BusMember) -> CanReceiver:
-        """Return a port for a driver, which is told what happens to the bus; it is closed when the driver's object goes."""
+        """Register a driver and return its receiver, which is closed when the driver object is garbage collected."""
         self._members.add(member)
         port = self.port_for(member.host)
         finalize(member, port.close).atexit = False
         return port
 
     def port_for(self, host: Host[Any]) -> CanReceiver:
-        """Return a port that gets the frames of one driver."""
+        """Return a receiver for the frames of one driver."""
         return self._line.port(host.accepts)
 
     def has(self, host: Host[Any]) -> bool:
-        """Whether there is an object already for the same driver and host."""
+        """Return True if there is already an object for the same driver and host."""
         wanted = host.address, host.host
         return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
     def run(self, operation: CanOperation[R], port: CanReceiver, *, revive: bool = True) -> R:
-        """Carry out an operation over a port.
+        """Run an operation over a receiver.
 
         Args:
-            operation: what to do.
-            port: to do it over.
-            revive: a bus that is broken and was opened here is opened again.
+            operation: The operation.
+            port: The receiver to use.
+            revive: Reopen the bus first if it is broken and was opened here.
 
         Raises:
-            TransportError: a frame was not taken.
-            ConnectionLost, ConnectionClosed, ConnectFailed: the bus is broken, or closed; the commands of all its drivers are
-                0 from then on.
+            TransportError: If a frame could not be sent.
+            ConnectionLost, ConnectionClosed, ConnectFailed: If the bus is broken or closed; the commands of all its drivers are
+                    then 0.
         """
         try:
             if revive and self._line.broken:
                 with self._lock:
                     if self._line.broken:
-                        self._forget()  # who found out may have been a listener, or nobody at all
+                        self._reset_commands()  # the loss may have gone unnoticed by any driver
                         self._line.reopen()
             return run_can(operation, port)
         except (ConnectionLost, ConnectionClosed, ConnectFailed):
             operation.close()
-            self._forget()
+            self._reset_commands()
             raise
         except BaseException:
             operation.close()
             raise
 
     def exchange(self, message: bytes, host: Host[Any]) -> bytes:
-        """Send a multi-packet message to a driver and return its answer; one exchange at a time, whoever asks for it.
+        """Send a multi-packet message to a driver and return its reply; exchanges with one driver run one at a time.
 
         Raises:
-            InvalidValue: it is too long.
-            ProtocolError, DriverTimeout: as :func:`orinkit.abh3.session.multipacket.exchange`.
-            TransportError: as :meth:`run`.
+            InvalidValue: If the message is too long.
+            ProtocolError, DriverTimeout: As for :func:`orinkit.abh3.session.multipacket.exchange`.
+            TransportError: As for :meth:`run`.
         """
-        turn = self._turns.setdefault((host.address, host.host), DriverLock())
-        with turn.lock:
-            afresh = not turn.clean
-            turn.clean = False  # if this one is broken off, it is the next one that tells the driver
+        driver_lock = self._driver_locks.setdefault((host.address, host.host), DriverLock())
+        with driver_lock.lock:
+            afresh = not driver_lock.clean
+            driver_lock.clean = False  # if this exchange is interrupted, the next one aborts it
             operation = exchange(message, host=host.host, driver=host.address, priority=host.priority, afresh=afresh)
             port = self.port_for(host)
             try:
-                answer = self.run(operation, port)
+                reply = self.run(operation, port)
             finally:
                 port.close()
-            turn.clean = True
-            return answer
+            driver_lock.clean = True
+            return reply
 
-    def _forget(self) -> None:
-        """Take the commands of all drivers back."""
+    def _reset_commands(self) -> None:
+        """Reset the commands of all drivers."""
         for member in list(self._members):
             member.host.reset_commands()
 
 
-def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - as every predicate
+def _is_any(frame: CanFrame) -> bool:  # noqa: ARG001 - signature of a predicate
     return True
 
 
