@@ -1,4 +1,4 @@
-"""What tests of servers share."""
+"""Fixtures of all server tests."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     try:
         subprocess.run([*command, "-out", cert, "-keyout", key], check=True, capture_output=True)
     except FileNotFoundError:
-        pytest.skip("openssl is not there to make a certificate")
+        pytest.skip("openssl, which makes the certificate, is not installed")
     return cert, key

@@ -1,4 +1,4 @@
-"""``connect(alive=)``: the arm stops when the program that moves it is stopped, though its connection stands."""
+"""``connect(alive=)``: the arm stops if the program that moves it is suspended, although its connection stays open."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from support.peers import RawClient
 from support.stopping import stopped
 from support.waiting import PATIENCE, until
 
-EVERYWHERE = only("tcp", "udp", "serial", "http", because="each wire carries signs of life in its own way")
+EVERYWHERE = only("tcp", "udp", "serial", "http", because="each transport carries signs of life in its own way")
 BEGIN = """
 import asyncio, orinkit, sys, time
 from orinkit import J, aio
@@ -72,7 +72,7 @@ main() if sys.argv[2] == "sync" else asyncio.run(body())
 
 @contextmanager
 def program(url: str, kind: str) -> Iterator[subprocess.Popen[str]]:
-    """A program that moves, and has moved on when it was told that the arm was stopped."""
+    """Run a program that moves the arm, and moves it again after an error reports that the arm was stopped."""
     process = subprocess.Popen(
         [sys.executable, "-c", BEGIN, url, kind], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
@@ -94,10 +94,10 @@ def test_a_stopped_program_stops_the_arm(listen_at: str, kind: str) -> None:
         until(lambda: arm.queue.joints[0] > 0.1)
         with stopped(process.pid):
             until(lambda: not arm.busy)
-            where = arm.queue.joints[0]
-            assert where < 100
+            stopped_at = arm.queue.joints[0]
+            assert stopped_at < 100
             if listen_at.startswith(("tcp", "http")):
-                assert arm.holder is not None  # it may go on yet
+                assert arm.holder is not None  # the client may still continue
         assert process.stdout is not None
         assert process.stdin is not None
         assert process.stdout.readline() == "STOPPED_DURING_PC_MOTION\n"
@@ -122,7 +122,7 @@ def test_a_blocked_event_loop_stops_the_arm() -> None:
         assert process.stdout.readline() == "moved\n"
 
 
-@only("tcp", "http", because="these keep a silent client otherwise")
+@only("tcp", "http", because="otherwise these keep a silent client")
 def test_a_program_that_stays_stopped_loses_the_arm(listen_at: str) -> None:
     device = VirtualRC8(motor=True)
     arm = device.state.arm
@@ -154,8 +154,8 @@ def _client(server: Server) -> Any:
 
 
 @EVERYWHERE
-def test_a_program_that_lives_moves_on(both: Both, listen_at: str) -> None:
-    """A motion that is waited for goes on, however long it takes: the time that is promised passes several times."""
+def test_the_motion_of_a_running_program_continues(both: Both, listen_at: str) -> None:
+    """A client that waits for a long motion keeps it running: the interval of its option passes several times."""
     device = VirtualRC8(motor=True)
     arm = device.state.arm
     with orinkit.serve(device, listen_at) as server:
@@ -188,7 +188,7 @@ def test_a_program_that_lives_moves_on(both: Both, listen_at: str) -> None:
         both.run(rc8.close())
 
 
-def test_alive_is_said_with_service_start() -> None:
+def test_the_option_of_service_start() -> None:
     assert with_alive("WDT=400", 1.0) == "WDT=400,Alive=1000"
     assert with_alive(None, 0.5) == "Alive=500"
     assert with_alive("WDT=400", None) == "WDT=400"
@@ -200,12 +200,12 @@ def test_alive_is_said_with_service_start() -> None:
 
 
 @pytest.mark.parametrize("seconds", [0, 0.2, 3601, float("nan"), "1", True])
-def test_seconds_that_cannot_be(both: Both, seconds: Any) -> None:
+def test_invalid_seconds(both: Both, seconds: Any) -> None:
     with pytest.raises(InvalidValue, match="alive"):
         both.connect("tcp://127.0.0.1:1", alive=seconds)
 
 
-def test_where_it_cannot_be_said() -> None:
+def test_connections_without_the_option() -> None:
     check_alive(None, None, VE026A)
     check_alive(1.0, "WDT=400", RC8)
     with pytest.raises(InvalidValue, match="ve026a"):
@@ -214,8 +214,8 @@ def test_where_it_cannot_be_said() -> None:
         check_alive(1.0, "WDT=400, Alive = 500", RC8)
 
 
-def test_a_client_that_promises_and_does_nothing_more() -> None:
-    """As a program that is killed with its machine: nothing moves, and it is let go."""
+def test_a_client_that_sends_only_the_option() -> None:
+    """This is how a program appears whose machine fails: nothing moves, and the client is disconnected."""
     with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server, RawClient(server.url) as raw:
         raw.ask(1, "Alive=1000")
         leap(server, 5.0)
@@ -224,8 +224,8 @@ def test_a_client_that_promises_and_does_nothing_more() -> None:
         until(lambda: not server.clients)
 
 
-@only("udp", "serial", because="elsewhere the watchdog and the signs of life do not get in each other's way")
-def test_no_watchdog_where_tries_are_the_signs_of_life(both: Both, listen_at: str) -> None:
+@only("udp", "serial", because="on the others the watchdog and the signs of life do not interfere")
+def test_no_watchdog_if_repeated_requests_are_the_signs_of_life(both: Both, listen_at: str) -> None:
     with (
         orinkit.serve(VirtualRC8(), listen_at) as server,
         pytest.raises(InvalidValue, match="Try: leave WDT out"),

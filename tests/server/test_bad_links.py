@@ -1,4 +1,4 @@
-"""Real clients, a real server, and a link between them that loses a fifth of all packets: every call is carried out once."""
+"""Clients and a server on a link that loses a fifth of all packets: every call is executed once."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from support.waiting import PATIENCE
 
 SHORT = 0.04  # s for one try
 PACES = (1, 3, 9)
-EARLY = 0.005  # s by which a clock may be early
+EARLY = 0.005  # s; tolerance of the clock
 
 
 pytestmark = [pytest.mark.usefixtures("no_errors_are_logged"), pytest.mark.slow]
@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.usefixtures("no_errors_are_logged"), pytest.mark.slow]
 
 
 async def opened(both: Both, url: str, name: str, seconds: float, tries: int) -> Any:
-    """Connect, again where that took too long; ``None`` if it always did."""
+    """Connect, and try again after a time-out; return ``None`` if every attempt timed out."""
     connect = orinkit.connect if both.kind == "sync" else orinkit.aio.connect
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
@@ -44,7 +44,7 @@ async def opened(both: Both, url: str, name: str, seconds: float, tries: int) ->
 
 
 async def outcome(both: Both, call: Any) -> Any:
-    """Return the answer of a call, or what it failed with."""
+    """Return the result of a call, or its exception."""
     try:
         return await both.now(call())
     except (CallTimeout, CallError) as error:
@@ -54,37 +54,37 @@ async def outcome(both: Both, call: Any) -> Any:
 async def count(
     both: Both, ledger: Ledger, url: str, name: str, calls: int, slow: int, *, seconds: float = SHORT, tries: int = 7
 ) -> Counter[str]:
-    """Have numbers counted, every ``slow``-th slowly, and check all that may come of it."""
+    """Call Count with successive numbers, every ``slow``-th time CountSlowly, and check every outcome."""
     controller = await opened(both, url, name, seconds, tries)
     assert controller is not None
-    told: Counter[str] = Counter()
-    carried = ledger.carried[name]
+    outcomes: Counter[str] = Counter()
+    executed = ledger.carried[name]
     try:
         for number in range(calls):
             command = "CountSlowly" if slow and number % slow == slow - 1 else "Count"
             before = time.monotonic()
-            answer = await outcome(both, partial(controller.execute, command, number))
-            if isinstance(answer, CallTimeout):
-                assert answer.seconds == pytest.approx(seconds * tries)
+            result = await outcome(both, partial(controller.execute, command, number))
+            if isinstance(result, CallTimeout):
+                assert result.seconds == pytest.approx(seconds * tries)
                 assert time.monotonic() - before >= seconds * tries - EARLY
-                told["time-out"] += 1
-            elif isinstance(answer, CallError):  # the call before it has timed out, and is at work
-                assert (answer.code, slow > 0) == (hresult.E_BUSY_PROC, True)
-                told["busy"] += 1
+                outcomes["time-out"] += 1
+            elif isinstance(result, CallError):  # the previous call has timed out and is still executing
+                assert (result.code, slow > 0) == (hresult.E_BUSY_PROC, True)
+                outcomes["busy"] += 1
             else:
-                assert answer == [name, number, command]
-                assert carried.count(number) == 1
-                told["done"] += 1
+                assert result == [name, number, command]
+                assert executed.count(number) == 1
+                outcomes["done"] += 1
     finally:
         await both.now(controller.client.close())
-    return told
+    return outcomes
 
 
-def check(ledger: Ledger, told: list[Counter[str]]) -> Counter[str]:
-    """Nothing was carried out twice, and nothing after a later call of the same client."""
-    for carried in ledger.carried.values():
-        assert carried == sorted(set(carried))
-    total = sum(told, Counter[str]())
+def check(ledger: Ledger, outcomes: list[Counter[str]]) -> Counter[str]:
+    """Check that no call was executed twice, or after a later call of the same client; return the sum of the outcomes."""
+    for executed in ledger.carried.values():
+        assert executed == sorted(set(executed))
+    total = sum(outcomes, Counter[str]())
     assert total["done"] <= sum(map(len, ledger.carried.values())) <= total["done"] + total["time-out"]
     return total
 
@@ -92,42 +92,42 @@ def check(ledger: Ledger, told: list[Counter[str]]) -> Counter[str]:
 # --- the links --------------------------------------------------------------------------------------------------------
 
 
-def over_udp(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **trying: Any) -> Counter[str]:
-    """All clients on one link to one socket."""
+def over_udp(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **options: Any) -> Counter[str]:
+    """Make the calls of all clients on one link to one socket."""
     ledger = Ledger()
     with orinkit.serve(ledger, "udp://127.0.0.1:0") as server, BadUdp(server.url, at_random(1, harm)) as link:
-        told = both.side_by_side(
-            *(count(both, ledger, link.url, f"client {n}", calls, slow, **trying) for n in range(clients))
+        outcomes = both.side_by_side(
+            *(count(both, ledger, link.url, f"client {n}", calls, slow, **options) for n in range(clients))
         )
-        assert link.arrived < link.came * (1 - harm.loss / 2)  # it was a bad one
-    return check(ledger, told)
+        assert link.arrived < link.came * (1 - harm.loss / 2)  # the link has lost packets
+    return check(ledger, outcomes)
 
 
-def over_serial(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **trying: Any) -> Counter[str]:
-    """Each client on a line of its own."""
+def over_serial(both: Both, clients: int, calls: int, harm: Harm, slow: int = 0, **options: Any) -> Counter[str]:
+    """Make the calls of each client on its own line."""
     ledger = Ledger()
     with (
         orinkit.serve(ledger, *["pty://"] * clients) as server,
         BadSerial(server.urls, at_random(1, harm, spoil_bytes)) as link,
     ):
-        told = both.side_by_side(
-            *(count(both, ledger, url, f"client {n}", calls, slow, **trying) for n, url in enumerate(link.urls))
+        outcomes = both.side_by_side(
+            *(count(both, ledger, url, f"client {n}", calls, slow, **options) for n, url in enumerate(link.urls))
         )
         assert link.arrived < link.came * (1 - harm.loss / 4)
-    return check(ledger, told)
+    return check(ledger, outcomes)
 
 
-def patiently(most: int, least: int, run: Callable[[float], Counter[str]]) -> Counter[str]:
-    """Make calls most of which must be done; where the machine is too slow for the tries, again with longer ones.
+def patiently(total_calls: int, least: int, run: Callable[[float], Counter[str]]) -> Counter[str]:
+    """Make calls most of which must succeed; if the machine is too slow for the time-outs, repeat with longer ones.
 
     Args:
-        most: how many calls there are.
-        least: how many of them must be done.
-        run: makes them; is given by how much all times are longer.
+        total_calls: number of calls.
+        least: number of calls that must succeed.
+        run: makes the calls; its argument is the factor by which all times are longer.
     """
     for pace in PACES:
         total = run(pace)
-        assert sum(total.values()) == most
+        assert sum(total.values()) == total_calls
         if total["done"] > least:
             break
     assert total["done"] > least
@@ -152,8 +152,8 @@ def test_two_thousand_calls_over_serial_lines(both: Both) -> None:
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("link", [over_udp, over_serial])
-def test_calls_that_take_longer_than_a_try(both: Both, link: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A try tells that the call is at work, and the time begins anew; it is carried out once all the same."""
+def test_calls_that_take_longer_than_an_attempt(both: Both, link: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The server reports that the call is executing, which restarts the time-out; the call is executed once."""
 
     def run(pace: float) -> Counter[str]:
         monkeypatch.setattr(bad_links, "SLOW", 2.5 * SHORT * pace)
@@ -163,8 +163,8 @@ def test_calls_that_take_longer_than_a_try(both: Both, link: Any, monkeypatch: p
 
 
 @pytest.mark.timeout(300)
-def test_packets_that_come_later_than_a_try_lasts(both: Both) -> None:
-    """They meet calls that were made after theirs."""
+def test_packets_that_arrive_after_the_time_out_of_their_attempt(both: Both) -> None:
+    """They arrive during later calls."""
     patiently(
         1_000,
         950,

@@ -1,4 +1,4 @@
-"""Bytes of another protocol on a b-CAP port: what a web page can have a browser send does nothing."""
+"""Bytes of another protocol on a b-CAP port: nothing that a web page can make a browser send is executed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FLOOD = 64 * 1024 * 1024
 
 
 def packets(*calls: tuple[Function[..., Any], *tuple[Any, ...]]) -> bytes:
-    """Return calls as they are sent; handles are known beforehand: they count up from 2."""
+    """Return the packets of calls; handles are known in advance, as they count up from 2."""
     return b"".join(
         packet.encode(Packet(serial, function.id, list(arguments)))
         for serial, (function, *arguments) in enumerate(calls, 1)
@@ -53,7 +53,7 @@ PENDANT = packets(
 
 
 def post(body: bytes, *, port: int, method: str = "POST") -> bytes:
-    """Return what Chromium sends for ``fetch(url, {method: "POST", mode: "no-cors", body: new Blob([...])})``."""
+    """Return the request of Chromium for ``fetch(url, {method: "POST", mode: "no-cors", body: new Blob([...])})``."""
     return (
         f"{method} / HTTP/1.1\r\n"
         f"Host: 127.0.0.1:{port}\r\n"
@@ -85,7 +85,7 @@ def rc8() -> Iterator[VirtualRC8]:
 
 @contextmanager
 def served(kind: str, rc8: VirtualRC8) -> Iterator[Server]:
-    """Serve b-CAP at one of the places where it is served."""
+    """Serve b-CAP by a controller, a gateway or a pendant."""
     if kind == "server":
         with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
             yield server
@@ -104,40 +104,40 @@ def port_of(server: Server) -> int:
     return int(server.url.rpartition(":")[2])
 
 
-def standing(rc8: VirtualRC8) -> dict[str, Any]:
-    """Return how everything stands that an attack could change."""
+def state_of(rc8: VirtualRC8) -> dict[str, Any]:
+    """Return the state that an attack could change."""
     return {**rc8.pendant.status(), "io": rc8.state.variables.points(128, 8)}
 
 
 def end_of(client: RawClient) -> bytes:
-    """Return what a server says before it closes the connection."""
-    said = b""
+    """Return the bytes that a server sends before it closes the connection."""
+    received = b""
     try:
         while data := client.socket.recv(65536):
-            said += data
-    except ConnectionError:  # it has closed with bytes of ours unread
+            received += data
+    except ConnectionError:  # closed by the server before it has read all bytes
         pass
-    return said
+    return received
 
 
 def test_the_attack_would_work(rc8: VirtualRC8) -> None:
-    """The packets are right: without what a browser sends before them they do what they say."""
+    """The packets are valid: without the HTTP header before them they are executed."""
     with served("server", rc8) as server, RawClient(server.url) as raw:
         raw.send(ROBOT)
         assert [raw.packet().code for _ in range(7)] == [hresult.S_OK] * 7
-        assert standing(rc8)["io"] == 1
-        assert standing(rc8)["arm_holder"]
+        assert state_of(rc8)["io"] == 1
+        assert state_of(rc8)["arm_holder"]
 
 
-def test_the_pendant_needs_its_secret_too(rc8: VirtualRC8) -> None:
-    """Whoever can send right packets to it, from any account of the machine, presses no button."""
+def test_the_pendant_requires_its_secret_too(rc8: VirtualRC8) -> None:
+    """A program of another account on the same machine can send valid packets to it, but press no button."""
     with served("pendant", rc8) as server, RawClient(server.url) as raw:
-        before = standing(rc8)
+        before = state_of(rc8)
         raw.send(PENDANT)
         assert [raw.packet().code for _ in range(4)] == [
             hresult.S_OK, hresult.E_ACCESSDENIED, hresult.E_HANDLE, hresult.E_HANDLE
         ]  # fmt: skip
-        assert standing(rc8) == before
+        assert state_of(rc8) == before
 
 
 @pytest.mark.parametrize("method", ["POST", "OPTIONS", "PUT"])
@@ -147,13 +147,13 @@ def test_a_web_page_cannot_call_anything(
 ) -> None:
     caplog.set_level(logging.INFO, "orinkit.server")
     with served(kind, rc8) as server:
-        before = standing(rc8)
+        before = state_of(rc8)
         with RawClient(server.url) as browser:
             browser.send(post(PENDANT if kind == "pendant" else ROBOT, port=port_of(server), method=method))
-            said = end_of(browser)
-        assert said in (b"", packet.encode(Packet(0, hresult.E_INVALIDRCVPACKET)))
+            received = end_of(browser)
+        assert received in (b"", packet.encode(Packet(0, hresult.E_INVALIDRCVPACKET)))
         until(lambda: server.clients == 0)
-        assert standing(rc8) == before
+        assert state_of(rc8) == before
         warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
         assert len(warnings) == 1
         assert f"'{method} / HTTP/1.1\\r\\n" in warnings[0]
@@ -163,10 +163,10 @@ def test_a_web_page_cannot_call_anything(
 
 
 @pytest.mark.parametrize("size", [1, 100, 1000])
-def test_a_web_page_cannot_call_anything_in_pieces(rc8: VirtualRC8, size: int) -> None:
+def test_a_request_in_pieces_cannot_call_anything(rc8: VirtualRC8, size: int) -> None:
     data = post(ROBOT, port=5007)
     with served("server", rc8) as server:
-        before = standing(rc8)
+        before = state_of(rc8)
         with RawClient(server.url) as browser:
             try:
                 for begin in range(0, len(data), size):
@@ -175,22 +175,22 @@ def test_a_web_page_cannot_call_anything_in_pieces(rc8: VirtualRC8, size: int) -
                 pass
             end_of(browser)
         until(lambda: server.clients == 0)
-        assert standing(rc8) == before
+        assert state_of(rc8) == before
 
 
-def test_packets_behind_junk_behind_packets_are_not_executed(rc8: VirtualRC8) -> None:
-    """A connection that was in order has lost its place."""
+def test_packets_after_an_invalid_byte_are_not_executed(rc8: VirtualRC8) -> None:
+    """A connection with valid packets has lost the packet boundary."""
     with served("server", rc8) as server, RawClient(server.url) as raw:
         assert raw.ask(f.service_start.id, "") is None
-        before = standing(rc8)
+        before = state_of(rc8)
         raw.send(b"\0" + ROBOT)
         end_of(raw)
         until(lambda: server.clients == 0)
-        assert standing(rc8) == before
+        assert state_of(rc8) == before
 
 
-def test_a_flood_of_junk_is_not_taken(rc8: VirtualRC8) -> None:
-    """No more than what the kernel holds is taken off a client that speaks something else."""
+def test_a_flood_of_invalid_bytes_is_not_read(rc8: VirtualRC8) -> None:
+    """A client of another protocol can send no more than the kernel's buffers hold."""
     with served("server", rc8) as server, RawClient(server.url) as raw:
         sent = 0
         with pytest.raises((ConnectionError, TimeoutError)):
@@ -201,8 +201,8 @@ def test_a_flood_of_junk_is_not_taken(rc8: VirtualRC8) -> None:
         until(lambda: server.clients == 0)
 
 
-def test_many_who_speak_something_else_are_one_warning(rc8: VirtualRC8, caplog: pytest.LogCaptureFixture) -> None:
-    """One in 10 s; the others are told of at the level DEBUG, no more than once each."""
+def test_many_clients_of_another_protocol_cause_one_warning(rc8: VirtualRC8, caplog: pytest.LogCaptureFixture) -> None:
+    """One warning in 10 s; each further connection is logged at the level DEBUG, at most once."""
     caplog.set_level(logging.DEBUG, "orinkit.server")
     with served("server", rc8) as server:
         for _ in range(20):
@@ -210,17 +210,17 @@ def test_many_who_speak_something_else_are_one_warning(rc8: VirtualRC8, caplog: 
                 raw.send(post(ROBOT, port=5007) * 3)
                 end_of(raw)
         until(lambda: server.clients == 0)
-    told = [record for record in caplog.records if "This is HTTP" in record.getMessage()]
-    assert len(told) <= 20
-    assert sum(record.levelno == logging.WARNING for record in told) == 1
+    logged = [record for record in caplog.records if "This is HTTP" in record.getMessage()]
+    assert len(logged) <= 20
+    assert sum(record.levelno == logging.WARNING for record in logged) == 1
 
 
 # A page in a real Chromium: tests/attacks/test_web_page.py
 
 
 @contextmanager
-def everywhere(rc8: VirtualRC8) -> Iterator[dict[int, bytes]]:
-    """Serve a controller, a gateway to it and its pendant; yields what is sent to which port."""
+def all_ports(rc8: VirtualRC8) -> Iterator[dict[int, bytes]]:
+    """Serve a controller, a gateway to it and its pendant; yield the packets to send to each port."""
     with ExitStack() as stack:
         ports = {}
         for kind in ("server", "gateway", "pendant"):
@@ -229,15 +229,15 @@ def everywhere(rc8: VirtualRC8) -> Iterator[dict[int, bytes]]:
         yield ports
 
 
-@pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl")
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 def test_curl_cannot_call_anything(rc8: VirtualRC8) -> None:
-    with everywhere(rc8) as ports:
-        before = standing(rc8)
+    with all_ports(rc8) as ports:
+        before = state_of(rc8)
         for port, body in ports.items():
             done = subprocess.run(
                 ["curl", "--silent", "--max-time", f"{PATIENCE:.0f}", "--header", "Content-Type: text/plain",
                  "--data-binary", "@-", f"http://127.0.0.1:{port}/"],
                 input=body, capture_output=True, check=False,
             )  # fmt: skip
-            assert done.returncode not in (0, 28), done  # not answered in HTTP, and not only after a time-out
-        assert standing(rc8) == before
+            assert done.returncode not in (0, 28), done  # neither an HTTP response nor a time-out
+        assert state_of(rc8) == before

@@ -1,4 +1,4 @@
-"""A peer that is gone without a word: a cable pulled, a machine off. The arm stops and is free within seconds."""
+"""A peer that disappears without notice (cable unplugged, machine off): the arm stops and is free within seconds."""
 
 from __future__ import annotations
 
@@ -31,16 +31,18 @@ with orinkit.connect(sys.argv[1]) as rc8:
     print("moving", flush=True)
     sys.stdin.read()
 """
-needs_linux = pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="the options are Linux's")
+needs_linux = pytest.mark.skipif(
+    not hasattr(socket, "TCP_USER_TIMEOUT"), reason="these socket options exist on Linux only"
+)
 
 
-@pytest.mark.parametrize("way", ["directly", "over http", "through a gateway"])
-def test_a_cable_is_pulled_while_motions_are_queued(way: str) -> None:
-    listen = "http://10.199.7.1:0" if way == "over http" else "tcp://10.199.7.1:0"
+@pytest.mark.parametrize("path", ["directly", "over http", "through a gateway"])
+def test_a_cable_is_unplugged_while_motions_are_queued(path: str) -> None:
+    listen = "http://10.199.7.1:0" if path == "over http" else "tcp://10.199.7.1:0"
     with cable() as laid:
         device = VirtualRC8(motor=True)
         servers = [laid.at_one_end(lambda: orinkit.serve(device, listen, dead_after=SOON))]
-        if way == "through a gateway":
+        if path == "through a gateway":
             remote = RemoteProvider(servers[0].url)
             servers.append(laid.at_one_end(lambda: orinkit.serve(remote, listen, dead_after=SOON)))
         program = laid.far_program(MOVING, servers[-1].url)
@@ -50,7 +52,7 @@ def test_a_cable_is_pulled_while_motions_are_queued(way: str) -> None:
             arm = device.state.arm
             until(lambda: arm.queue.joints[0] > 0.5)
             laid.pull()
-            if way != "over http":  # HTTP: what is done for a client that has gone comes with its session
+            if path != "over http":  # HTTP: the arm is released at the end of the session
                 until(lambda: arm.holder is None and not arm.busy)
                 assert arm.queue.joints[0] < 140
             until(lambda: not _connections(servers[-1]))
@@ -68,7 +70,7 @@ def _connections(server: Server) -> list[Any]:
 
 
 def watched(connection: Any) -> tuple[int, ...]:
-    """The options of a socket: keep-alive, seconds until and between its probes, their number, ms for what is sent."""
+    """Return the keep-alive options of a socket: on, s until the first probe, s between probes, probes, time-out in ms."""
     tcp = socket.IPPROTO_TCP
     return (
         connection.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE),
@@ -80,17 +82,17 @@ def watched(connection: Any) -> tuple[int, ...]:
 
 
 @needs_linux
-@only("tcp", "http", because="only TCP has connections that may be dead")
+@only("tcp", "http", because="only TCP has connections that can be broken without notice")
 @pytest.mark.parametrize(("seconds", "options"), [(None, (1, 4, 2, 3, 10_000)), (3.5, (1, 1, 1, 3, 3_500))])
 def test_both_ends_of_a_connection_are_watched(
     both: Both, listen_at: str, seconds: float | None, options: tuple[int, ...]
 ) -> None:
-    chosen: dict[str, Any] = {} if seconds is None else {"dead_after": seconds}
-    with orinkit.serve(Workshop(), listen_at, **chosen) as server:
-        rc8 = both.connect(server.url, provider="Test.Workshop", **chosen)
+    arguments: dict[str, Any] = {} if seconds is None else {"dead_after": seconds}
+    with orinkit.serve(Workshop(), listen_at, **arguments) as server:
+        rc8 = both.connect(server.url, provider="Test.Workshop", **arguments)
         try:
-            (there,) = (each for each in server._server._connections.all if hasattr(each, "connection_lost"))
-            transport: Any = getattr(there, "transport", None) or getattr(there, "_transport", None)
+            (peer,) = (each for each in server._server._connections.all if hasattr(each, "connection_lost"))
+            transport: Any = getattr(peer, "transport", None) or getattr(peer, "_transport", None)
             assert watched(transport.get_extra_info("socket")) == options
             assert watched(_socket_of(rc8.client._link)) == options
         finally:
@@ -98,7 +100,7 @@ def test_both_ends_of_a_connection_are_watched(
 
 
 def _socket_of(link: Any) -> Any:
-    """The socket of any client's link."""
+    """Return the socket of a client's link."""
     if hasattr(link, "_socket"):
         return link._socket
     inner = link._transport
@@ -119,7 +121,7 @@ def test_a_gateway_watches_its_controller() -> None:
 
 
 @pytest.mark.parametrize("seconds", [0, 1.9, -1, math.nan, math.inf, 7201, "10", None, True])
-def test_seconds_that_cannot_be(both: Both, seconds: Any) -> None:
+def test_invalid_seconds(both: Both, seconds: Any) -> None:
     with pytest.raises(InvalidValue, match="dead_after"):
         orinkit.serve(Workshop(), "tcp://127.0.0.1:0", dead_after=seconds)
     with pytest.raises(InvalidValue, match="dead_after"):
@@ -128,8 +130,8 @@ def test_seconds_that_cannot_be(both: Both, seconds: Any) -> None:
         Upstream("tcp://127.0.0.1:1", dead_after=seconds)
 
 
-class Foreign:
-    """A socket of another system: it has the options that are named, and notes what is set."""
+class ForeignSocket:
+    """A socket of another operating system, which records the options set and rejects some of them."""
 
     def __init__(self, refused: tuple[int, ...] = ()) -> None:
         self.options: dict[int, int] = {}
@@ -142,19 +144,19 @@ class Foreign:
 
 
 @pytest.mark.parametrize(("platform", "option"), [("darwin", 0x80), ("win32", 5)])
-def test_the_names_of_other_systems(monkeypatch: pytest.MonkeyPatch, platform: str, option: int) -> None:
+def test_the_option_names_of_other_systems(monkeypatch: pytest.MonkeyPatch, platform: str, option: int) -> None:
     monkeypatch.setattr(tcp_keepalive.sys, "platform", platform)
     monkeypatch.delattr(socket, "TCP_USER_TIMEOUT", raising=False)
     if platform == "darwin":
         monkeypatch.delattr(socket, "TCP_KEEPIDLE", raising=False)
         monkeypatch.setattr(socket, "TCP_KEEPALIVE", 0x10, raising=False)
-    connection = Foreign()
+    connection = ForeignSocket()
     tcp_keepalive.prepare(connection, 10.0)
     assert connection.options[option] == 10
     assert connection.options[0x10 if platform == "darwin" else socket.TCP_KEEPIDLE] == 4
 
 
-def test_a_connection_that_takes_no_options_is_used_as_it_is() -> None:
-    connection = Foreign(refused=(socket.TCP_NODELAY, socket.SO_KEEPALIVE))
+def test_a_connection_that_rejects_all_options_is_used_unchanged() -> None:
+    connection = ForeignSocket(refused=(socket.TCP_NODELAY, socket.SO_KEEPALIVE))
     tcp_keepalive.prepare(connection, 10.0)
     assert socket.TCP_NODELAY not in connection.options

@@ -1,4 +1,4 @@
-"""Requests as curl and bare HTTP clients send them, and the exact replies: those of docs/howto/ecap.md, and of e-CAP 3.5."""
+"""Requests of curl and plain HTTP clients, and the exact replies: those of docs/howto/ecap.md and of e-CAP 3.5."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from support.ecap_bodies import EXAMPLES
 from support.paths import ROOT
 
 ROW = re.compile(r"^\| `(Func|func|Arg1)(.*?)` \| `(0x.*?)` \| .* \|$", re.MULTILINE)
-CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl here")
+CURL = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 
 
 def documented() -> list[tuple[str, str]]:
-    """Return the requests of the page and their replies, in order."""
+    """Return the requests in docs/howto/ecap.md and their replies, in order."""
     page = (ROOT / "docs/howto/ecap.md").read_text(encoding="utf-8")
     return [(name + rest, reply) for name, rest, reply in ROW.findall(page)]
 
@@ -36,7 +36,7 @@ def url() -> Iterator[str]:
     rc8.close()
 
 
-def by_bare_client(url: str, body: str) -> str:
+def by_http_client(url: str, body: str) -> str:
     connection = http.client.HTTPConnection(url.partition("//")[2], timeout=20)
     connection.request("POST", "/", body.encode(), {"Content-Type": "application/x-www-form-urlencoded"})
     reply = connection.getresponse()
@@ -53,7 +53,7 @@ def by_curl(url: str, body: str) -> str:
     return done.stdout.decode()
 
 
-@pytest.mark.parametrize("send", [by_bare_client, pytest.param(by_curl, marks=CURL)])
+@pytest.mark.parametrize("send", [by_http_client, pytest.param(by_curl, marks=CURL)])
 def test_the_requests_of_the_page(url: str, send: Callable[[str, str], str]) -> None:
     rows = documented()
     assert len(rows) >= 30
@@ -62,11 +62,11 @@ def test_the_requests_of_the_page(url: str, send: Callable[[str, str], str]) -> 
 
 
 def test_the_examples_of_the_document_both_ways(url: str) -> None:
-    """An echo gives each back as it was written; VT_VARIANT around a single value is that value."""
-    by_bare_client(url, "Func=1")
-    handle = by_bare_client(url, "Func=3,Arg1=,Arg2=Test.Workshop,Arg3=,Arg4=").rpartition(",")[2]
+    """Echo returns each value as it was written; VT_VARIANT around a single value is that value."""
+    by_http_client(url, "Func=1")
+    handle = by_http_client(url, "Func=3,Arg1=,Arg2=Test.Workshop,Arg3=,Arg4=").rpartition(",")[2]
     for text, _ in EXAMPLES:
-        echoed = by_bare_client(url, f"Func=17,Arg1={handle},Arg2=Echo,Arg3={text}")
+        echoed = by_http_client(url, f"Func=17,Arg1={handle},Arg2=Echo,Arg3={text}")
         assert echoed == f"0x00000000,{text.removeprefix('12,(').rstrip(')') if text.startswith('12,') else text}"
 
 
@@ -95,7 +95,7 @@ def test_the_lists_of_the_rc8_document_by_curl_alone(name: str, token: str) -> N
 
 
 @CURL
-def test_a_list_that_fails_says_so() -> None:
+def test_a_list_that_fails_reports_it() -> None:
     with orinkit.serve(Workshop(), "http://127.0.0.1:0") as server:
         done = subprocess.run(
             ["sh", str(ROOT / "examples/ecap-list-3-1.sh"), server.url], capture_output=True, text=True, timeout=60, check=False

@@ -1,8 +1,8 @@
-"""Thousands of wrong requests against a server of e-CAP, and hundreds of clients that never finish theirs; others go on.
+"""Thousands of invalid requests to an e-CAP server, and hundreds of clients that never finish theirs; others are served.
 
-Each answer is judged (``http_judge.py``): the right status, the right code where the body cannot be read, a correct e-CAP
-reply to all that can be, never a 5xx. Two clients that behave, over HTTP and over TCP, get the right values all the
-time. Afterwards nothing is left of the others, and the arm stands where it stood.
+Each reply is checked (``http_judge.py``): the correct status; the correct code if the body cannot be decoded; otherwise a
+valid e-CAP reply; never a 5xx. Two normal clients, over HTTP and over TCP, receive correct values throughout. Afterwards
+all objects of the invalid clients have been released, and the arm has not moved.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def served() -> Iterator[Served]:
 
 
 def fuzz(served: Served, seed: int, requests: int) -> tuple[Counter[int], Counter[int]]:
-    """Send streams and judge the answers; returns how often each status and each return code came."""
+    """Send streams and check the replies; return the number of replies of each status and of each return code."""
     garbage = Garbage(seed)
     chance = garbage.chance
     statuses: Counter[int] = Counter()
@@ -82,31 +82,31 @@ def fuzz(served: Served, seed: int, requests: int) -> tuple[Counter[int], Counte
         missing += max(0, wanted.answers(LIMITS) - len(answers)) if reset else 0
         statuses.update(answer.status for answer in answers)
         codes.update(int(answer.body.strip()[:10], 16) for answer in answers if answer.status == 200)
-    assert missing <= requests / 20  # else the test would see too little
+    assert missing <= requests / 20  # otherwise too few replies would be checked
     return statuses, codes
 
 
 @pytest.fixture
 def breaks() -> Iterator[Breaks]:
-    """What the workshop broke."""
+    """Keep the exceptions of the workshop out of the log, and count them."""
     session = logging.getLogger("orinkit.session")
     kept = Breaks()
-    session.filters.insert(0, kept)  # before the rate limit, which would leave other errors of the device out too
+    session.filters.insert(0, kept)  # before the rate limit, which would suppress other errors of the device too
     yield kept
     session.removeFilter(kept)
 
 
-# --- garbage ----------------------------------------------------------------------------------------------------------
+# --- invalid requests -------------------------------------------------------------------------------------------------
 
 
 def garbage_beside_others(
     served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks, seed: int, requests: int
 ) -> tuple[Counter[int], Counter[int]]:
-    """Fuzz a server while two clients go on undisturbed, and look at what it leaves behind."""
+    """Fuzz a server while two other clients make calls, and check that nothing is left behind."""
     caplog.set_level(logging.ERROR)
     arm = served.rc8.state.arm
     joints = tuple(arm.queue.joints)
-    fuzz(served, seed + 1, 60)  # caches, pools and the like fill now
+    fuzz(served, seed + 1, 60)  # fills caches and pools
     before, numbers = quiet(served.server)
     made = len(served.recorder.calls)
     with Neighbour(served.server.urls[0], "S77") as web, Neighbour(served.server.urls[1], "S88") as tcp:
@@ -122,15 +122,15 @@ def garbage_beside_others(
     calls = Counter(
         call.function in RELEASES for call in served.recorder.calls[made:] if call.function in RELEASES | MAKES
     )
-    assert calls[True] == calls[False] > 0  # every object was let go
+    assert calls[True] == calls[False] > 0  # every object was released
     assert tuple(arm.queue.joints) == joints
     return statuses, codes
 
 
 @pytest.mark.timeout(180)
-def test_garbage(served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks) -> None:
+def test_invalid_requests(served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks) -> None:
     statuses, codes = garbage_beside_others(served, caplog, breaks, 2024, REQUESTS)
-    # all of the ways to answer have been seen: the requests are neither all too mad nor all too tame
+    # all kinds of replies occurred: the requests are neither all completely invalid nor all nearly valid
     assert set(statuses) >= {200, 400, 403, 405, 413, 415, 421}
     for code in (
         hresult.S_OK,
@@ -146,12 +146,12 @@ def test_garbage(served: Served, caplog: pytest.LogCaptureFixture, breaks: Break
 
 @pytest.mark.soak
 @pytest.mark.timeout(900)
-def test_much_more_garbage(served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks) -> None:
+def test_many_more_invalid_requests(served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks) -> None:
     garbage_beside_others(served, caplog, breaks, 7, 10 * REQUESTS)
 
 
 def client_hello(context: ssl.SSLContext) -> bytes:
-    """Return the first bytes of a client of TLS."""
+    """Return the first bytes that a TLS client sends."""
     received, sent = ssl.MemoryBIO(), ssl.MemoryBIO()
     try:
         context.wrap_bio(received, sent, server_hostname="localhost").do_handshake()
@@ -166,7 +166,7 @@ def test_garbage_instead_of_tls(caplog: pytest.LogCaptureFixture) -> None:
     options = HttpOptions(cert=str(CERTIFICATE), key=str(KEY), idle=IDLE)
     with orinkit.serve(VirtualRC8(), "https://127.0.0.1:0", http=options) as server:
         with Neighbour(server.url, "S77", cafile=str(CERTIFICATE)):
-            pass  # whatever is loaded once is loaded now
+            pass  # everything that is loaded only once is loaded now
         before, numbers = quiet(server)
         connections, pause = 0, threading.Event()
         with Neighbour(server.url, "S77", cafile=str(CERTIFICATE)) as web:
@@ -185,15 +185,15 @@ def test_garbage_instead_of_tls(caplog: pytest.LogCaptureFixture) -> None:
     assert [f"{record.name}: {record.getMessage()}" for record in caplog.records] == []
 
 
-# --- clients that never finish what they have begun -------------------------------------------------------------------
+# --- clients that never finish their requests -------------------------------------------------------------------------
 
 
 @pytest.fixture
 def room() -> Iterator[None]:
-    """Descriptors for both ends of all connections."""
+    """Allow enough descriptors for both ends of all connections."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    most = 4096 if before[1] == resource.RLIM_INFINITY else min(4096, before[1])
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(before[0], most), before[1]))
+    limit = 4096 if before[1] == resource.RLIM_INFINITY else min(4096, before[1])
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(before[0], limit), before[1]))
     yield
     resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
@@ -204,23 +204,23 @@ def ask(connection: http.client.HTTPConnection) -> bytes:
     return connection.getresponse().read()
 
 
-def test_those_who_only_connect_take_no_place_of_others(served: Served, room: None) -> None:
-    """A connection that rests between two calls outlives any number of those over which nothing was ever asked."""
-    resting = http.client.HTTPConnection(*served.address, timeout=20.0)
+def test_connections_without_a_request_do_not_displace_others(served: Served, room: None) -> None:
+    """A connection that is idle between two calls outlives any number of connections without a request."""
+    idle = http.client.HTTPConnection(*served.address, timeout=20.0)
     silent: list[socket.socket] = []
     try:
-        assert ask(resting) == b"0x80070006"
-        silent += [socket.create_connection(served.address, 20.0) for _ in range(1300)]  # 512 are kept, 512 wait
-        assert ask(resting) == b"0x80070006"  # over the same connection: http.client opens no other one
+        assert ask(idle) == b"0x80070006"
+        silent += [socket.create_connection(served.address, 20.0) for _ in range(1300)]  # 512 are accepted, 512 wait
+        assert ask(idle) == b"0x80070006"  # over the same connection: http.client opens no other
     finally:
-        resting.close()
+        idle.close()
         for connection in silent:
             connection.close()
 
 
 @pytest.mark.parametrize("scheme", ["http", "https"])
 def test_a_burst_of_connections(scheme: str) -> None:
-    """More at once than there may be: those that are closed before they have begun leave nothing behind."""
+    """More connections at once than the limit allows: those closed before their handshake leave nothing behind."""
     options = HttpOptions(cert=str(CERTIFICATE), key=str(KEY), idle=IDLE)
     with orinkit.serve(Workshop(), f"{scheme}://127.0.0.1:0", clients=1, http=options) as server:
         before, numbers = quiet(server)
@@ -245,7 +245,7 @@ def test_crowd(
     monkeypatch: pytest.MonkeyPatch,
     pace: float,
 ) -> None:
-    """Four hundred and fifty that never finish, more than there is room for, and garbage; others make all of their calls meanwhile."""
+    """450 clients that never finish, more than the limit allows, and invalid requests; others make all their calls."""
     caplog.set_level(logging.ERROR)
     for stage in (Stage.NEW, Stage.HEADER, Stage.BODY):
         monkeypatch.setattr(stage, "seconds", pace * stage.seconds)
@@ -257,8 +257,8 @@ def test_crowd(
             fuzz(served, 2, 200)
             crowd.wait(lambda: min(web.turns, tcp.turns) >= TURNS or bool(web.error or tcp.error))
         assert (web.error, tcp.error) == (None, None)
-        crowd.wait(lambda: crowd.there >= CROWDED)  # they were there all the time
-        for number in range(20):  # there is always room for one who comes anew
+        crowd.wait(lambda: crowd.there >= CROWDED)  # they were connected all the time
+        for number in range(20):  # there is always room for a new client
             with orinkit.connect(served.server.urls[0], timeout=20.0) as controller:
                 controller.variable("I9").value = number
                 assert controller.variable("I9").value == number
