@@ -1,4 +1,4 @@
-"""No packet holds up the event loop, whatever is in it: other clients, the motions and the emergency stop go on."""
+"""No packet blocks the event loop, regardless of its content: other clients, motions and the emergency stop continue."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def connect(client: RawClient) -> int:
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_a_large_value_holds_up_nobody(server, client, name):
+def test_a_large_value_does_not_block_the_server(server, client, name):
     handle = connect(client)
     variable = client.ask(call("Controller_GetVariable"), handle, "S1", "")
     robot = client.ask(call("Controller_GetRobot"), handle, "Arm0", "")
@@ -65,7 +65,7 @@ def test_a_large_value_holds_up_nobody(server, client, name):
 
 
 @pytest.mark.parametrize("name", ["text of control characters", "text of surrogates"])
-def test_a_name_or_option_of_megabytes_is_refused_at_once(server, client, name):
+def test_a_name_or_option_of_megabytes_is_rejected_immediately(server, client, name):
     handle = connect(client)
     long = VALUES[name]
     with watched(server) as watch:
@@ -91,7 +91,7 @@ def test_the_longest_name_and_the_longest_option(client):
     assert client.ask(find, handle, "I1", "x" * 4097) == hresult.E_INVALIDARG
 
 
-def test_a_large_result_holds_up_nobody(server, client):
+def test_a_large_result_does_not_block_the_server(server, client):
     handle = connect(client)
     file = client.ask(call("Controller_GetFile"), handle, "large.txt", "@Create=1")
     content = "text, " * 500_000
@@ -102,7 +102,7 @@ def test_a_large_result_holds_up_nobody(server, client):
     watch.check()
 
 
-def test_requests_behind_a_large_one_are_answered_in_order(client):
+def test_requests_after_a_large_one_are_answered_in_order(client):
     handle = connect(client)
     large = "x" * 20_000
     for _ in range(20):
@@ -113,11 +113,11 @@ def test_requests_behind_a_large_one_are_answered_in_order(client):
         assert client.packet().arguments == [large]
 
 
-def test_a_client_that_goes_while_its_packet_is_read_leaves_nothing_behind(server):
+def test_a_client_that_disconnects_while_its_packet_is_decoded(server):
     for _ in range(5):
-        with RawClient(server.urls[0]) as gone:
-            handle = connect(gone)
-            gone.request(call("Controller_PutTag"), handle, ["text"] * 40_000)
+        with RawClient(server.urls[0]) as leaving:
+            handle = connect(leaving)
+            leaving.request(call("Controller_PutTag"), handle, ["text"] * 40_000)
     with RawClient(server.urls[0]) as client:
         assert client.ask(call("Controller_PutTag"), connect(client), "x" * 10_000) is None
 
@@ -130,7 +130,7 @@ def test_a_client_that_goes_while_its_packet_is_read_leaves_nothing_behind(serve
     ],
     ids=["commas", "numbers", "dates", "escapes", "quotes", "texts"],
 )  # fmt: skip
-def test_a_large_body_over_http_holds_up_nobody(server, body):
+def test_a_large_body_over_http_does_not_block_the_server(server, body):
     place = server.urls[1].partition("//")[2].strip("/")
     connection = http.client.HTTPConnection(place, timeout=PATIENCE)
     headers = {"Content-Type": "application/x-www-form-urlencoded"}
@@ -158,20 +158,20 @@ def test_a_large_body_over_http_holds_up_nobody(server, body):
     watch.check()
 
 
-def attack(url: str, ending: threading.Event) -> None:
+def attack(url: str, stopped: threading.Event) -> None:
     name, dates = text("\x1b", 6_000_000), VALUES["DATE"]  # eight of them are within the server's memory budget
     with RawClient(url) as client:
         handle = connect(client)
-        while not ending.is_set():
+        while not stopped.is_set():
             ask(client, call("Controller_GetVariable"), handle, name, "")
             ask(client, call("Controller_PutTag"), handle, dates)
 
 
-def test_the_emergency_stop_is_answered_while_eight_clients_send_such_packets():
+def test_the_emergency_stop_while_eight_clients_send_large_packets():
     from orinkit.virtual.rc8.control import PROVIDER_NAME, ControlProvider
 
     rc8 = VirtualRC8(motor=True, language="en")
-    ending = threading.Event()
+    stopped = threading.Event()
     buttons = ControlProvider(rc8)
     option = f"Secret={buttons.secret}"
     with (
@@ -179,7 +179,7 @@ def test_the_emergency_stop_is_answered_while_eight_clients_send_such_packets():
         orinkit.serve(buttons, "tcp://127.0.0.1:0") as control,
         orinkit.connect(control.url, provider=PROVIDER_NAME, option=option, timeout=PATIENCE) as pendant,
     ):
-        attackers = [threading.Thread(target=attack, args=(server.url, ending)) for _ in range(8)]
+        attackers = [threading.Thread(target=attack, args=(server.url, stopped)) for _ in range(8)]
         for each in attackers:
             each.start()
         try:
@@ -187,18 +187,18 @@ def test_the_emergency_stop_is_answered_while_eight_clients_send_such_packets():
                 for on in (True, False) * 5:
                     pendant.execute("EmergencyStop", on)
         finally:
-            ending.set()
+            stopped.set()
             for each in attackers:
                 each.join()
     watch.check()
 
 
-# --- everything (make soak) -------------------------------------------------------------------------------------------
+# --- all functions and commands (make soak) ---------------------------------------------------------------------------
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", list(VALUES))
-def test_no_value_anywhere_holds_up_anybody(server, client, name):
+def test_no_value_of_any_argument_blocks_the_server(server, client, name):
     handle = connect(client)
     objects = {
         "Controller": handle,
@@ -212,14 +212,14 @@ def test_no_value_anywhere_holds_up_anybody(server, client, name):
     commands = {"Controller": list(COMMANDS), "Robot": list(ROBOT_COMMANDS)}
     with watched(server, strict=True) as watch:
         for function in FUNCTIONS.values():
-            places = [number for number, each in enumerate(function.arguments) if each.vt is VarType.VARIANT]
-            if not places or function.interface not in objects:
+            positions = [number for number, each in enumerate(function.arguments) if each.vt is VarType.VARIANT]
+            if not positions or function.interface not in objects:
                 continue
             for command in commands.get(function.interface, ["x"]) if function.name.endswith("_Execute") else [""]:
                 watch.label = f"{function.name} {command}"
                 given = [command or "" if each.vt is VarType.BSTR else 1 for each in function.arguments]
                 given[0] = objects[function.interface]
-                ask(client, function.id, *given[: places[0]], VALUES[name], *given[places[0] + 1 :])
+                ask(client, function.id, *given[: positions[0]], VALUES[name], *given[positions[0] + 1 :])
     watch.check()
 
 
@@ -232,7 +232,7 @@ CONTENTS = {
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", list(CONTENTS))
-def test_no_file_holds_up_anybody(server, client, name):
+def test_no_file_blocks_the_server(server, client, name):
     handle = connect(client)
     file = client.ask(call("Controller_GetFile"), handle, name.split()[0], "@Create=1")
     content = CONTENTS[name]
@@ -246,5 +246,5 @@ def test_no_file_holds_up_anybody(server, client, name):
     watch.check()
 
 
-def test_an_argument_is_what_it_should_be():
+def test_the_encoding_of_an_argument():
     assert argument(VarType.I4, 1, b"\5\0\0\0") == orinkit.values.codec.encode(5)

@@ -1,4 +1,4 @@
-"""Many clients at once, and many one after the other: nothing lost, nothing crossed, nothing left over."""
+"""Many clients at once, and one after the other: no reply is lost or mixed up, and nothing is left behind."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def server(workshop: Workshop) -> Iterator[Server]:
 
 
 def test_two_hundred_threads_at_once(server: Server) -> None:
-    """Each has a connection and variables of its own, all are connected at the same time."""
+    """Each thread has its own connection and variables, and all are connected at the same time."""
     together = threading.Barrier(CLIENTS)
 
     def work(number: int) -> int:
@@ -66,7 +66,7 @@ def test_two_hundred_threads_at_once(server: Server) -> None:
 def test_two_hundred_tasks_at_once(server: Server) -> None:
     async def body() -> None:
         connected = 0
-        everyone = asyncio.Event()
+        all_connected = asyncio.Event()
 
         async def work(number: int) -> int:
             nonlocal connected
@@ -74,8 +74,8 @@ def test_two_hundred_tasks_at_once(server: Server) -> None:
                 connected += 1
                 if connected == CLIENTS:
                     assert server.clients == CLIENTS
-                    everyone.set()
-                await everyone.wait()
+                    all_connected.set()
+                await all_connected.wait()
                 variable = await controller.variable(f"I{number}")
                 for turn in range(20):
                     await variable.put_value(number * 1000 + turn)
@@ -88,8 +88,8 @@ def test_two_hundred_tasks_at_once(server: Server) -> None:
     asyncio.run(body())
 
 
-def test_what_two_hundred_clients_wrote_is_there(server: Server) -> None:
-    """One variable for all, each client its own bit pattern: the last value is one that somebody wrote."""
+def test_two_hundred_clients_write_one_variable(server: Server) -> None:
+    """All clients write the same variable, each with its own text: a value read is always one of those written."""
 
     async def body() -> None:
         async def work(number: int) -> None:
@@ -109,16 +109,16 @@ def test_what_two_hundred_clients_wrote_is_there(server: Server) -> None:
     asyncio.run(body())
 
 
-# --- connect and disconnect, again and again --------------------------------------------------------------------------
+# --- connecting and disconnecting repeatedly --------------------------------------------------------------------------
 
 
-def in_good_order(server: Server) -> None:
+def properly(server: Server) -> None:
     with orinkit.connect(server.url, timeout=PATIENT) as controller:
         controller.variable("I1").value = 1
 
 
-def without_a_word(server: Server) -> None:
-    """The client just goes, with objects in its hands and a call at work."""
+def without_notice(server: Server) -> None:
+    """Disconnect without releasing objects, and during a call."""
     with RawClient(server.url) as raw:
         handle = raw.ask(3, "", "Test.Workshop", "", "")
         for _ in range(5):
@@ -132,7 +132,7 @@ def in_the_middle_of_a_packet(server: Server) -> None:
         raw.send(packet.encode(Packet(2, 3, ["x" * 100, "", "", ""]))[:50])
 
 
-def with_nonsense(server: Server) -> None:
+def with_invalid_bytes(server: Server) -> None:
     with RawClient(server.url) as raw:
         raw.send(b"\x01\x00\x00\x00\x00nonsense")
         raw.packet()
@@ -145,21 +145,21 @@ def without_reading(server: Server) -> None:
 
 
 def one_of_each(server: Server) -> None:
-    for way in WAYS:
-        way(server)
+    for disconnect in DISCONNECTIONS:
+        disconnect(server)
 
 
-WAYS: list[Callable[[Server], None]] = [
-    in_good_order,
-    without_a_word,
+DISCONNECTIONS: list[Callable[[Server], None]] = [
+    properly,
+    without_notice,
     in_the_middle_of_a_packet,
-    with_nonsense,
+    with_invalid_bytes,
     without_reading,
 ]
 
 
 def left_over() -> dict[str, int]:
-    """What a connection that is not cleaned up leaves behind."""
+    """Return the number of each kind of object that a connection leaves behind if it is not cleaned up."""
     gc.collect()
     return {
         "descriptors": len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.exists() else 0,
@@ -172,9 +172,9 @@ def left_over() -> dict[str, int]:
 def test_a_thousand_connections_leave_nothing_behind(
     server: Server, workshop: Workshop, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """1,000 clients, a fifth of them well-behaved; the rest leave in every bad way there is."""
-    caplog.set_level(logging.ERROR, "orinkit")  # pytest keeps every record that is logged
-    for _ in range(20):  # caches, pools and the like fill now
+    """1,000 clients, of which a fifth disconnect properly and the others in various improper ways."""
+    caplog.set_level(logging.ERROR, "orinkit")  # pytest stores every record that is logged
+    for _ in range(20):  # fills caches and pools
         one_of_each(server)
     settle(server)
     before = left_over()
@@ -194,9 +194,9 @@ def test_a_thousand_connections_leave_nothing_behind(
         tracemalloc.stop()
     assert left_over() == before
     assert workshop.made == ["v"] * 5 * 220
-    assert workshop.released.count("v") == 5 * 220  # every object of every client, however it went
+    assert workshop.released.count("v") == 5 * 220  # every object of every client, however it disconnected
     assert workshop.released.count("Controller") == 2 * 220
-    assert end - middle < 150_000  # of 750 connections: less than 200 bytes each, where a session has thousands
+    assert end - middle < 150_000  # bytes; after 750 connections, less than 200 each, and a session has thousands
     assert caplog.records == []  # not even from asyncio
 
 
@@ -222,8 +222,8 @@ def test_a_thousand_connections_of_the_asynchronous_client(server: Server) -> No
     asyncio.run(body())
 
 
-def test_handles_of_a_client_that_stays_do_not_grow(server: Server) -> None:
-    """Objects made and released ten times as often as the limit allows at a time."""
+def test_released_objects_do_not_count_towards_the_limit(server: Server) -> None:
+    """The client creates and releases ten times as many objects as it may have at the same time."""
     with orinkit.connect(server.url, timeout=PATIENT) as controller:
         for _ in range(5000):
             controller.variable("I1").close()

@@ -1,4 +1,4 @@
-"""What clients can make a server keep: packets and bodies that never come whole, and tags."""
+"""Limits on the memory that clients can make a server use: incomplete packets and bodies, and tags."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
-    monkeypatch.setattr(capacity, "PARTIAL", ROOM)  # as much as a test can send soon
+    monkeypatch.setattr(capacity, "PARTIAL", ROOM)  # an amount that a test can send quickly
     with orinkit.serve(Workshop(), "tcp://127.0.0.1:0", "http://127.0.0.1:0") as served:
         yield served
     Web.close_all()
@@ -40,8 +40,8 @@ def partial(server: Server) -> IncompleteRequests:
     return server._server._connections.partial
 
 
-def test_packets_that_never_come_whole(server: Server, caplog: pytest.LogCaptureFixture) -> None:
-    """The attack: 50 connections, each with nearly all of a packet."""
+def test_incomplete_packets(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+    """The attack: 50 connections, each with an almost complete packet."""
     head = packet.HEADER.pack(packet.SOH, LENGTH, 1, 0, EXECUTE, 1)
     attackers = [RawClient(server.url) for _ in range(50)]
     codes = []
@@ -57,7 +57,7 @@ def test_packets_that_never_come_whole(server: Server, caplog: pytest.LogCapture
         try:
             attacker.socket.settimeout(0.05)
             codes.append(attacker.packet().code)
-        except (OSError, Exception):  # noqa: BLE001 - reset, or nothing said yet
+        except (OSError, Exception):  # noqa: BLE001 - reset, or no reply yet
             pass
         attacker.close()
     assert set(codes) <= {hresult.E_PACKETSIZEOVER}
@@ -81,7 +81,7 @@ def test_others_are_served_meanwhile(server: Server) -> None:
     until(lambda: partial(server).bytes == 0)
 
 
-def test_bodies_that_never_come_whole(server: Server) -> None:
+def test_incomplete_bodies(server: Server) -> None:
     head = "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 16000000\r\n\r\n"
     bodies = [Web(server.urls[1]) for _ in range(8)]
     for web in bodies:
@@ -97,7 +97,7 @@ def test_bodies_that_never_come_whole(server: Server) -> None:
         assert web.ask("Func=1").status == 200
 
 
-def test_memory_grows_with_what_has_come_and_not_with_what_is_announced(server: Server) -> None:
+def test_memory_grows_with_the_bytes_received_and_not_with_those_announced(server: Server) -> None:
     head = struct.pack("<BI", packet.SOH, LENGTH)
     clients = [RawClient(server.url) for _ in range(20)]
     for client in clients:
@@ -108,7 +108,7 @@ def test_memory_grows_with_what_has_come_and_not_with_what_is_announced(server: 
     until(lambda: partial(server).bytes == 0)
 
 
-def test_tags_over_the_wire(server: Server) -> None:
+def test_the_size_of_a_tag_is_limited(server: Server) -> None:
     with orinkit.connect(server.url, provider="Test.Workshop") as controller:
         controller.tag = "x" * 30_000
         with pytest.raises(orinkit.CallError, match="E_TOO_MUCH_DATA"):
@@ -116,18 +116,18 @@ def test_tags_over_the_wire(server: Server) -> None:
         assert controller.tag == "x" * 30_000
 
 
-def test_large_packets_that_wait_to_be_read_count_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whole ones too, until the worker has come to them."""
+def test_large_packets_that_wait_for_decoding_count_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Complete packets count until the worker has decoded them."""
     gate = threading.Event()
     shared = server._server._connections
-    asked = asyncio.run_coroutine_threadsafe(shared.worker.run(gate.wait), server._loop)
+    blocking = asyncio.run_coroutine_threadsafe(shared.worker.run(gate.wait), server._loop)
     request = packet.encode(Packet(1, EXECUTE, [2, "Echo", bytes(1024 * 1024)]))
     clients = [RawClient(server.url) for _ in range(3)]
     for client in clients:
         client.send(request)
     until(lambda: partial(server).bytes > 2_500_000)
     gate.set()
-    asked.result(30)
+    blocking.result(30)
     for client in clients:
         assert client.packet().code == hresult.E_HANDLE
         client.close()

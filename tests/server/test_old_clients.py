@@ -1,4 +1,4 @@
-"""What clients do that are about in the world (reference: rc8 4.4), byte by byte as they do it, over every kind of wire."""
+"""The behaviour of existing clients (reference: rc8 4.4), reproduced byte by byte over every transport."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from support.waiting import until
 
 DISCONNECT, GET_ROBOT, ROBOT_EXECUTE, ROBOT_MOVE, ROBOT_RELEASE, RELEASE = 4, 7, 64, 72, 84, 111
 HOME = [0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]
-LOSSY = only("udp", "serial", because="with TCP nothing is sent twice")
+LOSSY = only("udp", "serial", because="over TCP nothing is sent twice")
 
 
 class TcpRaw(RawCaller):
-    """On TCP."""
+    """A raw client on TCP."""
 
     wire = STREAM
 
@@ -69,14 +69,14 @@ def caller(url: str) -> RawCaller:
     return CALLERS[url.partition(":")[0]](url)
 
 
-def told(answer: Packet) -> tuple[int, int]:
+def serial_and_code(answer: Packet) -> tuple[int, int]:
     return answer.serial, answer.code
 
 
 class OldClient:
-    """b-Cap.c before 1.4: serials in steps of 2, the reserved field 0, nothing known of S_EXECUTING, texts for all values.
+    """b-Cap.c before 1.4: serials in steps of 2, reserved field 0, no support for S_EXECUTING, all values as text.
 
-    Where an answer does not come in time it sends the very same packet again.
+    If a reply does not arrive in time, it sends the identical packet again.
     """
 
     def __init__(self, url: str, *, patience: float = PATIENCE, tries: int = 3) -> None:
@@ -87,7 +87,7 @@ class OldClient:
         self.notices = 0
 
     def call(self, function: int, *arguments: Any) -> Packet:
-        """Make a call and return its answer."""
+        """Make a call and return its reply."""
         self.serial = (self.serial + 2) % 0x10000
         data = self.raw.encode(self.serial, function, *arguments)
         if self.raw.wire.crc:
@@ -120,7 +120,7 @@ class OldClient:
         return answer.arguments[0] if answer.arguments else None
 
     def connect(self, provider: str) -> Any:
-        """Begin, without an argument, and connect."""
+        """Call Service_Start without an argument, and connect."""
         self.ask(START)
         return self.ask(CONNECT, "", provider, "localhost", "")
 
@@ -130,7 +130,7 @@ class OldClient:
 
 @pytest.fixture(params=["tcp", "udp", "serial"])
 def listen_at(request: pytest.FixtureRequest) -> str:
-    """All that is here are packets; programs of e-CAP: test_ecap_document.py."""
+    """Return an address of each transport with packets; for e-CAP, see test_ecap_document.py."""
     return LISTEN_AT[request.param]
 
 
@@ -165,7 +165,7 @@ def old(server: Server) -> Iterator[OldClient]:
     client.close()
 
 
-# --- a program of those days --------------------------------------------------------------------------------------------
+# --- old programs -------------------------------------------------------------------------------------------------------
 
 
 def singles(values: list[float]) -> Variant:
@@ -173,7 +173,7 @@ def singles(values: list[float]) -> Variant:
 
 
 def test_a_program_of_the_first_client_for_the_rc8(old: OldClient, rc8: VirtualRC8) -> None:
-    """Every parameter is a text, the poses are of VT_R4 (sas, jsk, quangounet)."""
+    """Every parameter is text, and poses are arrays of VT_R4 (sas, jsk, quangounet)."""
     controller = old.connect("CaoProv.DENSO.VRC")
     robot = old.ask(GET_ROBOT, controller, "Arm", "")
     variable = old.ask(GET_VARIABLE, controller, "I1", "")
@@ -193,7 +193,9 @@ def test_a_program_of_the_first_client_for_the_rc8(old: OldClient, rc8: VirtualR
     for _ in range(10):
         assert execute("slvMove", singles(HOME)) == pytest.approx(HOME, abs=1e-3)
     assert execute("slvMove", singles(HOME[:7]))[:6] == pytest.approx(HOME[:6], abs=1e-3)
-    assert old.call(ROBOT_EXECUTE, robot, "slvMode", singles(HOME)).code >= 0x80000000  # a typo that somebody made
+    assert (
+        old.call(ROBOT_EXECUTE, robot, "slvMode", singles(HOME)).code >= 0x80000000
+    )  # a misspelt command of one of these programs
     execute("slvChangeMode", "0")
     assert execute("slvGetMode") == 0
     execute("Motor", "0")
@@ -204,8 +206,8 @@ def test_a_program_of_the_first_client_for_the_rc8(old: OldClient, rc8: VirtualR
     assert old.serial > 50
 
 
-def test_an_error_in_the_middle_and_on_again(old: OldClient, rc8: VirtualRC8) -> None:
-    """Slave mode without a motor is refused, with the same code over every wire."""
+def test_recovery_from_an_error(old: OldClient, rc8: VirtualRC8) -> None:
+    """Slave mode without the motor is refused, with the same code over every transport."""
     robot = old.ask(GET_ROBOT, old.connect("caoprov.denso.vrc"), "", "")
     old.ask(ROBOT_EXECUTE, robot, "TakeArm", "")
     refused = old.call(ROBOT_EXECUTE, robot, "slvChangeMode", "514")
@@ -217,8 +219,8 @@ def test_an_error_in_the_middle_and_on_again(old: OldClient, rc8: VirtualRC8) ->
 # --- serial numbers and the reserved field --------------------------------------------------------------------------------
 
 
-def test_serials_in_steps_of_two_up_to_the_end_and_round(old: OldClient, shop: Counting) -> None:
-    """From 1 on up to 65535, and again: each is a call of its own, though all are the same."""
+def test_serials_in_steps_of_two_wrap_around(old: OldClient, shop: Counting) -> None:
+    """Odd serials up to 65535, and again from 1: each packet is a separate call, although all calls are identical."""
     controller = old.connect("Test.Workshop")
     old.serial = 65525
     assert [old.ask(EXECUTE, controller, "Count", "same") for _ in range(12)] == list(range(1, 13))
@@ -228,7 +230,7 @@ def test_serials_in_steps_of_two_up_to_the_end_and_round(old: OldClient, shop: C
 
 @LOSSY
 def test_even_serials_and_zero(old: OldClient, shop: Counting) -> None:
-    """Who begins with 0 comes to 0 again: it is a number as any other."""
+    """A client that begins with serial 0 reaches 0 again: it is a serial like any other."""
     old.serial = 65533 - 6
     controller = old.connect("Test.Workshop")
     old.serial = 65530
@@ -236,8 +238,8 @@ def test_even_serials_and_zero(old: OldClient, shop: Counting) -> None:
 
 
 @LOSSY
-def test_the_same_packet_again(raw: RawCaller, shop: Counting) -> None:
-    """Of a client that leaves the reserved field 0: the answer again, under the same serial."""
+def test_the_identical_packet_again(raw: RawCaller, shop: Counting) -> None:
+    """With reserved field 0, the reply is sent again with the same serial."""
     handle = raw.open_workshop()
     for serial, count in ((101, 1), (101, 1), (101, 1), (103, 2), (103, 2), (105, 3)):
         raw.request(EXECUTE, handle, "Count", "same", serial=serial)
@@ -249,7 +251,7 @@ def test_the_same_packet_again(raw: RawCaller, shop: Counting) -> None:
 @LOSSY
 @pytest.mark.parametrize("first", [0, 200])
 def test_a_new_serial_with_the_first_one_in_the_reserved_field(raw: RawCaller, shop: Counting, first: int) -> None:
-    """DENSO's rule: the stored answer, under the new serial. The first try may have had 0 there."""
+    """DENSO's rule: the stored reply, with the new serial. The reserved field of the first attempt may have been 0."""
     handle = raw.open_workshop()
     for serial, reserved in ((200, first), (201, 200), (202, 200), (65535, 200)):
         raw.request(EXECUTE, handle, "Count", "a", serial=serial, reserved=reserved)
@@ -260,15 +262,15 @@ def test_a_new_serial_with_the_first_one_in_the_reserved_field(raw: RawCaller, s
 
 
 @LOSSY
-def test_an_answer_that_is_an_error_is_kept_too(raw: RawCaller, shop: Counting) -> None:
+def test_an_error_reply_is_stored_too(raw: RawCaller, shop: Counting) -> None:
     handle = raw.open_workshop()
     for serial in (200, 201, 202):
         raw.request(EXECUTE, handle, "Fail", hresult.signed(hresult.E_ACCESSDENIED), serial=serial, reserved=200)
-        assert told(raw.packet()) == (serial, hresult.E_ACCESSDENIED)
+        assert serial_and_code(raw.packet()) == (serial, hresult.E_ACCESSDENIED)
 
 
-@only("tcp", because="on the others that field tells one call from another")
-def test_with_tcp_the_reserved_field_means_nothing(raw: RawCaller, shop: Counting) -> None:
+@only("tcp", because="on the others that field identifies a call")
+def test_the_reserved_field_is_ignored_over_tcp(raw: RawCaller, shop: Counting) -> None:
     handle = raw.open_workshop()
     for serial in (200, 201, 201, 200):
         raw.request(EXECUTE, handle, "Count", "a", serial=serial, reserved=200)
@@ -280,8 +282,8 @@ def test_with_tcp_the_reserved_field_means_nothing(raw: RawCaller, shop: Countin
 
 
 @LOSSY
-def test_a_client_that_ignores_that_its_call_is_at_work(server: Server, shop: Counting) -> None:
-    """It sends it again and again; it is carried out once."""
+def test_a_client_that_ignores_s_executing(server: Server, shop: Counting) -> None:
+    """It sends the request repeatedly; the call is executed once."""
     old = OldClient(server.url)
     controller = old.connect("Test.Workshop")
     old.patience, old.tries = 0.02, 2000
@@ -302,16 +304,16 @@ def test_a_client_that_ignores_that_its_call_is_at_work(server: Server, shop: Co
     old.close()
 
 
-def test_a_client_that_takes_it_for_the_answer(raw: RawCaller, shop: Counting) -> None:
-    """It goes on, and is told that the controller is busy; when the call is done all is well."""
+def test_a_client_that_takes_s_executing_for_the_reply(raw: RawCaller, shop: Counting) -> None:
+    """Its next call returns E_BUSY_PROC; after the end of the first call, calls succeed again."""
     raw.ask(START, ",WDT=100")
     handle = raw.open_workshop()
     serial = raw.request(EXECUTE, handle, "CountLater", 1)
-    assert told(raw.packet()) == (serial, hresult.S_EXECUTING)
+    assert serial_and_code(raw.packet()) == (serial, hresult.S_EXECUTING)
     following = raw.request(EXECUTE, handle, "Count", 2)
     while (answer := raw.packet()).serial == serial:
         assert answer.code == hresult.S_EXECUTING
-    assert told(answer) == (following, hresult.E_BUSY_PROC)
+    assert serial_and_code(answer) == (following, hresult.E_BUSY_PROC)
     shop.gate.set()
     while (answer := raw.packet()).code == hresult.S_EXECUTING:
         pass
@@ -320,26 +322,26 @@ def test_a_client_that_takes_it_for_the_answer(raw: RawCaller, shop: Counting) -
     assert shop.counts == [1, 3]
 
 
-# --- other habits -----------------------------------------------------------------------------------------------------
+# --- other peculiarities ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("option", [",WDT=400,InvokeTimeout=180000", ",WDT=400", "WDT=400", "", ","])
 def test_options_with_a_leading_comma(raw: RawCaller, option: str) -> None:
-    """As ROS sends them."""
+    """This is how ROS sends them."""
     assert raw.ask(START, option) is None
     assert raw.ask(EXECUTE, raw.open_workshop(), "Echo", option) == option
 
 
-def test_the_option_behind_a_leading_comma_counts(raw: RawCaller, shop: Counting) -> None:
+def test_the_option_after_a_leading_comma_takes_effect(raw: RawCaller, shop: Counting) -> None:
     assert raw.ask(START, ",WDT=100") is None
     serial = raw.request(EXECUTE, raw.open_workshop(), "Wait", 1)
-    assert told(raw.packet()) == (serial, hresult.S_EXECUTING)
+    assert serial_and_code(raw.packet()) == (serial, hresult.S_EXECUTING)
     shop.gate.set()
 
 
 @pytest.mark.parametrize("type_", [VarType.UI4, VarType.I2, VarType.UI2])
 def test_handles_of_other_types(raw: RawCaller, shop: Counting, type_: VarType) -> None:
-    """VT_UI4 from callers of ROS's bcap_service."""
+    """Clients of ROS's bcap_service send VT_UI4."""
     controller = Variant(type_, raw.open_workshop())
     variable = Variant(type_, raw.ask(GET_VARIABLE, controller, "v", ""))
     assert raw.ask(102, variable, 5) is None
@@ -352,25 +354,25 @@ def test_handles_of_other_types(raw: RawCaller, shop: Counting, type_: VarType) 
 # --- one client after the other ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("goodbye", [True, False])
-def test_one_old_client_after_the_other(server: Server, shop: Counting, goodbye: bool) -> None:
-    """Each begins with the same serials; on a serial line nothing but that tells that the one before has gone."""
-    kept = []  # on UDP: a port that is free again may be the next client's
-    repeats = server.url.startswith("serial") and not goodbye  # a beginning is taken for a late packet within a second
+@pytest.mark.parametrize("stops", [True, False])
+def test_one_old_client_after_the_other(server: Server, shop: Counting, stops: bool) -> None:
+    """Each begins with the same serials; on a serial line, only that shows that the previous client has gone."""
+    kept = []  # on UDP: the next client might get a port that is free again
+    repeats = server.url.startswith("serial") and not stops  # within 1 s, a Service_Start is taken for a late packet
     for number in range(4):
         old = OldClient(server.url, **({"patience": 0.3, "tries": 100} if repeats else {}))
         controller = old.connect("Test.Workshop")
         assert controller == 2
         old.ask(GET_VARIABLE, controller, f"v{number}", "")
         assert old.ask(EXECUTE, controller, "Count", "same") == number + 1
-        if goodbye:
+        if stops:
             old.ask(STOP)
         if server.url.startswith("udp"):
             kept.append(old)
         else:
             old.close()
-    if goodbye or not server.url.startswith("udp"):  # there they are forgotten after ten seconds
-        last = 4 if goodbye or server.url.startswith("tcp") else 3
+    if stops or not server.url.startswith("udp"):  # on UDP, clients are dropped after 10 s
+        last = 4 if stops or server.url.startswith("tcp") else 3
         until(lambda: len(shop.released) == 2 * last)
         assert shop.released == [name for number in range(last) for name in (f"v{number}", "Controller")]
     for old in kept:
@@ -378,10 +380,10 @@ def test_one_old_client_after_the_other(server: Server, shop: Counting, goodbye:
 
 
 @only("serial", because="a line has one client at a time")
-def test_a_call_that_is_at_work_is_not_the_next_clients(server: Server, shop: Counting) -> None:
-    with SerialRaw(server.url) as gone:
-        handle = gone.open_workshop()
-        gone.request(EXECUTE, handle, "CountLater", 1, serial=7)
+def test_a_call_of_the_previous_client_is_cancelled(server: Server, shop: Counting) -> None:
+    with SerialRaw(server.url) as previous:
+        handle = previous.open_workshop()
+        previous.request(EXECUTE, handle, "CountLater", 1, serial=7)
         assert shop.at_work.acquire(timeout=PATIENCE)
     old = OldClient(server.url)
     controller = old.connect("Test.Workshop")

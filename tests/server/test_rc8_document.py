@@ -23,12 +23,12 @@ CONTROLLER = ("", "CaoProv.DENSO.VRC", "localhost", "")
 
 
 def printed(line: int) -> bytes:
-    """A packet of the RC8 document by its line."""
+    """Return a packet of the RC8 document by its line."""
     return next(bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] == line)
 
 
-def nothing(serial: int) -> bytes:
-    """S_OK without arguments."""
+def empty_reply(serial: int) -> bytes:
+    """Return a reply with S_OK and no arguments."""
     return bytes.fromhex(f"0110000000{serial:02x}00000000000000000004")
 
 
@@ -59,8 +59,8 @@ def motor_on(device: VirtualRC8) -> None:
     until(lambda: device.state.arm.motor.on)
 
 
-def same_but_serial(answer: bytes, wanted: bytes) -> bool:
-    """Some answers are printed with another serial than their request has."""
+def equal_except_serial(answer: bytes, wanted: bytes) -> bool:
+    """Compare two replies without their serials, as some are printed with a serial different from their request's."""
     return answer[:5] + answer[7:] == wanted[:5] + wanted[7:]
 
 
@@ -70,7 +70,7 @@ def test_section_3_2_is_answered_as_printed(raw: RawClient) -> None:
         (493, printed(503)),  # Controller_GetTask Pro1 -> 3
         (515, printed(524)),  # Task_Start 2
         (533, printed(539)),  # Task_Stop 3
-        (551, nothing(6)),  # Task_Release
+        (551, empty_reply(6)),  # Task_Release
     ]
     for line, answer in conversation:
         raw.send(printed(line))
@@ -88,16 +88,16 @@ def test_section_3_3_is_answered_as_printed(raw: RawClient, device: VirtualRC8) 
         (738, printed(748)),  # Motor (0, 0)
         (702, printed(711)),  # Givearm
         (820, printed(830)),  # ClearError
-        (794, nothing(11)),  # Robot_Release
+        (794, empty_reply(11)),  # Robot_Release
     ]
     for line, answer in conversation:
         raw.send(printed(line))
-        assert same_but_serial(raw.frame(), answer), line
+        assert equal_except_serial(raw.frame(), answer), line
     assert not device.state.arm.motor.on
 
 
-def test_every_printed_pair_of_both_sections_is_there() -> None:
-    """Guards the tests above: no packet has been left out."""
+def test_every_printed_pair_of_both_sections_is_used() -> None:
+    """Check that the tests above omit no packet."""
     lines = {v["line"] for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and 480 < v["line"] < 960}
     assert lines == {
         493, 503, 515, 524, 533, 539, 551,
@@ -106,7 +106,7 @@ def test_every_printed_pair_of_both_sections_is_there() -> None:
 
 
 def test_list_3_2(raw: RawClient, device: VirtualRC8) -> None:
-    """Task Pro1, continuous, then a cycle stop; as bCapTask.c sends it."""
+    """Run task Pro1 continuously, then stop it at the end of its cycle, as bCapTask.c does."""
     motor_on(device)
     assert raw.ask(SERVICE_START) is None
     controller = raw.ask(CONNECT, *CONTROLLER)
@@ -120,7 +120,7 @@ def test_list_3_2(raw: RawClient, device: VirtualRC8) -> None:
 
 
 def test_list_3_3(raw: RawClient, device: VirtualRC8) -> None:
-    """To P1 and there; every parameter as a BSTR, as bCapRobot.c sends it."""
+    """Move to P1, with every parameter as a BSTR, as bCapRobot.c does."""
     assert raw.ask(SERVICE_START) is None
     controller = raw.ask(CONNECT, *CONTROLLER)
     robot = raw.ask(GET_ROBOT, controller, "Arm", "")
@@ -135,8 +135,8 @@ def test_list_3_3(raw: RawClient, device: VirtualRC8) -> None:
     assert raw.ask(SERVICE_STOP) is None
 
 
-def test_a_long_move_says_that_it_is_executing() -> None:
-    """With WDT=100 a Move without NEXT is answered when it is done, and S_EXECUTING comes meanwhile (RC8 table 3-1)."""
+def test_s_executing_during_a_long_move() -> None:
+    """With WDT=100, a Move without NEXT is answered at its end, and S_EXECUTING is sent meanwhile (RC8 table 3-1)."""
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server, RawClient(server.url) as raw:

@@ -1,4 +1,4 @@
-"""The virtual RC8 over the wire, in real and in scaled time: same trajectories, and clients that vanish."""
+"""The virtual RC8 over the network, in real and in scaled time: equal trajectories, and clients that disappear."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ rc8.client.call(f.robot_move, robot.handle, 1, "J(150, 45, 90, 0, 45, 0)", "SPEE
 
 
 def moving_samples(device: VirtualRC8, start: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """The command joints of the control log, without the rest before the first and after the last movement."""
+    """Return the commanded joints of the control log, without the standstill before and after the movement."""
     log = device.state.arm.log
     samples = [start, *(tuple(log.record(index)[0:24:4]) for index in range(len(log)))]
     changes = [index for index in range(1, len(samples)) if samples[index] != samples[index - 1]]
     return samples[changes[0] : changes[-1] + 1]
 
 
-def by_hand() -> list[list[tuple[float, ...]]]:
-    """Each move's samples on a clock moved by hand, a cycle at a time."""
+def with_manual_clock() -> list[list[tuple[float, ...]]]:
+    """Return the samples of each move with a manual clock that is advanced by one cycle at a time."""
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     robot = device.connect("c", "", "", ClientInfo("127.0.0.1", "tcp")).get_robot("Arm", "")
@@ -84,16 +84,16 @@ def test_a_scaled_clock_gives_the_same_trajectories_sample_by_sample(scale):
                 rc8.client.call(f.robot_move, robot.handle, interpolation, pose, option)
             robot.execute("StopLog")
             traces.append(moving_samples(device, start))
-    wanted = by_hand()
+    wanted = with_manual_clock()
     assert [len(trace) for trace in traces[1:]] == [len(trace) for trace in wanted[1:]]
     assert traces[1:] == wanted[1:]
-    # the second of the blended pair is queued a few cycles sooner or later, which is part of what is asked for
+    # the second of the blended motions is queued a few cycles sooner or later, which affects the trajectory
     assert traces[0][0] == wanted[0][0]
     assert traces[0][-1] == wanted[0][-1]
 
 
-def test_a_client_that_is_killed_leaves_an_arm_that_stops(tmp_path):
-    """kill -9 in the middle of a move: the arm decelerates within its limits, and another client takes over."""
+def test_the_arm_stops_when_its_client_is_killed(tmp_path):
+    """kill -9 during a move: the arm decelerates within its limits, and another client takes it."""
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as rc8:
@@ -129,7 +129,7 @@ def test_a_client_that_is_killed_leaves_an_arm_that_stops(tmp_path):
         assert device.state.arm.queue.joints == (0, 45, 90, 0, 45, 0)
 
 
-def test_halt_from_a_second_connection_ends_the_first_ones_move():
+def test_halt_from_a_second_connection_stops_the_move_of_the_first():
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as first:
@@ -157,7 +157,7 @@ def test_halt_from_a_second_connection_ends_the_first_ones_move():
 
 
 def test_fifty_clients_read_while_one_moves():
-    """Reading takes nothing from the motion: no cycle is left out."""
+    """Reading does not disturb the motion: no cycle is missing."""
     device = VirtualRC8(clock=Clock(1), motor=True)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, timeout=PATIENCE) as first:
         robot = first.robot("Arm")

@@ -1,7 +1,7 @@
-"""Noise on a serial line between a real client and a real server: the call it meets succeeds, and the next is as ever.
+"""Noise on a serial line between a client and a server: the affected call succeeds, and the next one is normal.
 
-Most tests have a line for each kind of noise, and calls on all of them at the same time, for many wait for a time-out.
-How often a packet is sent depends on times that a machine may be too slow for: see :func:`in_time`.
+Most tests use one line for each kind of noise, and make calls on all lines at the same time, since many calls wait for a
+time-out. The number of attempts depends on times that a slow machine may exceed: see :func:`in_time`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from support.both import Both
 from support.callers import CONNECT, EXECUTE, Counting, SerialRaw
 from support.waiting import PATIENCE, until
 
-TRY = 0.4  # s
+TRY = 0.4  # s; time-out of one attempt
 PACES = (1, 2, 4, 8)
 WAYS = pytest.mark.parametrize("way", ["there", "back"])
 REQUEST = packet.encode(packet.Packet(700, EXECUTE, [2, "Count", -1], 700), crc=True)
@@ -41,12 +41,12 @@ NOISE = [
     b"\x01",
     b"\x04\x04",
     b"\x01\x12\0\0\0",  # the length of a short packet
-    b"\x01\0\0\0\0",  # of none
+    b"\x01\0\0\0\0",  # of an empty one
     b"\x01\xf0\x01\0\0",  # of a long one
     b"\x01\0\0\1\0",  # of the longest
     b"\x01\x01\0\1\0",  # of one that is too long
-    b"\x01\x90\0\0\0\x07\0\x07\0\x11\0\0\0\x03\0",  # a whole head
-    b"\x01\x01\0\1\0\x07\0\x07\0\x11\0\0\0\x03\0",  # that of a packet that is too long
+    b"\x01\x90\0\0\0\x07\0\x07\0\x11\0\0\0\x03\0",  # a complete header
+    b"\x01\x01\0\1\0\x07\0\x07\0\x11\0\0\0\x03\0",  # the header of a packet that is too long
     REQUEST[:25],
     REQUEST[:-3] + b"\0\0\x04",
     *(noise(random.Random(seed)) for seed in range(4)),
@@ -60,18 +60,18 @@ TIMES: list[tuple[Any, str]] = [
     (duplicate_filter, "_LATE_BYTES"),
     (serial_line, "SILENCE"),
 ]
-"""Whatever time-outs there are on a serial line, here, in the client, and in the server."""
+"""All time-outs for a serial line: here, in the client, and in the server."""
 
 
 class Late(AssertionError):
-    """It took longer than it may."""
+    """A call took longer than allowed."""
 
 
 def in_time(test: Callable[..., None]) -> Callable[..., None]:
-    """Let a test that was late try again with all time-outs twice as long: at last no machine is late, but a defect is."""
+    """Repeat a test that was late with all time-outs doubled; a slow machine finally passes, and a defect does not."""
 
     @wraps(test)
-    def patient(*arguments: Any, **named: Any) -> None:
+    def repeated(*arguments: Any, **named: Any) -> None:
         for pace in PACES:
             with pytest.MonkeyPatch.context() as patch:
                 for module, name in TIMES:
@@ -83,11 +83,11 @@ def in_time(test: Callable[..., None]) -> Callable[..., None]:
                         raise
         return None
 
-    return pytest.mark.timeout(300)(patient)
+    return pytest.mark.timeout(300)(repeated)
 
 
 class Noisy:
-    """A client and a server with a line between them, on which happens what a test says."""
+    """A client of a server, and the line between them, on which a test causes disturbances."""
 
     def __init__(self, both: Both, number: int, link: BadSerial, script: Script, ledger: Ledger) -> None:
         self._both = both
@@ -112,20 +112,20 @@ class Noisy:
         self.sent += direction == ">"
 
     def next(self, way: str, *spoils: Spoil) -> None:
-        """Say what is to happen to the next packets of a way."""
+        """Disturb the next packets in one direction, ``"there"`` or ``"back"``."""
         self._script.next(f"{way} {self._number}", *spoils)
 
     def say(self, way: str, data: bytes) -> None:
-        """Let bytes come from nowhere."""
+        """Insert bytes into one direction, outside any packet."""
         self._link.say(f"{way} {self._number}", data)
 
     @property
-    def peaceful(self) -> bool:
-        """Whether all of that has happened."""
+    def undisturbed(self) -> bool:
+        """True if no disturbances are left."""
         return not any(self._script.left(f"{way} {self._number}") for way in ("there", "back"))
 
     async def count(self) -> tuple[int, float]:
-        """Make a call, which has to be carried out once; returns how often it was sent, and how long it took."""
+        """Make a call, which must be executed once; return the number of attempts, and the duration, s."""
         began, self.sent = time.monotonic(), 0
         answer = await self._both.now(self.controller.execute("Count", self._calls))
         assert answer == [self._name, self._calls, "Count"]
@@ -134,7 +134,7 @@ class Noisy:
         return self.sent, time.monotonic() - began
 
     async def check(self, *, tries: int = 2) -> None:
-        """The call succeeds, at most by one more try and after one more time-out, and the next one at once."""
+        """Check that a call succeeds within so many attempts and time-outs, and the next one at the first attempt."""
         sent, seconds = await self.count()
         if sent > tries or seconds >= TRY * (tries + 1):
             raise Late(f"sent {sent} times, {seconds:.3f} s")
@@ -145,7 +145,7 @@ class Noisy:
 
 @contextmanager
 def lines(both: Both, number: int) -> Iterator[list[Noisy]]:
-    """Clients with a line each."""
+    """Serve on several lines, and yield a client for each."""
     ledger, script = Ledger(), Script()
     with orinkit.serve(ledger, *["pty://"] * number) as server, BadSerial(server.urls, script) as link:
         noisy: list[Noisy] = []
@@ -159,14 +159,14 @@ def lines(both: Both, number: int) -> Iterator[list[Noisy]]:
 
 
 def on_each(both: Both, way: str, spoils: Sequence[Spoil], *, tries: int = 2) -> None:
-    """Have each of them happen to the next packet on a line of its own, and check what becomes of the calls there."""
+    """Apply each disturbance to the next packet on a separate line, and check the calls there."""
 
     async def body(noisy: Noisy, spoil: Spoil) -> None:
         noisy.next(way, spoil)
         await noisy.check(tries=tries)
 
-    with lines(both, len(spoils)) as all_of_them:
-        both.side_by_side(*map(body, all_of_them, spoils))
+    with lines(both, len(spoils)) as clients:
+        both.side_by_side(*map(body, clients, spoils))
 
 
 def inside(said: bytes, place: int) -> Spoil:
@@ -179,35 +179,35 @@ def inside(said: bytes, place: int) -> Spoil:
 @in_time
 @WAYS
 def test_before_a_packet(both: Both, way: str) -> None:
-    """A server finds the packet as soon as the line is silent, a client when its time is up: nothing is sent twice."""
+    """A server finds the packet once the line is silent, a client after its time-out: nothing is sent twice."""
     on_each(both, way, [inside(said, 0) for said in NOISE], tries=1)
 
 
 @in_time
 @WAYS
-def test_behind_a_packet(both: Both, way: str) -> None:
-    """That call has been heard; the one after it meets the noise."""
+def test_after_a_packet(both: Both, way: str) -> None:
+    """That call is not affected, but the next one is."""
 
     async def body(noisy: Noisy, said: bytes) -> None:
         noisy.next(way, lambda data: [(0.0, data + said)])
         await noisy.count()
         await noisy.check(tries=1)
 
-    with lines(both, len(NOISE)) as all_of_them:
-        both.side_by_side(*map(body, all_of_them, NOISE))
+    with lines(both, len(NOISE)) as clients:
+        both.side_by_side(*map(body, clients, NOISE))
 
 
 @in_time
 @WAYS
 def test_between_packets(both: Both, way: str) -> None:
-    """While nobody calls."""
+    """The noise occurs while no call is in progress."""
 
     async def body(noisy: Noisy, said: bytes) -> None:
         noisy.say(way, said)
         await noisy.check(tries=1)
 
-    with lines(both, len(NOISE)) as all_of_them:
-        both.side_by_side(*map(body, all_of_them, NOISE))
+    with lines(both, len(NOISE)) as clients:
+        both.side_by_side(*map(body, clients, NOISE))
 
 
 @in_time
@@ -228,7 +228,7 @@ def changed(bit: int) -> Spoil:
 @in_time
 @WAYS
 def test_bits_that_are_changed(both: Both, way: str) -> None:
-    """Many of the head, and some others."""
+    """Many bits of the header, and some others."""
     on_each(both, way, [changed(bit) for bit in (*range(0, 15 * 8, 3), *range(120, 300, 9), *range(1000, 1040, 4))])
 
 
@@ -244,25 +244,25 @@ def test_bytes_that_are_missing(both: Both, way: str) -> None:
 
 @in_time
 def test_noise_on_every_packet(both: Both) -> None:
-    """For twenty packets each way; then the line is good again, and so are the calls."""
+    """Twenty packets are disturbed in each direction; then calls are normal again."""
     harm = Harm(loss=0.0, double=0.0, late=0.0, delay=TRY / 20, cut=0.0, broken=0.0, noise=0.3, gap=0.0, stop=0.2)
 
     async def body(noisy: Noisy, seed: int) -> None:
         for way in ("there", "back"):
             noisy.next(way, *[at_random(seed, harm, spoil_bytes)(way)] * 20)
-        while not noisy.peaceful:
+        while not noisy.undisturbed:
             await noisy.count()
         await noisy.check(tries=1)
 
-    with lines(both, 10) as all_of_them:
-        both.side_by_side(*map(body, all_of_them, range(10)))
+    with lines(both, 10) as clients:
+        both.side_by_side(*map(body, clients, range(10)))
 
 
-# --- a line that breaks -----------------------------------------------------------------------------------------------
+# --- interruptions of the line ----------------------------------------------------------------------------------------
 
 
 def broken_at(place: int, seconds: float) -> Spoil:
-    """The rest of a packet comes later."""
+    """Return a disturbance by which the rest of a packet arrives later."""
     return lambda data: [(0.0, data[:place]), (seconds, data[place:])]
 
 
@@ -271,15 +271,15 @@ def broken_at(place: int, seconds: float) -> Spoil:
 @pytest.mark.parametrize(
     ("seconds", "tries"),
     [(lambda: SILENCE / 3, 1), (lambda: SILENCE * 2, 2), (lambda: TRY * 1.3, 2)],
-    ids=["part of a silence", "two silences", "longer than a try"],
+    ids=["part of a silence", "two silences", "longer than an attempt"],
 )
-def test_a_break_in_the_middle_of_a_packet(both: Both, way: str, seconds: Callable[[], float], tries: int) -> None:
+def test_an_interruption_inside_a_packet(both: Both, way: str, seconds: Callable[[], float], tries: int) -> None:
     on_each(both, way, [broken_at(place, seconds()) for place in PLACES], tries=tries)
 
 
 @in_time
 @WAYS
-def test_a_packet_whose_end_never_comes(both: Both, way: str) -> None:
+def test_an_incomplete_packet(both: Both, way: str) -> None:
     on_each(both, way, [without(place, 1000) for place in PLACES])
 
 
@@ -295,7 +295,7 @@ def test_a_packet_byte_by_byte(both: Both, way: str) -> None:
 
 @in_time
 def test_a_line_that_is_dead_for_a_while(both: Both) -> None:
-    """Every lost packet costs one time-out and no more."""
+    """Every lost packet costs exactly one time-out."""
 
     async def body(noisy: Noisy) -> None:
         noisy.next("there", lose, lose)
@@ -306,8 +306,8 @@ def test_a_line_that_is_dead_for_a_while(both: Both) -> None:
             raise Late
         await noisy.check(tries=1)
 
-    with lines(both, 1) as all_of_them:
-        both.side_by_side(*map(body, all_of_them))
+    with lines(both, 1) as clients:
+        both.side_by_side(*map(body, clients))
 
 
 # --- one client after the other ----------------------------------------------------------------------------------------
@@ -325,7 +325,7 @@ def server(shop: Counting) -> Iterator[Server]:
 
 
 class Next:
-    """The client that comes after one that was killed."""
+    """The client that connects after one that was killed."""
 
     def __init__(self, both: Both, url: str, **options: Any) -> None:
         self._both = both
@@ -339,13 +339,13 @@ class Next:
     def count(self, number: int) -> Any:
         return self._both.run(self.controller.execute("Count", number))
 
-    def be_killed(self) -> None:
-        """Go without a goodbye."""
+    def kill(self) -> None:
+        """Close the link without Service_Stop."""
         self.controller.client._link.close()
 
 
 def leave(url: str, said: bytes) -> None:
-    """Be a client that is killed when it has said that."""
+    """Send bytes as a client that is killed then."""
     with SerialRaw(url) as killed:
         killed.send(said)
 
@@ -355,12 +355,12 @@ def test_half_a_packet_of_a_client_that_was_killed(both: Both, server: Server, s
     leave(server.url, REQUEST[:place])
     client = Next(both, server.url, timeout=PATIENCE)
     assert client.count(1) == 1
-    assert client.sent == [1, CONNECT, EXECUTE]  # each at once
+    assert client.sent == [1, CONNECT, EXECUTE]  # each at the first attempt
     both.run(client.controller.close())
     assert shop.counts == [1]
 
 
-def test_noise_that_the_line_had_before_anybody_came(both: Both, server: Server) -> None:
+def test_noise_before_the_first_client(both: Both, server: Server) -> None:
     dice = random.Random(1)
     for _ in range(5):
         leave(server.url, b"".join(noise(dice) for _ in range(dice.randrange(1, 200))))
@@ -369,12 +369,10 @@ def test_noise_that_the_line_had_before_anybody_came(both: Both, server: Server)
         both.run(client.controller.close())
 
 
-def test_answers_that_wait_for_a_client_that_was_killed_are_not_the_next_ones(
-    both: Both, server: Server, shop: Counting
-) -> None:
+def test_the_next_client_does_not_receive_replies_to_a_killed_one(both: Both, server: Server, shop: Counting) -> None:
     with SerialRaw(server.url) as killed:
         handle = killed.open_workshop()
-        for number in range(50):  # serials that the next client will use too
+        for number in range(50):  # serials that the next client uses too
             killed.request(EXECUTE, handle, "Count", number, serial=number + 1, reserved=number + 1)
         until(lambda: len(shop.counts) == 50)
     client = Next(both, server.url, timeout=1.0, tries=7)
@@ -386,9 +384,9 @@ def test_answers_that_wait_for_a_client_that_was_killed_are_not_the_next_ones(
 
 @in_time
 def test_clients_that_are_killed_one_after_the_other(both: Both) -> None:
-    """In the middle of a packet: the next one begins with nothing of theirs.
+    """Each is killed while it sends a packet, of which nothing affects the next client.
 
-    Within a second after the beginning of one client the same packet is not taken for the beginning of another.
+    Within a second after the Service_Start of one client, the same packet is not taken for the start of another one.
     """
     dice, shop = random.Random(1), Counting()
     with orinkit.serve(shop, "pty://") as server:
@@ -402,7 +400,7 @@ def test_clients_that_are_killed_one_after_the_other(both: Both) -> None:
                 if len(client.sent) > 3 + 1 + duplicate_filter._LATE_BYTES / TRY:
                     raise Late(f"sent: {client.sent}")
             finally:
-                client.be_killed()
+                client.kill()
             leave(server.url, REQUEST[: dice.randrange(1, len(REQUEST))])
         assert shop.released == [name for number in range(7) for name in (f"v{number}", "Controller")]
         assert server.clients == 1

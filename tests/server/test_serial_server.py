@@ -1,4 +1,4 @@
-"""The server on a serial line, seen from the wire: on a pseudo-terminal of its own, and on a port that serialx opens."""
+"""The server on a serial line, tested with raw bytes: on its own pseudo-terminal, and on a port that serialx opens."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="u
 DESCRIPTORS = Path("/proc/self/fd")
 
 pytestmark = [
-    pytest.mark.skipif(not hasattr(os, "openpty"), reason="there are no pseudo-terminals"),
+    pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals"),
     pytest.mark.usefixtures("no_errors_are_logged"),
 ]
 
@@ -90,7 +90,7 @@ def test_a_retry_is_answered_with_the_stored_answer(raw: SerialRaw, shop: Counti
     assert shop.counts == ["a"]
 
 
-def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: SerialRaw, shop: Counting) -> None:
+def test_a_retry_of_an_executing_call_returns_s_executing(raw: SerialRaw, shop: Counting) -> None:
     handle = raw.open_workshop()
     raw.request(EXECUTE, handle, "CountLater", 1, serial=100, reserved=100)
     assert shop.at_work.acquire(timeout=PATIENCE)
@@ -110,13 +110,13 @@ def test_large_arguments_and_results(raw: SerialRaw) -> None:
     assert raw.ask(EXECUTE, handle, "Large", 65_509) == hresult.E_TOO_MUCH_DATA
 
 
-def test_the_device_is_told_who_calls(raw: SerialRaw, server: Server, shop: Counting) -> None:
+def test_the_device_receives_the_client_info(raw: SerialRaw, server: Server, shop: Counting) -> None:
     raw.open_workshop()
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("serial", server.url.removeprefix("serial://"), 0)
     handled = threading.Event()
-    assert visitor.look is not None
-    visitor.look(handled.set)
+    assert visitor.drain_input is not None
+    visitor.drain_input(handled.set)
     assert handled.wait(PATIENCE)
 
 
@@ -126,7 +126,7 @@ NOISE = [
     b"\x00",
     b"\x01",
     b"\x04" * 10,
-    b"\x01\x30\x00\x00\x00",  # the beginning of a packet of 48 bytes
+    b"\x01\x30\x00\x00\x00",  # the start of a packet of 48 bytes
     b"\x01\xff\xff\x00\x00" + bytes(3),  # of 65,535
     b"\x01\x02\x00\x00\x00",
     b"\xff" * 3000,
@@ -142,8 +142,8 @@ def test_noise_before_a_request(raw: SerialRaw, server: Server, noise: bytes) ->
     assert server.clients == 1
 
 
-def test_noise_that_swallows_a_request(raw: SerialRaw) -> None:
-    """It may look like the beginning of one that is too long; the next try gets through."""
+def test_noise_that_hides_a_request(raw: SerialRaw) -> None:
+    """The noise may look like the start of a packet that is too long; the next attempt succeeds."""
     raw.send(b"\x01" * 300)
     serials = [raw.request(START, "", serial=serial, reserved=7) for serial in (7, 8)]
     answer = raw.packet()
@@ -153,21 +153,21 @@ def test_noise_that_swallows_a_request(raw: SerialRaw) -> None:
     assert answer.code == 0
 
 
-def test_noise_makes_no_client(raw: SerialRaw, server: Server) -> None:
+def test_noise_creates_no_client(raw: SerialRaw, server: Server) -> None:
     raw.send(b"".join(NOISE))
     assert raw.nothing_comes()
     assert server.clients == 0
 
 
 @pytest.mark.parametrize("noise", NOISE)
-def test_noise_behind_a_request(raw: SerialRaw, noise: bytes) -> None:
+def test_noise_after_a_request(raw: SerialRaw, noise: bytes) -> None:
     handle = raw.open_workshop()
     for number in range(3):
         raw.send(raw.encode(50 + number, EXECUTE, handle, "Echo", number) + noise)
         assert raw.packet().arguments == [number]
 
 
-def test_a_request_that_is_broken_is_dropped_and_its_repetition_carried_out(raw: SerialRaw, shop: Counting) -> None:
+def test_a_corrupted_request_is_dropped_and_its_repetition_executed(raw: SerialRaw, shop: Counting) -> None:
     handle = raw.open_workshop()
     request = raw.encode(60, EXECUTE, handle, "Count", "x", reserved=60)
     for place in range(0, len(request), 7):
@@ -179,7 +179,7 @@ def test_a_request_that_is_broken_is_dropped_and_its_repetition_carried_out(raw:
     assert shop.counts == ["x"]
 
 
-def test_a_long_time_of_noise_and_requests(raw: SerialRaw, shop: Counting) -> None:
+def test_many_requests_with_noise_between_them(raw: SerialRaw, shop: Counting) -> None:
     dice = random.Random(11)
     handle = raw.open_workshop()
     for number in range(200):
@@ -190,11 +190,11 @@ def test_a_long_time_of_noise_and_requests(raw: SerialRaw, shop: Counting) -> No
     assert shop.counts == list(range(200))
 
 
-# --- clients come and go ------------------------------------------------------------------------------------------------
+# --- clients that connect and disconnect --------------------------------------------------------------------------------
 
 
-def test_a_new_client_gets_a_clean_line() -> None:
-    """Its Service_Start is all that tells the end of the one before."""
+def test_a_new_client_has_a_new_session() -> None:
+    """Only its Service_Start shows that the previous client has gone."""
     recorder = Recorder()
     with orinkit.serve(recorder, "pty://") as server:
         with SerialRaw(server.url) as first:
@@ -211,7 +211,7 @@ def test_a_new_client_gets_a_clean_line() -> None:
 
 
 @pytest.mark.parametrize("command", ["Wait", "Tidy", "Block"])
-def test_a_new_client_does_not_wait_for_what_the_old_one_has_begun(
+def test_a_new_client_does_not_wait_for_a_call_of_the_previous_one(
     server: Server, shop: Counting, command: str
 ) -> None:
     with SerialRaw(server.url) as first:
@@ -227,10 +227,10 @@ def test_a_new_client_does_not_wait_for_what_the_old_one_has_begun(
         if command != "Block":
             assert shop.cancelled.acquire(timeout=PATIENCE)
         assert second.ask(EXECUTE, handle, "Block", "newer") == "newer"
-        assert second.nothing_comes()  # nor ever the answer to the old call
+        assert second.nothing_comes()  # the reply to the old call is never sent
 
 
-def test_an_object_that_is_made_for_the_old_client_is_released(server: Server, shop: Counting) -> None:
+def test_an_object_created_for_the_previous_client_is_released(server: Server, shop: Counting) -> None:
     with SerialRaw(server.url) as raw:
         assert raw.ask(START) is None
         raw.request(GET_VARIABLE, raw.open_workshop(), "slow", "")
@@ -268,8 +268,8 @@ def test_the_limit_on_clients_is_shared(shop: Counting) -> None:
             assert server.clients == 2
 
 
-def test_answers_that_nobody_reads(server: Server, shop: Counting) -> None:
-    """They are dropped when the line is full; nothing waits for them, and the line goes on when somebody reads."""
+def test_replies_that_the_client_does_not_read(server: Server, shop: Counting) -> None:
+    """They are dropped while the line is full; nothing waits for them, and the line works again after the client reads."""
     with SerialRaw(server.url) as greedy, RawClient(server.urls[1]) as other:
         theirs = greedy.open_workshop()
         mine = other.ask(CONNECT, "", "Test.Workshop", "", "")
@@ -277,7 +277,9 @@ def test_answers_that_nobody_reads(server: Server, shop: Counting) -> None:
             greedy.request(EXECUTE, theirs, "Large", 60_000, serial=500 + number, reserved=500 + number)
             assert other.ask(EXECUTE, mine, "Echo", number) == number
         (line,) = (each for each in server._server._connections.all if isinstance(each, serial_line.SerialClient))
-        while greedy.receive(0.2) is not None or line._transport.get_write_buffer_size():  # what the line has kept
+        while (
+            greedy.receive(0.2) is not None or line._transport.get_write_buffer_size()
+        ):  # the bytes that the line has buffered
             pass
         assert greedy.ask(EXECUTE, theirs, "Echo", "read again") == "read again"
 
@@ -286,7 +288,7 @@ def test_answers_that_nobody_reads(server: Server, shop: Counting) -> None:
 
 
 def left_over() -> tuple[int, list[str], int]:
-    """Open descriptors, threads, sessions; threads of asyncio's executor end when their loop has been closed."""
+    """Return open descriptors, threads and sessions; threads of asyncio's executor end after their loop is closed."""
     gc.collect()
     for thread in threading.enumerate():
         if thread.name.startswith("asyncio"):
@@ -332,7 +334,7 @@ def test_the_async_server(shop: Counting) -> None:
 
 
 class Cable:
-    """A serial port that can be pulled out: a pseudo-terminal of the test, under a name that stays."""
+    """A serial port that can be unplugged: a pseudo-terminal of the test, with a fixed name."""
 
     def __init__(self, name: Path) -> None:
         self.name = name
@@ -374,13 +376,13 @@ def test_a_serial_port(cable: Cable, shop: Counting) -> None:
     assert left_over() == before
 
 
-def test_settings_that_are_not_usual_are_told(cable: Cable, shop: Counting) -> None:
+def test_the_url_contains_unusual_settings(cable: Cable, shop: Counting) -> None:
     with orinkit.serve(shop, f"serial://{cable.name}?baudrate=115200&stop=2") as server:
         assert server.url.startswith(f"serial://{cable.name}?baudrate=115200&")
         assert cable.raw.ask(START) is None
 
 
-def test_a_port_that_is_pulled_out_is_opened_again(
+def test_a_port_that_is_unplugged_is_reopened(
     cable: Cable, shop: Counting, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.WARNING)
@@ -395,22 +397,22 @@ def test_a_port_that_is_pulled_out_is_opened_again(
             until(lambda: server.clients == 0)
             assert shop.released == ["v", "Controller"] * (turn + 1)
             cable.plug()
-            opened_again(cable)
+            wait_for_reopening(cable)
         lost = [record.getMessage() for record in caplog.records if "lost" in record.getMessage()]
         assert len(lost) == 3
         assert all(text.startswith(f"serial://{cable.name}: lost") for text in lost)
 
 
-def opened_again(cable: Cable) -> None:
-    """Ask until there is an answer: what waits in a port is thrown away when it is opened."""
+def wait_for_reopening(cable: Cable) -> None:
+    """Send requests until there is a reply: bytes that wait in a port are discarded when it is opened."""
     for serial in range(1, 300):
         cable.raw.request(START, "", serial=serial, reserved=1)
         if cable.raw.receive(0.1) is not None:
             break
     else:
-        raise AssertionError("it was not opened again")
+        raise AssertionError("the port was not reopened")
     last = cable.raw.request(START, "", serial=serial + 1, reserved=1)
-    while cable.raw.packet().serial != last:  # behind the answers to those that waited
+    while cable.raw.packet().serial != last:  # after the replies to earlier requests
         pass
 
 
@@ -434,7 +436,7 @@ def test_a_port_that_is_in_use(cable: Cable, shop: Counting) -> None:
 
 
 @pytest.mark.parametrize("path", ["/dev/ttyThereIsNone", "/dev/null", "/dev", "/etc/hostname"])
-def test_what_is_no_serial_port(path: str) -> None:
+def test_paths_that_are_not_serial_ports(path: str) -> None:
     before = left_over()
     with pytest.raises(ConnectFailed, match=f"cannot open the serial port {path}: "):
         orinkit.serve(Counting(), "tcp://127.0.0.1:0", "pty://", "udp://127.0.0.1:0", f"serial://{path}")
@@ -445,14 +447,14 @@ def test_a_package_that_is_missing(monkeypatch: pytest.MonkeyPatch, shop: Counti
     monkeypatch.setattr("orinkit.core.optional_deps.find_spec", lambda name: None)
     with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
         orinkit.serve(Counting(), "serial:///dev/ttyS0")
-    with orinkit.serve(shop, "pty://") as server, SerialRaw(server.url) as raw:  # needs none
+    with orinkit.serve(shop, "pty://") as server, SerialRaw(server.url) as raw:  # does not need the package
         assert raw.ask(START) is None
 
 
-def test_no_pseudo_terminal_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
-    def none() -> tuple[int, int]:
+def test_no_pseudo_terminal_is_available(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> tuple[int, int]:
         raise OSError(28, "out of pty devices")
 
-    monkeypatch.setattr(os, "openpty", none)
+    monkeypatch.setattr(os, "openpty", fail)
     with pytest.raises(ConnectFailed, match=r"cannot open pty://: .*out of pty devices"):
         orinkit.serve(Counting(), "pty://")

@@ -1,9 +1,9 @@
-"""Mutated packets (100,000 by ``make soak``) against a running server, while another client goes on undisturbed.
+"""Mutated packets (100,000 by ``make soak``) against a running server, while another client makes calls undisturbed.
 
-Every connection sends a few mutants after packets that give it live handles, ends its sending side, and reads to the
-end of the stream. What it reads is judged: one answer for every packet that a reader of the stream finds in it, in
-order, with that packet's serial; the code that belongs to a packet whose arguments cannot be read; a code with a name
-for every other; and, where the stream has lost its place, the code for that with serial 0 and the end.
+Every connection sends a few mutants after packets that create valid handles, shuts down its sending side, and reads to the
+end of the stream. The replies are checked: one for every packet in the stream, in order, with that packet's serial; the
+matching code if the arguments of a packet cannot be decoded; a named code for every other packet; and, if the packet
+boundary is lost, the code for that, with serial 0, and the end of the stream.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ VALUES: list[Any] = [
 
 
 def corpus(chance: random.Random) -> list[bytes]:
-    """Sound requests: the documents', and each function with several arguments."""
+    """Return valid requests: those of the documents, and each function with several arguments."""
     packets = [bytes.fromhex(v["hex"]) for v in VECTORS if v["kind"] == "request" and v["transport"] == "tcp"]
     for function in FUNCTIONS.values():
         for _ in range(6):
@@ -73,12 +73,12 @@ def corpus(chance: random.Random) -> list[bytes]:
 
 
 class Mutator:
-    """Makes mutants of sound packets; the same seed makes the same ones."""
+    """Mutates valid packets; the same seed produces the same mutants."""
 
     def __init__(self, seed: int) -> None:
         self.chance = random.Random(seed)
         self.corpus = corpus(self.chance)
-        self.ways: list[Callable[[bytearray], bytearray]] = [
+        self.mutations: list[Callable[[bytearray], bytearray]] = [
             self.flip, self.flip, self.flip, self.cut, self.repeat, self.insert, self.remove, self.header, self.field,
             self.field, self.field, self.kind, self.splice, self.noise, self.nest, self.reshape, self.reshape,
         ]  # fmt: skip
@@ -86,8 +86,8 @@ class Mutator:
     def mutant(self) -> bytes:
         data = bytearray(self.chance.choice(self.corpus))
         for _ in range(self.chance.choice([1, 1, 1, 2, 3])):
-            data = self.chance.choice(self.ways)(data)
-        if self.chance.random() < 0.75:  # sound on the outside, so that what is inside is looked at
+            data = self.chance.choice(self.mutations)(data)
+        if self.chance.random() < 0.75:  # valid framing, so that the server decodes the content
             data = self.repair(data)
         return bytes(data)
 
@@ -133,13 +133,13 @@ class Mutator:
         return data
 
     def field(self, data: bytearray) -> bytearray:
-        """Put an edge value anywhere: argument lengths, element counts, text lengths are all four bytes."""
+        """Write an edge value at any place: argument lengths, element counts and text lengths all have four bytes."""
         if len(data) > 20:
             struct.pack_into("<I", data, self.chance.randrange(15, len(data) - 4), self.chance.choice(EDGES))
         return data
 
     def kind(self, data: bytearray) -> bytearray:
-        """Change the type of the first argument, or put a type anywhere."""
+        """Change the type of the first argument, or write a type at any place."""
         if len(data) > 22:
             place = self.chance.choice([19, self.chance.randrange(15, len(data) - 2)])
             struct.pack_into("<H", data, place, self.chance.choice(TYPES) & 0xFFFF)
@@ -153,14 +153,14 @@ class Mutator:
         return data[:15] + self.chance.randbytes(self.chance.randrange(60))
 
     def reshape(self, data: bytearray) -> bytearray:
-        """Another call altogether: any function with any arguments, sound as a packet."""
+        """Return a different call: any function with any arguments, valid as a packet."""
         arguments = [self.chance.choice(VALUES) for _ in range(self.chance.choice([0, 1, 2, 2, 3, 3, 4, 5]))]
         if arguments and self.chance.random() < 0.8:
             arguments[0] = self.chance.choice([2, 3, 4, 5])
         return bytearray(packet.encode(Packet(self.chance.randrange(0x10000), self.chance.randrange(140), arguments)))
 
     def nest(self, data: bytearray) -> bytearray:
-        """VARIANT arrays in VARIANT arrays, deeper than allowed, or promising more elements than there are."""
+        """Nest VARIANT arrays deeper than allowed, or with a count that exceeds the number of elements."""
         body = bytes.fromhex("0300010000000100 0000".replace(" ", ""))
         for _ in range(self.chance.choice([2, 15, 16, 17, 40])):
             body = struct.pack("<HI", 0x200C, self.chance.choice([1, 1, 1, 0, 2, 0xFFFFFFFF])) + body
@@ -183,7 +183,10 @@ PREFIX = b"".join(
 
 
 def expected(stream: list[bytes]) -> tuple[list[tuple[int, int | None]], int]:
-    """Serial and code of the answers to a stream, code ``None`` where many are right; and how many pieces were used."""
+    """Return serial and code of the replies to a stream, and the number of pieces used.
+
+    The code is ``None`` if several codes are correct.
+    """
     answers: list[tuple[int, int | None]] = []
     framer = Framer()
     for used, piece in enumerate(stream, 1):
@@ -207,7 +210,11 @@ def expected(stream: list[bytes]) -> tuple[list[tuple[int, int | None]], int]:
 
 
 def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int]], bool]:
-    """Send everything, end the sending side, and read to the end: serials and codes, and whether it ended in order."""
+    """Send everything, shut down the sending side, and read to the end.
+
+    Returns:
+        The serials and codes of the replies, and True if the connection was not reset.
+    """
     answers: list[tuple[int, int]] = []
     framer = Framer()
     with socket.create_connection(address, PATIENCE) as connection:
@@ -221,7 +228,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
                     answer = packet.decode(frame)
                     answers.append((answer.serial, answer.code))
                     frame = framer.next_frame()
-        except ConnectionError:  # the server has closed with bytes of ours unread
+        except ConnectionError:  # closed by the server before it has read all bytes
             in_order = False
     assert framer.skipped == 0
     assert not in_order or framer.pending == 0
@@ -229,7 +236,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
 
 
 class Neighbour:
-    """A client that writes and reads its variable all the time."""
+    """A client that continuously writes and reads its variable."""
 
     def __init__(self, url: str) -> None:
         self.turns = 0
@@ -246,9 +253,9 @@ class Neighbour:
                     variable.value = f"turn {self.turns}"
                     assert variable.value == f"turn {self.turns}"
                     self.turns += 1
-                    self._stop.wait(0.001)  # leaves the processor to the others
+                    self._stop.wait(0.001)  # yields the processor to the others
                 assert controller.client.dropped == 0
-        except BaseException as error:  # noqa: BLE001 - is looked at in the test itself
+        except BaseException as error:  # noqa: BLE001 - checked by the test
             self.error = error
 
     def __enter__(self) -> Self:
@@ -267,7 +274,7 @@ def server() -> Iterator[Server]:
 
 
 def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
-    """Send mutants and judge the answers; returns how often each code came."""
+    """Send mutants and check the replies; return the number of replies with each code."""
     mutator = Mutator(seed)
     host, _, port = server.url.removeprefix("tcp://").rpartition(":")
     codes: Counter[int] = Counter()
@@ -282,7 +289,7 @@ def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
         if in_order:
             assert len(answers) == len(wanted), clue
         else:
-            assert wanted[-1][0] == 0, clue  # only a stream that has lost its place is cut off
+            assert wanted[-1][0] == 0, clue  # only a stream without a packet boundary is closed
         for (serial, code), (wanted_serial, wanted_code) in zip(answers, wanted, strict=False):
             assert serial == wanted_serial, clue
             assert wanted_code is None or code == wanted_code, clue
@@ -302,7 +309,7 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count
     assert neighbour.error is None
     assert neighbour.turns > 100
     assert [record.getMessage() for record in caplog.records] == []
-    # all of the ways to answer have been seen: the mutants are neither all too mad nor all too tame
+    # all kinds of replies occurred: the mutants are neither all completely invalid nor all nearly valid
     for code in (
         hresult.S_OK, hresult.E_NOTIMPL, hresult.E_HANDLE, hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE,
         hresult.E_INVALIDRCVPACKET, hresult.E_PACKETSIZEOVER,
@@ -313,8 +320,8 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count
     known = {id(thing) for thing in before}
     end = time.monotonic() + PATIENCE
     while (left := [thing for thing in alive() if id(thing) not in known]) and time.monotonic() < end:
-        del left  # what is found keeps what it refers to
-        time.sleep(0.02)  # the last connection is counted out before it is quite gone
+        del left  # these references would keep further objects alive
+        time.sleep(0.02)  # the last connection is deregistered before its objects are deleted
     assert left == []
 
 

@@ -1,4 +1,4 @@
-"""A client without a connection has to show that it is there while its motions run; one that is killed stops its arm."""
+"""A client without a connection must send signs of life while its motions run; if it is killed, its arm stops."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from support.both import Both, only
 from support.leaping import leap, take_turns
 from support.waiting import until
 
-WITHOUT = only("udp", "serial", "http", because="TCP tells of the end of a client by itself")
+WITHOUT = only("udp", "serial", "http", because="TCP detects the end of a client by itself")
 FAR = orinkit.J(150, 45, 90, 0, 45, 0)
 
 
@@ -38,11 +38,11 @@ class Arm:
         return self.arm.busy and self.arm.holder is not None
 
     def free(self) -> bool:
-        """Whether it stands, and nobody has it."""
+        """Return True if the arm is at standstill and no client has taken it."""
         return not self.arm.busy and self.arm.holder is None
 
     def after(self, seconds: float) -> bool:
-        """Whether it still moves when nothing has been heard for so long."""
+        """Return True if the arm still moves after so much time without a sign of life."""
         leap(self.server, seconds)
         take_turns(self.server)
         return self.moving
@@ -56,7 +56,7 @@ def cell(listen_at: str, **options: Any) -> Iterator[Arm]:
 
 
 def begin(both: Both, url: str, **options: Any) -> Any:
-    """Connect, and queue six motions that take minutes."""
+    """Connect, and queue six motions, which take minutes."""
     rc8 = both.connect(url, **options)
     robot = both.run(rc8.robot("Arm"))
     both.run(robot.execute("TakeArm", [0, 0]))
@@ -67,7 +67,7 @@ def begin(both: Both, url: str, **options: Any) -> Any:
 
 
 def fall_silent(both: Both, rc8: Any) -> None:
-    """Have a client show no sign of life any more, as if it had been killed."""
+    """Stop a client's signs of life, as if it had been killed."""
     rc8.client._pulse.end()
     both.run(_nothing() if both.loop is not None else None)
 
@@ -103,7 +103,7 @@ def test_a_program_is_killed(listen_at: str) -> None:
         until(arm.free)
 
 
-@only("udp", "serial", because="with HTTP it is the connection that ends")
+@only("udp", "serial", because="over HTTP the connection ends")
 def test_silence_ends_a_client_whose_arm_moves(both: Both, listen_at: str) -> None:
     with cell(listen_at, alive=100.0) as arm:
         rc8 = begin(both, arm.server.url)
@@ -121,7 +121,7 @@ def test_silence_ends_a_client_whose_arm_moves(both: Both, listen_at: str) -> No
 
 
 @WITHOUT
-def test_silence_is_nothing_while_nothing_moves(both: Both, listen_at: str) -> None:
+def test_silence_while_nothing_moves(both: Both, listen_at: str) -> None:
     with cell(listen_at) as arm:
         rc8 = both.connect(arm.server.url)
         robot = both.run(rc8.robot("Arm"))
@@ -134,17 +134,19 @@ def test_silence_is_nothing_while_nothing_moves(both: Both, listen_at: str) -> N
 
 
 @WITHOUT
-def test_a_client_that_lives_shows_it(both: Both, listen_at: str) -> None:
-    """While its program does nothing."""
-    said: list[bytes] = []
+def test_a_running_client_sends_signs_of_life(both: Both, listen_at: str) -> None:
+    """It sends them even if its program makes no calls."""
+    received: list[bytes] = []
     with cell(listen_at, alive=100.0) as arm:
-        rc8 = begin(both, arm.server.url, trace=lambda way, data: said.append(data) if way == "<" else None)
+        rc8 = begin(
+            both, arm.server.url, trace=lambda direction, data: received.append(data) if direction == "<" else None
+        )
         for _ in range(3):
-            before = len(said)
+            before = len(received)
             if both.loop is None:
-                until(lambda count=before: len(said) > count)
+                until(lambda count=before: len(received) > count)
             else:
-                while len(said) == before:
+                while len(received) == before:
                     both.run(_a_moment())
             assert arm.after(60 if listen_at.startswith("pty") else 6)
         assert arm.moving
@@ -158,7 +160,7 @@ async def _a_moment() -> None:
 
 
 @WITHOUT
-def test_a_call_at_work_is_a_sign_of_life(listen_at: str) -> None:
+def test_a_call_in_progress_is_a_sign_of_life(listen_at: str) -> None:
     with cell(listen_at) as arm, orinkit.connect(arm.server.url, dialect="rc8") as rc8:
         robot = rc8.robot("Arm")
         robot.execute("TakeArm", [0, 0])
@@ -186,11 +188,11 @@ def test_a_call_at_work_is_a_sign_of_life(listen_at: str) -> None:
 
 
 class Web:
-    """A client of e-CAP that is no program of orinkit's.
+    """An e-CAP client that does not use orinkit.
 
     Args:
-        cookies: keeps cookies.
-        kept: keeps its connection.
+        cookies: whether it stores cookies.
+        kept: whether it keeps its connection open.
     """
 
     def __init__(self, url: str, *, cookies: bool, kept: bool) -> None:
@@ -230,7 +232,7 @@ class Web:
 
 @pytest.mark.parametrize(("cookies", "kept"), [(False, False), (False, True), (True, False)])
 def test_http_without_cookie_or_kept_connection(cookies: bool, kept: bool) -> None:
-    """As curl and a PLC: 2 s without a request, whatever becomes of connections."""
+    """A client like curl or a PLC is dropped after a time without requests, regardless of its connections."""
     with cell("http://127.0.0.1:0", alive=100.0) as arm:
         web = Web(arm.server.url, cookies=cookies, kept=kept)
         web.begin()
@@ -245,7 +247,7 @@ def test_http_without_cookie_or_kept_connection(cookies: bool, kept: bool) -> No
 
 
 def test_http_with_cookie_and_kept_connection() -> None:
-    """As a web page: as long as a connection of it is open, and no longer."""
+    """A client like a web page is kept exactly as long as one of its connections is open."""
     with cell("http://127.0.0.1:0") as arm:
         web = Web(arm.server.url, cookies=True, kept=True)
         web.begin()
@@ -267,7 +269,7 @@ def test_http_whose_last_connection_ends_while_nothing_moves() -> None:
         web.close()
 
 
-# --- who tells that something moves ---------------------------------------------------------------------------------------
+# --- sources of the motion state ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("restricted", [False, True])
@@ -288,13 +290,13 @@ def test_behind_a_gateway(restricted: bool) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0, 0.4, 3601, float("nan"), "2", None, True])
-def test_seconds_that_cannot_be(seconds: Any) -> None:
+def test_invalid_seconds(seconds: Any) -> None:
     with pytest.raises(InvalidValue, match="alive"):
         orinkit.serve(VirtualRC8(), "udp://127.0.0.1:0", alive=seconds)
 
 
 def test_a_paused_motion_counts_too() -> None:
-    """It could go on at any moment: a pause is taken off at the pendant."""
+    """It could continue at any moment, as a pause is ended at the pendant."""
     with cell("udp://127.0.0.1:0") as arm:
         both = Both("sync")
         rc8 = begin(both, arm.server.url)
