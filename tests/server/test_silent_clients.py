@@ -1,4 +1,4 @@
-"""Who connects and says nothing, or not enough: it keeps nobody out."""
+"""Connections without requests, or with incomplete ones, do not keep other clients out."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from support.waiting import until
 
 START, CONNECT, EXECUTE, RELEASE = 1, 3, 17, 4
 LATE = tcp.PATIENCE + 1.0
-PLACES = 8
-LONG = 1000.0  # s; no stall of the machine is so long
+LIMIT = 8
+LONG = 1000.0  # s; longer than any stall of the machine
 
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
 
@@ -38,13 +38,13 @@ def workshop() -> Workshop:
 
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time passes when a test says so."""
+    """Use a time limit that elapses only when a test advances the clock."""
     monkeypatch.setattr(tcp, "PATIENCE", LONG)
 
 
 @pytest.fixture
 def server(workshop: Workshop) -> Iterator[Server]:
-    with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=PLACES, per_address=PLACES) as served:
+    with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=LIMIT, per_address=LIMIT) as served:
         yield served
 
 
@@ -59,13 +59,13 @@ def open_workshop(client: RawClient) -> int:
 
 
 def read(server: Server, client: RawClient, incomplete: int) -> None:
-    """Wait until a server has so much of a packet of a client."""
+    """Wait until a server has received so many bytes of a client's packet."""
     name = "{}:{}".format(*client.socket.getsockname())
 
-    def bytes_of_it() -> list[int]:
+    def received() -> list[int]:
         return [each._conversation.incomplete for each in list(shared(server).all) if each._name == name]  # type: ignore[attr-defined]
 
-    until(lambda: bytes_of_it() == [incomplete])
+    until(lambda: received() == [incomplete])
     take_turns(server)
 
 
@@ -82,7 +82,7 @@ def test_a_client_that_makes_no_call_is_dropped(server: Server, caplog: pytest.L
         leap(server, 200)
         assert silent.ended()
         until(lambda: server.clients == 1)
-        leap(server, 10 * LONG)  # who holds something may be silent
+        leap(server, 10 * LONG)  # a client that has objects may be silent
         assert client.ask(EXECUTE, 2, "Echo", 1) == 1
     assert any("no call received" in record.getMessage() for record in caplog.records)
 
@@ -90,13 +90,13 @@ def test_a_client_that_makes_no_call_is_dropped(server: Server, caplog: pytest.L
 @pytest.mark.parametrize(
     "data",
     [
-        packet.pack(1, START, 2, b""),  # broken
+        packet.pack(1, START, 2, b""),  # invalid
         packet.pack(1, START, 1, bytes.fromhex("0a00000063000100000000000000")),  # unknown type
         packet.encode(Packet(1, START, ["WDT=1"])),  # refused
         packet.encode(Packet(1, START))[:-1],
     ],
 )
-def test_what_is_no_call_does_not_count_as_one(server: Server, data: bytes) -> None:
+def test_invalid_requests_do_not_count_as_calls(server: Server, data: bytes) -> None:
     with RawClient(server.url) as silent:
         silent.send(data)
         if len(data) != 15:
@@ -108,7 +108,7 @@ def test_what_is_no_call_does_not_count_as_one(server: Server, data: bytes) -> N
 
 
 @pytest.mark.parametrize("size", [1, 4, 5, 15, 40])
-def test_a_packet_whose_rest_does_not_come(server: Server, size: int) -> None:
+def test_an_incomplete_packet(server: Server, size: int) -> None:
     request = packet.encode(Packet(2, EXECUTE, [2, "Echo", "x" * 100]))
     with RawClient(server.url) as client:
         open_workshop(client)
@@ -119,8 +119,8 @@ def test_a_packet_whose_rest_does_not_come(server: Server, size: int) -> None:
     until(lambda: server.clients == 0)
 
 
-def test_a_long_packet_on_a_slow_line_is_taken(server: Server) -> None:
-    """It may take as long as it likes, if it goes on; what does not go on fast enough is dropped."""
+def test_a_long_packet_over_a_slow_connection(server: Server) -> None:
+    """It may take any time as long as enough bytes arrive; otherwise the client is disconnected."""
     text = "x" * (4 * tcp.PROGRESS)
     request = packet.encode(Packet(2, EXECUTE, [2, "Echo", text]))
     with RawClient(server.url) as client:
@@ -137,7 +137,7 @@ def test_a_long_packet_on_a_slow_line_is_taken(server: Server) -> None:
         assert client.ended()
 
 
-def test_packets_that_come_whole_are_never_late(server: Server) -> None:
+def test_the_time_limit_restarts_with_each_packet(server: Server) -> None:
     request = packet.encode(Packet(2, EXECUTE, [2, "Echo", 1]))
     with RawClient(server.url) as client:
         open_workshop(client)
@@ -149,7 +149,7 @@ def test_packets_that_come_whole_are_never_late(server: Server) -> None:
             assert client.packet().arguments == [1]
 
 
-def test_one_who_is_closed_and_does_not_take_its_answers(server: Server) -> None:
+def test_a_closed_client_that_does_not_read_its_replies(server: Server) -> None:
     with RawClient(server.url, receive_buffer=4096) as greedy:
         handle = open_workshop(greedy)
         (connection,) = shared(server).open
@@ -162,26 +162,26 @@ def test_one_who_is_closed_and_does_not_take_its_answers(server: Server) -> None
         until(lambda: server.clients == 0)
 
 
-# --- places -----------------------------------------------------------------------------------------------------------
+# --- limits on clients ------------------------------------------------------------------------------------------------
 
 
-def test_silent_connections_keep_nobody_out(server: Server) -> None:
-    """The attack: all places are taken by connections that say nothing, and taken again."""
+def test_silent_connections_do_not_keep_clients_out(server: Server) -> None:
+    """The attack: silent connections repeatedly use up the limit on clients."""
     with RawClient(server.url) as holder:
         handle = open_workshop(holder)
-        silent = [RawClient(server.url) for _ in range(5 * PLACES)]
+        silent = [RawClient(server.url) for _ in range(5 * LIMIT)]
         for number in range(20):
             with RawClient(server.url) as client:
                 assert client.ask(EXECUTE, open_workshop(client), "Echo", number) == number
             silent.append(RawClient(server.url))
         assert holder.ask(EXECUTE, handle, "Echo", "here") == "here"
-        assert server.clients <= PLACES
+        assert server.clients <= LIMIT
         for each in silent:
             each.close()
 
 
-def test_the_one_that_has_been_idle_longest_makes_way(server: Server) -> None:
-    clients = [RawClient(server.url) for _ in range(PLACES)]
+def test_the_client_idle_for_longest_is_evicted(server: Server) -> None:
+    clients = [RawClient(server.url) for _ in range(LIMIT)]
     for client in clients:
         assert client.ask(START) is None
         leap(server, 1)
@@ -196,8 +196,8 @@ def test_the_one_that_has_been_idle_longest_makes_way(server: Server) -> None:
         client.close()
 
 
-def test_who_holds_something_or_has_a_call_at_work_does_not_make_way(server: Server, workshop: Workshop) -> None:
-    clients = [RawClient(server.url) for _ in range(PLACES)]
+def test_clients_with_objects_or_a_call_in_progress_are_not_evicted(server: Server, workshop: Workshop) -> None:
+    clients = [RawClient(server.url) for _ in range(LIMIT)]
     for client in clients:
         open_workshop(client)
     leap(server, 10 * LONG)
@@ -207,7 +207,7 @@ def test_who_holds_something_or_has_a_call_at_work_does_not_make_way(server: Ser
         assert newcomer.ask(START) == hresult.E_MAX_CONNECT
     workshop.gate.set()
     assert clients[0].packet().arguments == ["done"]
-    assert clients[1].ask(RELEASE, 2) is None  # now it holds nothing
+    assert clients[1].ask(RELEASE, 2) is None  # now the client has no objects
     with RawClient(server.url) as newcomer:
         assert newcomer.ask(START) is None
     assert clients[1].ended()
@@ -217,15 +217,15 @@ def test_who_holds_something_or_has_a_call_at_work_does_not_make_way(server: Ser
 
 @pytest.fixture
 def addresses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Addresses of this machine count as different ones, which they do not otherwise."""
+    """Treat the loopback addresses as different networks, which the server does not do normally."""
     monkeypatch.setattr("orinkit.server.peer.network_of", lambda host: host)
 
 
 @pytest.mark.usefixtures("addresses")
-def test_one_address_cannot_take_all_places(workshop: Workshop, caplog: pytest.LogCaptureFixture) -> None:
-    with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=PLACES) as server:
+def test_one_address_cannot_use_up_the_limit(workshop: Workshop, caplog: pytest.LogCaptureFixture) -> None:
+    with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=LIMIT) as server:
         clients = []
-        for _ in range(most_of_an_address(PLACES)):
+        for _ in range(most_of_an_address(LIMIT)):
             clients.append(RawClient(server.url, source="127.0.0.7"))
             open_workshop(clients[-1])
         with RawClient(server.url, source="127.0.0.7") as extra:
@@ -238,13 +238,13 @@ def test_one_address_cannot_take_all_places(workshop: Workshop, caplog: pytest.L
 
 
 @pytest.mark.usefixtures("addresses")
-def test_an_address_that_has_its_places_drives_no_other_out(workshop: Workshop) -> None:
+def test_an_address_at_its_limit_evicts_no_client_of_another(workshop: Workshop) -> None:
     with (
-        orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=PLACES) as server,
+        orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=LIMIT) as server,
         RawClient(server.url, source="127.0.0.8") as idle,
     ):
         assert idle.ask(START) is None
-        flood = [RawClient(server.url, source="127.0.0.7") for _ in range(5 * PLACES)]
+        flood = [RawClient(server.url, source="127.0.0.7") for _ in range(5 * LIMIT)]
         assert idle.ask(START) is None
         for client in flood:
             client.close()
@@ -252,15 +252,15 @@ def test_an_address_that_has_its_places_drives_no_other_out(workshop: Workshop) 
 
 def test_a_machine_can_have_256_clients() -> None:
     assert most_of_an_address(DEFAULT_CLIENTS) >= 256
-    assert [most_of_an_address(places) for places in (1, 2, 3, 4, 8, 16)] == [1, 2, 3, 3, 6, 12]
+    assert [most_of_an_address(limit) for limit in (1, 2, 3, 4, 8, 16)] == [1, 2, 3, 3, 6, 12]
 
 
-def test_only_so_many_are_told_that_there_is_no_room(server: Server) -> None:
-    clients = [RawClient(server.url) for _ in range(PLACES)]
+def test_only_a_limited_number_of_clients_receives_e_max_connect(server: Server) -> None:
+    clients = [RawClient(server.url) for _ in range(LIMIT)]
     for client in clients:
         open_workshop(client)
     crowd = [RawClient(server.url) for _ in range(100)]
-    until(lambda: len(shared(server).turned_away) == 64 and len(shared(server).all) == PLACES + 64)
+    until(lambda: len(shared(server).turned_away) == 64 and len(shared(server).all) == LIMIT + 64)
     assert crowd[-1].ended()
     assert crowd[0].ask(START) == hresult.E_MAX_CONNECT
     for client in [*clients, *crowd]:
@@ -270,7 +270,7 @@ def test_only_so_many_are_told_that_there_is_no_room(server: Server) -> None:
     assert not shared(server).turned_away
 
 
-def test_clients_over_udp_and_http_that_hold_nothing_make_way(workshop: Workshop) -> None:
+def test_clients_without_objects_over_udp_and_http_are_evicted(workshop: Workshop) -> None:
     with (
         orinkit.serve(
             workshop, "tcp://127.0.0.1:0", "udp://127.0.0.1:0", "http://127.0.0.1:0", clients=2, per_address=2
@@ -288,7 +288,7 @@ def test_clients_over_udp_and_http_that_hold_nothing_make_way(workshop: Workshop
                 udp.call(orinkit.functions.service_start, "")
 
 
-def test_who_makes_way_while_the_server_closes() -> None:
+def test_no_client_is_evicted_while_the_server_closes() -> None:
     async def reason() -> str:
         connections = ServerContext.__new__(ServerContext)
         connections.closing = True

@@ -23,16 +23,16 @@ ROBOT_EXECUTE, ROBOT_MOVE = 64, 72
 SLAVE_MODE_OFF = 0x83500121
 ERROR_PRESENT = 0x81501025
 
-# Sections 3.2 and 3.3, with which 4.6 begins, and section 4 itself: the lines of request and answer.
+# Sections 3.2 and 3.3, with which 4.6 begins, and section 4 itself: the lines of request and reply.
 CONNECT, GET_ROBOT, TAKE_ARM, MOTOR_ON = (251, 262), (661, 671), (684, 694), (723, 730)
 MOVE_TO_P1, SLAVE_ON, SLAVE_MOVE, SLAVE_OFF, CLEAR_ERROR = (
     (1194, 1204), (1217, 1223), (1252, 1263), (1232, 1240), (1280, 1290),
 )  # fmt: skip
-POSE_HEAD = 25  # bytes before the numbers of an answer that is one array: header, length, type, count
+POSE_HEAD = 25  # bytes before the numbers in a reply with one array: header, length, type, count
 
 
 def printed(line: int) -> bytes:
-    """A packet of the RC8 document by its line."""
+    """Return a packet of the RC8 document by its line."""
     return next(bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] == line)
 
 
@@ -61,7 +61,7 @@ def raw(server: Server) -> Iterator[RawClient]:
 
 
 def converse(raw: RawClient, *pairs: tuple[int, int]) -> None:
-    """Send printed requests; the answers must be the printed ones but for the serial, which some have of another."""
+    """Send printed requests; the replies must be the printed ones, except for the serial, which is sometimes misprinted."""
     for request, answer in pairs:
         raw.send(printed(request))
         got, wanted = raw.frame(), printed(answer)
@@ -70,10 +70,10 @@ def converse(raw: RawClient, *pairs: tuple[int, int]) -> None:
 
 
 def at_the_printed_pose(raw: RawClient) -> None:
-    """Up to 4.6.1, and then to the numbers of the printed slvMove.
+    """Execute 4.6 up to 4.6.1, then move to the pose of the printed slvMove.
 
-    P variables are VT_R4, so a P1 of 364.16 is 1e-5 mm off the pose of the slvMove, and slave mode is to begin where its
-    first set-point is. The second move is written with all digits and is the only request that is not printed.
+    P variables are VT_R4, so a P1 of 364.16 is 1e-5 mm off the pose of the slvMove, and the arm must be at the first
+    set-point when slave mode begins. The second move, with all digits, is the only request that is not printed.
     """
     converse(raw, CONNECT, GET_ROBOT, TAKE_ARM, MOTOR_ON, MOVE_TO_P1)
     numbers = ", ".join(map(repr, POSE))
@@ -93,7 +93,7 @@ def slave_mode(server: Server) -> Any:
 
 
 def test_section_4_6_is_answered_as_printed(raw: RawClient, server: Server) -> None:
-    """Every byte of every answer, but for the numbers that slvMove answers: see the next test."""
+    """Compare every byte of every reply, except for the numbers returned by slvMove: see the next test."""
     at_the_printed_pose(raw)
     assert slave_mode(server) == 0
     converse(raw, SLAVE_ON)
@@ -103,7 +103,7 @@ def test_section_4_6_is_answered_as_printed(raw: RawClient, server: Server) -> N
     assert got[:POSE_HEAD].hex(" ") == wanted[:POSE_HEAD].hex(" ")
     assert len(got) == len(wanted)
     assert got[-1] == wanted[-1]
-    for _ in range(10):  # some cycles with an empty buffer: the robot stands (table 4-6)
+    for _ in range(10):  # some cycles with an empty buffer: the robot is at standstill (table 4-6)
         assert slave_mode(server) == 0x001
     converse(raw, SLAVE_OFF)
     assert slave_mode(server) == 0
@@ -113,8 +113,8 @@ def test_section_4_6_is_answered_as_printed(raw: RawClient, server: Server) -> N
 def test_the_printed_slv_move_is_answered_with_the_printed_joints(raw: RawClient) -> None:
     """The numbers agree within 1e-6.
 
-    They do not byte for byte: the printed ones have the last digits of another inverse kinematics (J1 and J6 are
-    -1.3e-15) and rests of memory behind joint 6 (1.8e-307, 3.6e-313), where the virtual arm says 0.
+    They are not identical: the printed ones have the rounding errors of a different inverse kinematics (J1 and J6 are
+    -1.3e-15) and uninitialized memory after joint 6 (1.8e-307, 3.6e-313), for which the virtual arm returns 0.
     """
     at_the_printed_pose(raw)
     converse(raw, SLAVE_ON)
@@ -128,7 +128,7 @@ def test_the_printed_slv_move_is_answered_with_the_printed_joints(raw: RawClient
 
 
 def test_section_4_7_is_answered_as_printed(raw: RawClient, server: Server) -> None:
-    """An error ends slave mode; ClearError and slvChangeMode, as printed, and slvMove goes on."""
+    """An error ends slave mode; after ClearError and slvChangeMode, as printed, slvMove works again."""
     at_the_printed_pose(raw)
     converse(raw, SLAVE_ON)
     away = [POSE[0] - 50.0, *POSE[1:]]
@@ -159,8 +159,8 @@ def test_section_4_7_is_answered_as_printed(raw: RawClient, server: Server) -> N
     assert current_error(server) == 0
 
 
-def test_every_printed_packet_of_section_4_is_there() -> None:
-    """Guards the tests above: no packet has been left out."""
+def test_every_printed_packet_of_section_4_is_used() -> None:
+    """Check that the tests above omit no packet."""
     lines = {v["line"] for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and 962 <= v["line"] <= 1640}
     assert lines == {*MOVE_TO_P1, *SLAVE_ON, *SLAVE_MOVE, *SLAVE_OFF, *CLEAR_ERROR}
     assert len(lines) == 10

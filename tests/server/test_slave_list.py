@@ -1,4 +1,4 @@
-"""List 4-1 of the RC8 document, bCapSlvMode.c, as a user would write it down in Python: by a clock moved by hand, and in real time."""
+"""List 4-1 of the RC8 document, bCapSlvMode.c, translated to Python: with a manual clock, and in real time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from support.leaping import going
 from support.waiting import PATIENCE
 
-PERIOD, AMPLITUDE, TIMES = 100, 10, 3  # the list's own names
+PERIOD, AMPLITUDE, TIMES = 100, 10, 3  # the names used in the list
 S_OK, S_BUF_FULL, E_BUF_FULL = 0, 0x0F200501, 0x83201483
 START = (45.0, 30.0, 120.0, 0.0, -60.0, 0.0)
 CYCLE = 0.008
@@ -31,16 +31,16 @@ AsSent = Callable[[list[float]], Any]
 
 @dataclass
 class Run:
-    """What one run of the program saw, and what the arm did."""
+    """The replies that one run of the program received, and the motion of the arm."""
 
     codes: list[int] = field(default_factory=list)
     points: list[tuple[float, ...]] = field(default_factory=list)
     commands: list[tuple[float, ...]] = field(default_factory=list)
     error: CallError | None = None
     faults: int = 0
-    """Errors that the controller has logged."""
+    """Number of errors that the controller has logged."""
     longest: float = 0.0
-    """Seconds from the end of one call to the end of the next, with what the program waits between them."""
+    """Longest time from the end of one call to the end of the next, including the pauses of the program, s."""
 
 
 def as_r8(pose: list[float]) -> Any:
@@ -53,11 +53,11 @@ def as_r4(pose: list[float]) -> Any:
 
 @dataclass
 class Time:
-    """What time is for the program.
+    """The time base of the program.
 
     Attributes:
-        pause: waits for as long as the program wants to.
-        passing: lets time pass while the controller is waited for.
+        pause: waits for the duration of one pause of the program.
+        passing: advances the clock while the program waits for the controller.
     """
 
     pause: Callable[[], None]
@@ -65,7 +65,7 @@ class Time:
 
 
 def program(url: str, run: Run, as_sent: AsSent, time_: Time, log: Callable[[], None]) -> None:
-    """List 4-1, statement by statement; ``log`` has the controller's log begin."""
+    """Execute list 4-1, statement by statement; ``log`` starts the controller's log."""
     with orinkit.connect(url, timeout=PATIENCE) as rc8:
         rc8.execute("ClearError")
         robot = rc8.robot("Robot")
@@ -137,8 +137,8 @@ def one_run(as_sent: AsSent, clock: Clock, time_: Time) -> Run:
     return run
 
 
-def by_hand(as_sent: AsSent, wait: float) -> Run:
-    """Run the program on a clock that goes on where the program waits, and nowhere else."""
+def with_manual_clock(as_sent: AsSent, wait: float) -> Run:
+    """Run the program with a clock that advances only while the program waits."""
     clock = ManualClock()
     run = one_run(as_sent, clock, Time(lambda: clock.advance(wait), lambda: going(clock, CYCLE)))
     check(run)
@@ -146,7 +146,7 @@ def by_hand(as_sent: AsSent, wait: float) -> Run:
 
 
 def in_real_time(as_sent: AsSent, wait: float) -> Run:
-    """Run the program in real time; where this machine, and not the program, was late, again with all half as fast."""
+    """Run the program in real time; if the machine caused a delay, repeat at half the speed."""
     for scale in (1.0, 0.5, 0.25, 0.125):
         run = one_run(as_sent, Clock(scale), Time(lambda scale=scale: time.sleep(wait / scale), nullcontext))
         if scale == 0.125 or run.longest < (wait + CYCLE) / scale:
@@ -161,13 +161,13 @@ def in_real_time(as_sent: AsSent, wait: float) -> Run:
 
 
 def check(run: Run) -> None:
-    """No error, and every one of the 303 + 1 set-points was consumed in order, exactly once."""
+    """Check that there was no error, and that each of the 303 + 1 set-points was consumed in order, exactly once."""
     assert run.error is None
     assert run.faults == 0
     points = run.points
     assert len(points) == TIMES * (PERIOD + 1) + 1 == 304
-    # The first set-point and the last two are where the arm stands anyway; between them is one cycle for each, also at
-    # the two seams, where the end of a sine and the beginning of the next are the same pose.
+    # The arm is at the first set-point and at the last two anyway. Between them, each set-point takes one cycle, also at
+    # the two transitions, where one sine ends and the next begins at the same pose.
     moved = [index for index, command in enumerate(run.commands) if command != points[0]]
     first, last = moved[0], moved[-1]
     assert points[0] == START
@@ -180,26 +180,26 @@ def check(run: Run) -> None:
 def test_list_4_1(as_sent: AsSent) -> None:
     """The program as printed; old clients send VT_R4 (reference: rc8 4.4).
 
-    S_OK until the buffer is full, then S_BUF_FULL once for each cycle. E_BUF_FULL is not to be expected: the program
-    sleeps 8 ms behind each S_BUF_FULL, in which at least one set-point of three is consumed, so that there is room.
+    S_OK until the buffer is full, then S_BUF_FULL once per cycle. E_BUF_FULL does not occur: the program sleeps 8 ms
+    after each S_BUF_FULL, in which at least one of the three set-points is consumed, so that there is room.
     """
-    run = by_hand(as_sent, CYCLE)
+    run = with_manual_clock(as_sent, CYCLE)
     assert run.codes == [S_OK] * 2 + [S_BUF_FULL] * 301
     if as_sent is as_r4:
         assert all(tuple(map(np.float32, command)) == command for command in run.commands)
 
 
 @pytest.mark.parametrize("as_sent", [as_r8, as_r4])
-def test_list_4_1_in_a_hurry(as_sent: AsSent) -> None:
-    """The same with half the pause: now the buffer overflows (E_BUF_FULL), and the set-point is sent again."""
-    run = by_hand(as_sent, CYCLE / 2)
+def test_list_4_1_with_half_the_pause(as_sent: AsSent) -> None:
+    """With half the pause, the buffer overflows (E_BUF_FULL), and the set-point is sent again."""
+    run = with_manual_clock(as_sent, CYCLE / 2)
     assert run.codes == [S_OK] * 2 + [S_BUF_FULL] + [E_BUF_FULL, S_BUF_FULL] * 300
 
 
 @pytest.mark.parametrize("wait", [CYCLE, CYCLE / 2])
 @pytest.mark.parametrize("as_sent", [as_r8, as_r4])
 def test_list_4_1_in_real_time(as_sent: AsSent, wait: float) -> None:
-    """How often the buffer is full depends on the machine now; what the arm does does not."""
+    """How often the buffer is full depends on the machine here; the motion of the arm does not."""
     run = in_real_time(as_sent, wait)
     assert run.codes[:2] == [S_OK, S_OK]
     assert run.codes.count(S_BUF_FULL) > 0

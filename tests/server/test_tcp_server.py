@@ -1,4 +1,4 @@
-"""The server's TCP shell, seen from the wire: raw bytes in, raw bytes out."""
+"""The server over TCP, tested with raw bytes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from support.waiting import until
 START, STOP, CONNECT, DISCONNECT, GET_VARIABLE, EXECUTE = 1, 2, 3, 4, 9, 17
 GET, PUT, RELEASE = 101, 102, 111
 VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
-PATIENT = 30.0
+PATIENCE = 30.0
 
 
 pytestmark = pytest.mark.usefixtures("no_errors_are_logged")
@@ -66,12 +66,12 @@ def execute(client: RawClient, handle: int, command: str, parameter: Any = None)
 
 
 def printed(line: int) -> bytes:
-    """A packet of the RC8 document by its line."""
+    """Return a packet of the RC8 document by its line."""
     return next(bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] == line)
 
 
 def test_section_3_1_is_answered_as_printed(raw: RawClient) -> None:
-    """RC8 3.1.1 to 3.1.5 on a fresh connection, byte for byte; where the print has no whole answer, S_OK and nothing else."""
+    """RC8 3.1.1 to 3.1.5 on a new connection, byte for byte; if no complete reply is printed, S_OK without arguments."""
     ok = "0110000000{:02x}00000000000000000004"
     conversation = [
         (216, bytes.fromhex(ok.format(0))),  # Service_Start
@@ -90,13 +90,13 @@ def test_section_3_1_is_answered_as_printed(raw: RawClient) -> None:
 
 
 def test_every_printed_pair_of_section_3_1_is_in_the_conversation() -> None:
-    """Guards the test above: no packet of 3.1 has been left out. 378/387 is the @MODE sample of 3.1.6."""
+    """Check that the test above omits no packet of 3.1. 378/387 is the @MODE sample of 3.1.6."""
     lines = {v["line"] for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] < 400}
     assert lines == {216, 236, 251, 262, 270, 279, 291, 297, 305, 312, 324, 338, 354, 378, 387}
 
 
 def test_the_mode_sample_is_answered_as_printed(raw: RawClient) -> None:
-    """RC8 3.1.6; the print answers serial 2 with serial 3, so the serial is the request's here."""
+    """RC8 3.1.6; the printed reply to serial 2 has serial 3, so the request's serial is expected here."""
     raw.send(printed(251))
     assert raw.frame() == printed(262)
     raw.send(printed(378))
@@ -116,13 +116,13 @@ def test_the_conversation_in_pieces_of_any_size(raw: RawClient, size: int) -> No
     assert {answer.code for answer in answers} == {0}
 
 
-def test_the_reserved_field_is_zero_whatever_the_client_sends(raw: RawClient) -> None:
+def test_the_reserved_field_of_replies_is_zero(raw: RawClient) -> None:
     raw.send(packet.encode(Packet(5, START, reserved=77)))
     answer = raw.packet()
     assert (answer.serial, answer.reserved, answer.code) == (5, 0, 0)
 
 
-# --- pipelined, background work, busy, time-out -----------------------------------------------------------------------
+# --- pipelining, long calls, E_BUSY_PROC, time-outs -------------------------------------------------------------------
 
 
 def test_pipelined_packets_are_answered_in_order(raw: RawClient) -> None:
@@ -135,7 +135,7 @@ def test_pipelined_packets_are_answered_in_order(raw: RawClient) -> None:
 
 
 @pytest.mark.parametrize("command", ["Wait", "Block"])
-def test_executing_is_reported_while_a_call_is_at_work(raw: RawClient, workshop: Workshop, command: str) -> None:
+def test_executing_is_reported_during_a_call(raw: RawClient, workshop: Workshop, command: str) -> None:
     assert raw.ask(START, "WDT=100") is None
     handle = open_workshop(raw)
     serial = execute(raw, handle, command, "done")
@@ -148,15 +148,15 @@ def test_executing_is_reported_while_a_call_is_at_work(raw: RawClient, workshop:
         assert answer.serial == serial
         answer = raw.packet()
     assert (answer.serial, answer.code, answer.arguments) == (serial, 0, ["done"])
-    for number in range(5):  # and none after the answer
+    for number in range(5):  # no S_EXECUTING after the reply
         assert raw.ask(EXECUTE, handle, "Echo", number) == number
 
 
 def test_executing_is_not_reported_unless_asked_for(raw: RawClient, workshop: Workshop) -> None:
     handle = open_workshop(raw)
     serial = execute(raw, handle, "Wait", "done")
-    assert workshop.at_work.acquire(timeout=PATIENT)
-    with RawClient(raw_url(raw)) as clock:  # three notices of another client: so much time has passed
+    assert workshop.at_work.acquire(timeout=PATIENCE)
+    with RawClient(raw_url(raw)) as clock:  # three S_EXECUTING of another client: at least 300 ms have passed
         assert clock.ask(START, "WDT=100") is None
         execute(clock, open_workshop(clock), "Wait")
         assert [clock.packet().code for _ in range(3)] == [hresult.S_EXECUTING] * 3
@@ -170,7 +170,7 @@ def raw_url(client: RawClient) -> str:
     return f"tcp://{host}:{port}"
 
 
-def test_executing_is_not_reported_for_calls_that_are_answered_at_once(raw: RawClient) -> None:
+def test_executing_is_not_reported_for_calls_that_are_answered_immediately(raw: RawClient) -> None:
     assert raw.ask(START, "WDT=81") is None
     handle = open_workshop(raw)
     raw.send(b"".join(packet.encode(Packet(n, EXECUTE, [handle, "Echo", n])) for n in range(1, 2000)))
@@ -180,7 +180,7 @@ def test_executing_is_not_reported_for_calls_that_are_answered_at_once(raw: RawC
 @pytest.mark.parametrize(
     "option", ["WDT=80", "WDT=0", "WDT=-400", "WDT=abc", "WDT=1.5", "InvokeTimeout=79", "InvokeTimeout=x", "WDT"]
 )
-def test_wrong_service_options_are_refused(raw: RawClient, option: str) -> None:
+def test_invalid_service_options_are_refused(raw: RawClient, option: str) -> None:
     assert raw.ask(START, option) == hresult.E_INVALIDARG
     assert raw.ask(START, "") is None
 
@@ -192,10 +192,10 @@ def test_service_options_in_their_forms(raw: RawClient, option: str) -> None:
     assert raw.ask(START, option) is None
 
 
-def test_a_second_call_while_one_is_at_work_is_busy(raw: RawClient, workshop: Workshop) -> None:
+def test_a_second_call_during_a_call_returns_busy(raw: RawClient, workshop: Workshop) -> None:
     handle = open_workshop(raw)
     first = execute(raw, handle, "Wait", "first")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     for number in range(10):
         assert raw.ask(EXECUTE, handle, "Echo", number) == hresult.E_BUSY_PROC
     assert raw.ask(STOP) == hresult.E_BUSY_PROC
@@ -205,9 +205,9 @@ def test_a_second_call_while_one_is_at_work_is_busy(raw: RawClient, workshop: Wo
     assert raw.ask(EXECUTE, handle, "Echo", "free") == "free"
 
 
-def test_busy_is_a_matter_of_one_client(raw: RawClient, server: Server, workshop: Workshop) -> None:
+def test_busy_concerns_one_client_only(raw: RawClient, server: Server, workshop: Workshop) -> None:
     execute(raw, open_workshop(raw), "Block")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     with RawClient(server.url) as other:
         handle = open_workshop(other)
         assert other.ask(EXECUTE, handle, "Echo", 1) == 1
@@ -218,7 +218,7 @@ def test_busy_is_a_matter_of_one_client(raw: RawClient, server: Server, workshop
 @pytest.mark.parametrize("command", ["Wait", "Block"])
 @pytest.mark.parametrize("option", ["InvokeTimeout=150", "WDT=100,InvokeTimeout=250"])
 def test_a_call_longer_than_invoke_timeout(raw: RawClient, workshop: Workshop, command: str, option: str) -> None:
-    """E_TIMEOUT once; then E_BUSY_PROC until the device is done; its late result is for nobody."""
+    """E_TIMEOUT once, then E_BUSY_PROC until the device has finished; its late result is dropped."""
     assert raw.ask(START, option) is None
     handle = open_workshop(raw)
     serial = execute(raw, handle, command, "late")
@@ -252,7 +252,7 @@ def test_an_exception_in_the_device_is_answered_and_logged(
     caplog.clear()
 
 
-# --- wrong requests ---------------------------------------------------------------------------------------------------
+# --- invalid requests -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -273,9 +273,7 @@ def test_an_exception_in_the_device_is_answered_and_logged(
         (START, [400], hresult.E_INVALIDARGTYPE),
     ],
 )
-def test_wrong_requests_are_answered_with_their_codes(
-    raw: RawClient, function: int, arguments: list[Any], code: int
-) -> None:
+def test_the_codes_of_invalid_requests(raw: RawClient, function: int, arguments: list[Any], code: int) -> None:
     handle = open_workshop(raw)
     assert handle == 2
     assert raw.ask(function, *arguments) == code
@@ -294,7 +292,7 @@ def test_wrong_requests_are_answered_with_their_codes(
         (65535, "0a00000003000100000002000000"),
     ],
 )
-def test_a_packet_that_is_wrong_inside_is_answered_and_the_connection_goes_on(
+def test_a_packet_with_invalid_content_is_answered_and_the_connection_stays_open(
     raw: RawClient, count: int, body: str
 ) -> None:
     raw.send(packet.pack(9, GET, count, bytes.fromhex(body)))
@@ -314,7 +312,7 @@ def test_a_packet_that_is_wrong_inside_is_answered_and_the_connection_goes_on(
         (bytes.fromhex("0101000001") + bytes(20), hresult.E_PACKETSIZEOVER),
     ],
 )
-def test_a_stream_that_has_lost_its_place_is_told_and_closed(
+def test_a_stream_without_packet_boundary_receives_a_code_and_is_closed(
     raw: RawClient, server: Server, data: bytes, code: int
 ) -> None:
     raw.send(data)
@@ -342,7 +340,7 @@ def test_a_packet_longer_than_the_servers_limit(workshop: Workshop) -> None:
 # --- limits on clients and memory -------------------------------------------------------------------------------------
 
 
-def test_one_client_too_many_is_told(workshop: Workshop) -> None:
+def test_one_client_too_many_receives_a_code(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=3) as server:
         clients = [RawClient(server.url) for _ in range(3)]
         for client in clients:
@@ -359,7 +357,7 @@ def test_one_client_too_many_is_told(workshop: Workshop) -> None:
             orinkit.connect(server.url, provider="Test.Workshop")
         assert caught.value.code == hresult.E_MAX_CONNECT
         clients.pop().close()
-        while True:  # until the server has noticed
+        while True:  # until the server has detected the disconnection
             with RawClient(server.url) as late:
                 if late.ask(START) is None:
                     break
@@ -368,41 +366,41 @@ def test_one_client_too_many_is_told(workshop: Workshop) -> None:
             client.close()
 
 
-def test_a_client_that_never_reads_is_not_read_any_more(server: Server) -> None:
-    """It cannot make the server keep its answers: at most what the buffers hold, then the server stops reading."""
+def test_the_server_stops_reading_from_a_client_that_never_reads(server: Server) -> None:
+    """Its replies are buffered only up to the size of the buffers; then the server stops reading its requests."""
     with RawClient(server.url, receive_buffer=4096) as greedy, RawClient(server.url) as other:
         theirs, mine = open_workshop(greedy), open_workshop(other)
         request = packet.encode(Packet(1, EXECUTE, [theirs, "Large", 60_000]))
         greedy.socket.settimeout(0.5)
         sent = 0
         with pytest.raises(TimeoutError):
-            while sent < 500_000 * len(request):  # these would be 30 GB of answers
+            while sent < 500_000 * len(request):  # the replies would have 30 GB
                 sent += greedy.socket.send(request * 100)
         for number in range(100):
             assert other.ask(EXECUTE, mine, "Echo", number) == number
     assert sent > 0
 
 
-def test_a_client_that_reads_late_gets_every_answer_in_order(server: Server, workshop: Workshop) -> None:
+def test_a_client_that_reads_late_receives_every_reply_in_order(server: Server, workshop: Workshop) -> None:
     with RawClient(server.url, receive_buffer=4096) as slow:
         handle = open_workshop(slow)
         answers: list[tuple[int, int]] = []
         go = threading.Event()
 
         def read() -> None:
-            go.wait(PATIENT)
+            go.wait(PATIENCE)
             for _ in range(600):
                 answer = slow.packet()
                 answers.append((answer.serial, len(answer.arguments[0])))
 
         reader = threading.Thread(target=read)
         reader.start()
-        slow.socket.settimeout(PATIENT)
+        slow.socket.settimeout(PATIENCE)
         for number in range(1, 601):
             slow.send(packet.encode(Packet(number, EXECUTE, [handle, "Large", 20_000 + number])))
             if number == 300:
                 go.set()
-        reader.join(PATIENT)
+        reader.join(PATIENCE)
         assert answers == [(number, 20_000 + number) for number in range(1, 601)]
 
 
@@ -414,16 +412,16 @@ def test_half_a_packet_and_then_silence(server: Server, workshop: Workshop) -> N
     with RawClient(server.url) as other:
         handle = open_workshop(other)
         assert other.ask(EXECUTE, handle, "Echo", 1) == 1
-    for number, client in enumerate(silent):  # the other half is still welcome
+    for number, client in enumerate(silent):  # the other half is still accepted
         client.send(request[1 + number * (len(request) - 1) // 20 :])
         assert client.packet().arguments == [2]
         client.close()
 
 
-# --- clients that leave -----------------------------------------------------------------------------------------------
+# --- clients that disconnect ------------------------------------------------------------------------------------------
 
 
-def test_objects_are_released_newest_first_when_the_client_goes() -> None:
+def test_objects_are_released_newest_first_when_the_client_disconnects() -> None:
     recorder = Recorder()
     with orinkit.serve(recorder, "tcp://127.0.0.1:0") as server:
         with RawClient(server.url) as raw:
@@ -436,29 +434,31 @@ def test_objects_are_released_newest_first_when_the_client_goes() -> None:
 
 
 @pytest.mark.parametrize("how", ["close", "reset", "half closed"])
-def test_an_async_handler_is_cancelled_when_its_client_goes(server: Server, workshop: Workshop, how: str) -> None:
+def test_an_async_handler_is_cancelled_when_its_client_disconnects(
+    server: Server, workshop: Workshop, how: str
+) -> None:
     raw = RawClient(server.url)
     handle = open_workshop(raw)
     raw.ask(GET_VARIABLE, handle, "v", "")
     execute(raw, handle, "Wait")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     if how == "half closed":
         raw.socket.shutdown(socket.SHUT_WR)
     elif how == "reset":
         raw.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
     if how != "half closed":
         raw.close()
-    assert workshop.cancelled.acquire(timeout=PATIENT)
-    assert workshop.let_go.acquire(timeout=PATIENT)
+    assert workshop.cancelled.acquire(timeout=PATIENCE)
+    assert workshop.let_go.acquire(timeout=PATIENCE)
     raw.close()
     with RawClient(server.url) as other:
         assert other.ask(EXECUTE, open_workshop(other), "Echo", 1) == 1
 
 
-def test_work_in_a_thread_ends_by_itself_when_its_client_goes(server: Server, workshop: Workshop) -> None:
+def test_a_call_in_a_thread_continues_after_its_client_has_disconnected(server: Server, workshop: Workshop) -> None:
     raw = RawClient(server.url)
     execute(raw, open_workshop(raw), "Block")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     raw.close()
     with RawClient(server.url) as other:
         handle = open_workshop(other)
@@ -468,17 +468,17 @@ def test_work_in_a_thread_ends_by_itself_when_its_client_goes(server: Server, wo
         assert other.ask(EXECUTE, handle, "Block", 2) == 2
 
 
-def test_an_object_made_for_a_client_that_has_gone_is_released(server: Server, workshop: Workshop) -> None:
+def test_an_object_created_for_a_disconnected_client_is_released(server: Server, workshop: Workshop) -> None:
     raw = RawClient(server.url)
     raw.request(GET_VARIABLE, open_workshop(raw), "slow", "")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     raw.close()
     with RawClient(server.url) as other:
         handle = open_workshop(other)
         while "Controller" not in workshop.released:
             assert other.ask(EXECUTE, handle, "Echo", 1) == 1
     workshop.gate.set()
-    assert workshop.let_go.acquire(timeout=PATIENT)
+    assert workshop.let_go.acquire(timeout=PATIENCE)
     until(lambda: len(workshop.released) == 3)
     assert (workshop.made, sorted(workshop.released)) == (["slow"], ["Controller", "Controller", "slow"])
 
@@ -486,7 +486,7 @@ def test_an_object_made_for_a_client_that_has_gone_is_released(server: Server, w
 # --- start and end of a server ----------------------------------------------------------------------------------------
 
 
-def test_port_zero_takes_a_free_port(workshop: Workshop) -> None:
+def test_port_zero_selects_a_free_port(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "tcp://127.0.0.1:0") as one, orinkit.serve(workshop, "tcp://127.0.0.1:0") as two:
         assert one.url != two.url
         assert one.url.startswith("tcp://127.0.0.1:")
@@ -521,7 +521,7 @@ def test_several_addresses_of_one_server(workshop: Workshop) -> None:
 
 
 @pytest.mark.parametrize("url", ["", "tcp://", "can://can0", "tcp://127.0.0.1:99999", "nonsense://x"])
-def test_an_address_that_is_none(url: str) -> None:
+def test_invalid_addresses(url: str) -> None:
     with pytest.raises(InvalidAddress):
         orinkit.serve(Workshop(), url)
 
@@ -541,7 +541,7 @@ def test_the_same_port_again_after_closing(workshop: Workshop) -> None:
     raw.close()
 
 
-def test_closing_lets_every_client_go(workshop: Workshop) -> None:
+def test_closing_disconnects_every_client(workshop: Workshop) -> None:
     server = orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=20, per_address=20)
     clients = [RawClient(server.url) for _ in range(20)]
     for client in clients:
@@ -554,10 +554,10 @@ def test_closing_lets_every_client_go(workshop: Workshop) -> None:
     for client in clients[4:7]:
         execute(client, 2, "Tidy")
     for _ in range(6):
-        assert workshop.at_work.acquire(timeout=PATIENT)
+        assert workshop.at_work.acquire(timeout=PATIENCE)
     server.close()
     for _ in range(6):
-        assert workshop.cancelled.acquire(timeout=PATIENT)
+        assert workshop.cancelled.acquire(timeout=PATIENCE)
     for client in [*clients, refused]:
         assert client.ended()
         client.close()
@@ -569,12 +569,12 @@ def test_closing_lets_every_client_go(workshop: Workshop) -> None:
         orinkit.open_client(server.url)
 
 
-def test_closing_while_a_thread_works(workshop: Workshop) -> None:
-    """The thread cannot be stopped; closing waits a moment for it and then goes on without it."""
+def test_closing_during_a_call_in_a_thread(workshop: Workshop) -> None:
+    """The thread cannot be stopped; closing waits for it for a short time only."""
     server = orinkit.serve(workshop, "tcp://127.0.0.1:0")
     raw = RawClient(server.url)
     execute(raw, open_workshop(raw), "Block")
-    assert workshop.at_work.acquire(timeout=PATIENT)
+    assert workshop.at_work.acquire(timeout=PATIENCE)
     server.close()
     assert raw.ended()
     raw.close()
@@ -601,9 +601,9 @@ def test_closing_while_clients_connect(workshop: Workshop) -> None:
             client.close()
 
 
-def test_a_client_of_a_server_that_closes_gets_an_error(workshop: Workshop) -> None:
+def test_a_client_of_a_closed_server_receives_an_error(workshop: Workshop) -> None:
     server = orinkit.serve(workshop, "tcp://127.0.0.1:0")
-    controller = orinkit.connect(server.url, provider="Test.Workshop", timeout=PATIENT)
+    controller = orinkit.connect(server.url, provider="Test.Workshop", timeout=PATIENCE)
     server.close()
     with pytest.raises(ConnectionLost):
         controller.execute("Echo", 1)
@@ -624,7 +624,7 @@ def test_wait_ends_when_another_thread_closes(workshop: Workshop) -> None:
     server = orinkit.serve(workshop, "tcp://127.0.0.1:0")
     server.wait(0.01)
     threading.Timer(0.05, server.close).start()
-    server.wait(PATIENT)
+    server.wait(PATIENCE)
     with pytest.raises(ConnectFailed):
         orinkit.open_client(server.url)
 
@@ -658,7 +658,7 @@ def test_any_text_anywhere(text: str) -> None:
         ) as controller:
             variable = controller.variable(text, text)
             variable.value = text
-            variable.tag = [text[:10_000]] * 2  # 64 KiB are kept
+            variable.tag = [text[:10_000]] * 2  # at most 64 KiB are stored
             controller.execute(text, text)
             assert text in controller.name
         assert Call("Controller_GetVariable", f"RC{text}", (text, text)) in recorder.calls
@@ -668,7 +668,7 @@ def test_any_text_anywhere(text: str) -> None:
 
 
 def test_half_a_surrogate_pair_does_no_harm(raw: RawClient) -> None:
-    """A BSTR that is no text: d800 alone. It is refused or comes back as it was."""
+    """A BSTR that is not valid text: d800 alone. It is refused or returned unchanged."""
     handle = open_workshop(raw)
     body = bytes.fromhex("0a0000000300010000000200000012000000080001000000080000004500630068006f00")
     broken = bytes.fromhex("0c000000080001000000020000 0000d8")

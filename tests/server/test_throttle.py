@@ -1,4 +1,4 @@
-"""How much log a client can cause, and that every logger that a client reaches is watched."""
+"""The rate limit of the log, and its presence on every logger to which a client can cause records."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from support.waiting import until
 
 SOURCE = Path(orinkit.__file__).parent
 OUT_OF_REACH = {
-    "orinkit.providers",  # of the start
-    "orinkit.server.uvicorn",  # says errors only
+    "orinkit.providers",  # used during start-up only
+    "orinkit.server.uvicorn",  # logs errors only
     "httpx2", "asyncio",
 }  # fmt: skip
 
 
-class Alarm:
-    """What the throttle wants to do later."""
+class Timer:
+    """A replacement for the timer of the rate limiter, which a test can fire."""
 
     def __init__(self) -> None:
         self.waiting: list[Callable[[], None]] = []
 
-    def __call__(self, seconds: float, function: Callable[[], None]) -> Alarm:
+    def __call__(self, seconds: float, function: Callable[[], None]) -> Timer:
         assert seconds == INTERVAL
         self.waiting.append(function)
         return self
@@ -40,14 +40,14 @@ class Alarm:
     def cancel(self) -> None:
         self.waiting.clear()
 
-    def ring(self) -> None:
+    def fire(self) -> None:
         due, self.waiting = self.waiting, []
         for each in due:
             each()
 
 
-class Said(logging.Handler):
-    """What is written."""
+class LogLines(logging.Handler):
+    """A handler that stores the messages."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,24 +63,24 @@ def now() -> list[float]:
 
 
 @pytest.fixture
-def alarm() -> Alarm:
-    return Alarm()
+def timer() -> Timer:
+    return Timer()
 
 
 @pytest.fixture
-def throttle(now, alarm) -> LogLimiter:
-    return LogLimiter(lambda: now[0], alarm)
+def limiter(now, timer) -> LogLimiter:
+    return LogLimiter(lambda: now[0], timer)
 
 
 @pytest.fixture
-def said(throttle) -> Iterator[Said]:
+def output(limiter) -> Iterator[LogLines]:
     logger = logging.getLogger("orinkit.test.throttle")
-    handler = Said()
+    handler = LogLines()
     logger.setLevel(logging.INFO)
-    logger.addFilter(throttle)
+    logger.addFilter(limiter)
     logger.addHandler(handler)
     yield handler
-    logger.removeFilter(throttle)
+    logger.removeFilter(limiter)
     logger.removeHandler(handler)
 
 
@@ -90,64 +90,64 @@ def log(message: str = "%s failed", *arguments: object, client: str = "", **extr
     CLIENT.reset(before)
 
 
-def test_a_burst_then_one_in_ten_seconds_and_how_many_were_left_out(said, now, alarm):
+def test_a_burst_then_one_message_in_ten_seconds_with_the_number_suppressed(output, now, timer):
     for number in range(4322):
         log("%s failed", number)
-    assert said.lines == [f"{number} failed" for number in range(BURST)]
-    said.lines.clear()
+    assert output.lines == [f"{number} failed" for number in range(BURST)]
+    output.lines.clear()
     now[0] += INTERVAL
-    alarm.ring()
-    assert said.lines == ["4,312 similar messages suppressed: 9 failed"]
+    timer.fire()
+    assert output.lines == ["4,312 similar messages suppressed: 9 failed"]
     for number in range(5):
         log("%s failed", number)
-    assert said.lines[1:] == ["0 failed"]
+    assert output.lines[1:] == ["0 failed"]
     now[0] += INTERVAL
-    alarm.ring()
-    assert said.lines[2:] == ["4 similar messages suppressed: 0 failed"]
-    assert alarm.waiting == []  # nothing is left out any more
+    timer.fire()
+    assert output.lines[2:] == ["4 similar messages suppressed: 0 failed"]
+    assert timer.waiting == []  # nothing more was suppressed
 
 
-def test_a_quiet_time_gives_the_whole_burst_back(said, now, alarm):
+def test_a_quiet_period_restores_the_whole_burst(output, now, timer):
     for _ in range(2 * BURST):
         log("again")
-    alarm.ring()
-    said.lines.clear()
+    timer.fire()
+    output.lines.clear()
     now[0] += 100 * BURST * INTERVAL
     for _ in range(2 * BURST):
         log("again")
-    assert said.lines == ["again"] * BURST
+    assert output.lines == ["again"] * BURST
 
 
-def test_clients_messages_and_kinds_count_apart(said):
+def test_clients_messages_and_kinds_count_separately(output):
     for _ in range(2 * BURST):
         log("%s failed", 1, client="10.0.0.1")
         log("%s failed", 2, client="10.0.0.2")
         log("%s went", 3, client="10.0.0.2")
         log("%s failed", 4, client="10.0.0.2", kind="Robot_Move")
-    assert {line: said.lines.count(line) for line in said.lines} == dict.fromkeys(
+    assert {line: output.lines.count(line) for line in output.lines} == dict.fromkeys(
         ("1 failed", "2 failed", "3 went", "4 failed"), BURST
     )
 
 
-def test_the_memory_is_bounded_and_so_is_what_many_addresses_can_cause(said, throttle, now, alarm):
+def test_the_memory_and_the_log_of_many_addresses_are_bounded(output, limiter, now, timer):
     for number in range(5000):
         for _ in range(BURST + 1):
             log("failed", client=f"10.{number >> 8}.{number & 255}.1")
-    assert len(throttle._counts) <= 1025
-    assert len(said.lines) <= 1025 * BURST
-    said.lines.clear()
-    alarm.ring()
-    suppressed = sum(int(line.split()[0].replace(",", "")) for line in said.lines)
+    assert len(limiter._counts) <= 1025
+    assert len(output.lines) <= 1025 * BURST
+    output.lines.clear()
+    timer.fire()
+    suppressed = sum(int(line.split()[0].replace(",", "")) for line in output.lines)
     assert suppressed == 5000 * (BURST + 1) - 1025 * BURST
-    now[0] += 1000 * INTERVAL  # all of them have been quiet: room for others
-    said.lines.clear()
+    now[0] += 1000 * INTERVAL  # all of them have been quiet: there is room for others
+    output.lines.clear()
     log("failed", client="192.168.0.1")
-    assert said.lines == ["failed"]
-    assert len(throttle._counts) <= 1025
+    assert output.lines == ["failed"]
+    assert len(limiter._counts) <= 1025
 
 
-def test_a_record_whose_arguments_do_not_fit_is_for_its_handler(said):
-    logging.getLogger("orinkit.test.throttle").removeHandler(said)
+def test_a_record_with_wrong_arguments_is_left_to_its_handler(output):
+    logging.getLogger("orinkit.test.throttle").removeHandler(output)
     previous, logging.raiseExceptions = logging.raiseExceptions, False
     try:
         log("%d of %d", 1)
@@ -155,9 +155,9 @@ def test_a_record_whose_arguments_do_not_fit_is_for_its_handler(said):
         logging.raiseExceptions = previous
 
 
-def test_every_logger_of_a_server_is_watched():
+def test_every_logger_of_a_server_is_limited():
     pattern = re.compile(r'getLogger\("([a-z0-9_.]+)"\)')
-    inside = ("server", "cao", "bcap", "ecap", "virtual", "gateway", "device.py", "declared.py")
+    inside = ("server", "cao", "bcap", "ecap", "virtual", "gateway", "device", "rc8")
     found = {
         name
         for path in SOURCE.rglob("*.py")
@@ -167,19 +167,19 @@ def test_every_logger_of_a_server_is_watched():
     assert found - OUT_OF_REACH == set(LOGGERS)
 
 
-def test_a_client_that_is_refused_again_and_again_fills_no_log(caplog):
+def test_a_client_that_is_refused_repeatedly_does_not_fill_the_log(caplog):
     caplog.set_level(logging.DEBUG, "orinkit")
     with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server, RawClient(server.url) as client:
         for _ in range(500):
             assert client.ask(controller_execute.id, 9999, "x", None) == hresult.E_HANDLE
     refused = [record for record in caplog.records if record.name == "orinkit.session"]
-    told = [record.getMessage() for record in refused if "similar messages suppressed" in record.getMessage()]
-    assert len(refused) - len(told) == BURST
-    assert len(told) == 1
-    assert told[0].startswith("490 similar messages suppressed: ")
+    summaries = [record.getMessage() for record in refused if "similar messages suppressed" in record.getMessage()]
+    assert len(refused) - len(summaries) == BURST
+    assert len(summaries) == 1
+    assert summaries[0].startswith("490 similar messages suppressed: ")
 
 
-def test_clients_that_come_and_go_fill_no_log(caplog):
+def test_clients_that_connect_and_disconnect_do_not_fill_the_log(caplog):
     caplog.set_level(logging.INFO, "orinkit.server")
     with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server:
         for _ in range(50):
@@ -188,18 +188,18 @@ def test_clients_that_come_and_go_fill_no_log(caplog):
     assert len([record for record in caplog.records if " connected" in record.getMessage()]) <= BURST + 1
 
 
-def test_the_throttle_of_the_process_reports_from_a_thread_of_its_own(monkeypatch):
+def test_the_limiter_of_the_process_reports_from_its_own_thread(monkeypatch):
     monkeypatch.setattr(throttle_module, "INTERVAL", 0.01)
-    said = Said()
-    made = LogLimiter()
+    output = LogLines()
+    created = LogLimiter()
     logger = logging.getLogger("orinkit.test.thread")
-    logger.addFilter(made)
-    logger.addHandler(said)
+    logger.addFilter(created)
+    logger.addHandler(output)
     logger.setLevel(logging.INFO)
     try:
-        until(lambda: logger.info("again") or any("suppressed" in line for line in said.lines))
+        until(lambda: logger.info("again") or any("suppressed" in line for line in output.lines))
     finally:
-        logger.removeFilter(made)
-        logger.removeHandler(said)
-        made.forget()
-    assert THROTTLE is not made
+        logger.removeFilter(created)
+        logger.removeHandler(output)
+        created.forget()
+    assert THROTTLE is not created

@@ -1,4 +1,4 @@
-"""The server on UDP, seen from the wire: datagrams in, datagrams out."""
+"""The server over UDP, tested with raw datagrams."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def raw(server: Server) -> Iterator[UdpRaw]:
 
 @pytest.fixture
 def long(monkeypatch: pytest.MonkeyPatch) -> float:
-    """Seconds after which a client is forgotten: more than anything takes here; they pass when a test says so."""
+    """Set and return the time after which a client is dropped, s; it elapses only when a test advances the clock."""
     monkeypatch.setattr(udp, "FORGOTTEN_AFTER", 1000.0)
     return 1000.0
 
@@ -72,7 +72,7 @@ def long(monkeypatch: pytest.MonkeyPatch) -> float:
 
 
 def test_section_3_1_is_answered_as_printed(raw: UdpRaw) -> None:
-    """RC8 3.1.1 to 3.1.5, byte for byte where an answer is printed; serial 1 comes twice, for another call."""
+    """RC8 3.1.1 to 3.1.5, byte for byte if a reply is printed; serial 1 occurs twice, for different calls."""
     printed = {
         v["line"]: bytes.fromhex(v["hex"]) for v in VECTORS if v["document"] == "bcap-rc8.ja.txt" and v["line"] < 400
     }
@@ -84,7 +84,7 @@ def test_section_3_1_is_answered_as_printed(raw: UdpRaw) -> None:
             assert packet.encode(answer) == printed[answered] or answer.arguments == []
 
 
-def test_a_request_that_comes_twice_is_carried_out_once(raw: UdpRaw, shop: Counting) -> None:
+def test_a_request_that_arrives_twice_is_executed_once(raw: UdpRaw, shop: Counting) -> None:
     handle = raw.open_workshop()
     request = raw.encode(100, EXECUTE, handle, "Count", "a", reserved=100)
     for _ in range(5):
@@ -105,8 +105,8 @@ def test_a_retry_is_answered_with_the_stored_answer_under_its_own_serial(raw: Ud
     assert shop.counts == ["a", "a"]
 
 
-def test_an_old_client_that_leaves_the_reserved_field_0(raw: UdpRaw, shop: Counting) -> None:
-    """It repeats with the same serial; the next serial is another request."""
+def test_an_old_client_with_reserved_field_0(raw: UdpRaw, shop: Counting) -> None:
+    """It repeats a request with the same serial; the next serial is a different request."""
     handle = raw.open_workshop()
     for serial, count in ((100, 1), (100, 1), (102, 2), (102, 2), (104, 3)):
         raw.request(EXECUTE, handle, "Count", "same", serial=serial)
@@ -114,7 +114,7 @@ def test_an_old_client_that_leaves_the_reserved_field_0(raw: UdpRaw, shop: Count
     assert shop.counts == ["same"] * 3
 
 
-def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: UdpRaw, shop: Counting) -> None:
+def test_a_retry_of_an_executing_call_returns_s_executing(raw: UdpRaw, shop: Counting) -> None:
     handle = raw.open_workshop()
     raw.request(EXECUTE, handle, "CountLater", 1, serial=100, reserved=100)
     assert shop.at_work.acquire(timeout=PATIENCE)
@@ -128,17 +128,17 @@ def test_a_retry_of_a_call_at_work_is_told_that_it_is(raw: UdpRaw, shop: Countin
     shop.gate.set()
     answer = raw.packet()
     assert (answer.serial, answer.code, answer.arguments) == (103, 0, [1])
-    raw.request(EXECUTE, handle, "CountLater", 1, serial=105, reserved=100)  # as if that had been lost
+    raw.request(EXECUTE, handle, "CountLater", 1, serial=105, reserved=100)  # as if that reply had been lost
     answer = raw.packet()
     assert (answer.serial, answer.code, answer.arguments) == (105, 0, [1])
     assert shop.counts == [1]
 
 
-class Sent(asyncio.DatagramTransport):
-    """Keeps what is sent.
+class RecordingTransport(asyncio.DatagramTransport):
+    """A transport that records the packets sent.
 
     Attributes:
-        packets: that have been sent.
+        packets: the packets sent.
     """
 
     def __init__(self) -> None:
@@ -152,23 +152,26 @@ class Sent(asyncio.DatagramTransport):
         self.packets.append(packet.decode(bytes(data)))
 
 
-def test_the_age_of_an_answer_counts_from_when_it_was_given(shop: Counting) -> None:
-    """A call takes longer than answers are kept; its request comes once more a while after the answer."""
+def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Counting) -> None:
+    """A call takes longer than replies are stored; its request arrives again some time after the reply."""
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, LeapingLoop)
-        at, sent = udp.UdpSocket(ServerContext(ProviderRegistry(shop), DEFAULT_LIMITS, 1, 180.0), loop), Sent()
-        at.connection_made(sent)
+        at, transport = (
+            udp.UdpSocket(ServerContext(ProviderRegistry(shop), DEFAULT_LIMITS, 1, 180.0), loop),
+            RecordingTransport(),
+        )
+        at.connection_made(transport)
 
         def ask(serial: int, function: int, *arguments: Any) -> None:
             at.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
 
         async def answer() -> Packet:
             async with asyncio.timeout(PATIENCE):
-                while not sent.packets:  # noqa: ASYNC110 - nobody tells
+                while not transport.packets:  # noqa: ASYNC110 - there is no event to wait for
                     await asyncio.sleep(0)
-            return sent.packets.pop()
+            return transport.packets.pop()
 
         ask(1, CONNECT, "", "Test.Workshop", "", "")
         (handle,) = (await answer()).arguments
@@ -188,11 +191,11 @@ def test_the_age_of_an_answer_counts_from_when_it_was_given(shop: Counting) -> N
 
 
 @pytest.mark.parametrize("kind", [Peer, ConnectionlessClient])
-def test_a_kind_of_connection_has_to_say_what_it_does(kind: type) -> None:
+def test_the_base_classes_of_connections_are_abstract(kind: type) -> None:
     assert inspect.isabstract(kind)
 
 
-def test_executing_is_reported_by_wdt(raw: UdpRaw, shop: Counting) -> None:
+def test_executing_is_reported_with_wdt(raw: UdpRaw, shop: Counting) -> None:
     assert raw.ask(START, "WDT=100") is None
     serial = raw.request(EXECUTE, raw.open_workshop(), "Block", 7)
     for _ in range(3):
@@ -205,24 +208,24 @@ def test_executing_is_reported_by_wdt(raw: UdpRaw, shop: Counting) -> None:
     assert (answer.serial, answer.arguments) == (serial, [7])
 
 
-def test_an_answer_that_fits_no_datagram(raw: UdpRaw) -> None:
+def test_a_reply_that_is_too_long_for_a_datagram(raw: UdpRaw) -> None:
     handle = raw.open_workshop()
-    assert raw.ask(EXECUTE, handle, "Large", 478) == bytes(478)  # and 10 bytes around them: 488
+    assert raw.ask(EXECUTE, handle, "Large", 478) == bytes(478)  # with the 10 bytes around them: 488
     assert raw.ask(EXECUTE, handle, "Large", 479) == hresult.E_TOO_MUCH_DATA
     assert raw.ask(EXECUTE, handle, "Echo", "alive") == "alive"
 
 
-def test_the_device_is_told_who_calls(raw: UdpRaw, shop: Counting) -> None:
+def test_the_device_receives_the_client_info(raw: UdpRaw, shop: Counting) -> None:
     raw.open_workshop()
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("udp", "127.0.0.1", raw.port)
     handled = threading.Event()
-    assert visitor.look is not None
-    visitor.look(handled.set)
+    assert visitor.drain_input is not None
+    visitor.drain_input(handled.set)
     assert handled.wait(PATIENCE)
 
 
-# --- what is no request -------------------------------------------------------------------------------------------------
+# --- invalid requests ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -241,10 +244,10 @@ def test_the_device_is_told_who_calls(raw: UdpRaw, shop: Counting) -> None:
         b"\0" + packet.pack(1, START, 0, b""),
     ],
 )
-def test_garbage_is_dropped_and_makes_no_client(raw: UdpRaw, server: Server, datagram: bytes) -> None:
+def test_invalid_datagrams_are_dropped_and_create_no_client(raw: UdpRaw, server: Server, datagram: bytes) -> None:
     raw.send(datagram)
     with UdpRaw(server.url) as other:
-        assert other.ask(START) is None  # what came before has been handled
+        assert other.ask(START) is None  # the first datagram has been handled
         assert server.clients == 1
     assert raw.ask(START) is None
     assert server.clients == 2
@@ -259,8 +262,8 @@ def test_every_truncation_of_a_request(raw: UdpRaw, shop: Counting) -> None:
     assert shop.counts == []
 
 
-def test_packets_that_are_refused_make_no_client(server: Server) -> None:
-    """Longer than a datagram may be; wrong inside. They are answered, and nothing is kept."""
+def test_refused_packets_create_no_client(server: Server) -> None:
+    """Packets that are too long or have invalid content receive a reply, but no client is created."""
     for refused, code in (
         (packet.pack(7, EXECUTE, 1, bytes(489)), hresult.E_PACKETSIZEOVER),
         (packet.pack(7, EXECUTE, 1, b""), hresult.E_INVALIDRCVPACKET),
@@ -273,7 +276,7 @@ def test_packets_that_are_refused_make_no_client(server: Server) -> None:
             assert server.clients == 0
 
 
-def test_many_kinds_of_bytes_do_no_harm(server: Server) -> None:
+def test_corrupted_requests_do_not_affect_other_clients(server: Server) -> None:
     dice = random.Random(5)
     with UdpRaw(server.url) as raw, UdpRaw(server.url) as other:
         handle = other.open_workshop()
@@ -282,14 +285,14 @@ def test_many_kinds_of_bytes_do_no_harm(server: Server) -> None:
             for _ in range(dice.randrange(3)):
                 request[dice.randrange(len(request))] = dice.randrange(256)
             raw.send(bytes(request))
-            if number % 50 == 0:  # more would be too much for the socket's buffer, and for its neighbour's
+            if number % 50 == 0:  # more would overflow the buffers of the sockets
                 assert other.ask(EXECUTE, handle, "Echo", number) == number
 
 
-# --- clients come and go ------------------------------------------------------------------------------------------------
+# --- clients that connect and disconnect --------------------------------------------------------------------------------
 
 
-def test_clients_are_told_apart_by_their_addresses(server: Server, shop: Counting) -> None:
+def test_clients_are_identified_by_their_addresses(server: Server, shop: Counting) -> None:
     callers = [UdpRaw(server.url) for _ in range(20)]
     for number, raw in enumerate(callers):
         handle = raw.open_workshop()
@@ -319,7 +322,7 @@ def test_the_limit_on_clients_is_shared_with_tcp(shop: Counting) -> None:
             assert server.clients == 2
 
 
-def test_many_who_are_refused_do_not_fill_the_log(
+def test_many_refused_clients_do_not_fill_the_log(
     shop: Counting, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("orinkit.server.context._QUIET", 1000.0)
@@ -331,10 +334,10 @@ def test_many_who_are_refused_do_not_fill_the_log(
                 assert other.ask(START) == hresult.E_MAX_CONNECT
     levels = [record.levelno for record in caplog.records if "refused" in record.getMessage()]
     assert (levels[0], set(levels[1:])) == (logging.WARNING, {logging.DEBUG})
-    assert len(levels) == 12  # the warning, ten, and how many were left out
+    assert len(levels) == 12  # the warning, ten messages, and the number suppressed
 
 
-def test_a_refusal_is_told_again_after_a_while() -> None:
+def test_refusals_are_logged_again_after_a_while() -> None:
     async def levels() -> list[int]:
         connections = ServerContext(ProviderRegistry(Counting()), DEFAULT_LIMITS, 1, 3.0)
         return [connections.refusal_level(now) for now in (0.0, 9.9, 10.1, 20.0, 20.2)]
@@ -343,25 +346,25 @@ def test_a_refusal_is_told_again_after_a_while() -> None:
     assert asyncio.run(levels()) == [warning, debug, warning, debug, warning]
 
 
-def test_service_stop_releases_everything_and_its_answer_is_kept(server: Server, raw: UdpRaw, shop: Counting) -> None:
+def test_service_stop_releases_everything_and_its_reply_is_stored(server: Server, raw: UdpRaw, shop: Counting) -> None:
     handle = raw.open_workshop()
     raw.ask(GET_VARIABLE, handle, "v", "")
     raw.request(STOP, serial=200, reserved=200)
     assert raw.packet().code == 0
     assert server.clients == 0
     assert shop.released == ["v", "Controller"]
-    for serial in (200, 201, 202):  # the answer may have been lost
+    for serial in (200, 201, 202):  # the reply may have been lost
         raw.request(STOP, serial=serial, reserved=200)
         answer = raw.packet()
         assert (answer.serial, answer.code) == (serial, 0)
     assert server.clients == 0
-    raw.request(GET, handle, serial=203, reserved=203)  # whatever it asks then, it is a client again, with nothing
+    raw.request(GET, handle, serial=203, reserved=203)  # any call makes it a client again, without objects
     assert raw.packet().code == hresult.E_HANDLE
     assert server.clients == 1
     assert raw.open_workshop() == 2
 
 
-def test_a_client_that_falls_silent_is_forgotten(long: float) -> None:
+def test_a_silent_client_is_dropped(long: float) -> None:
     recorder = Recorder()
     with orinkit.serve(recorder, "udp://127.0.0.1:0") as server, UdpRaw(server.url) as raw:
         controller = raw.ask(CONNECT, "RC", "Test.Recorder", "", "")
@@ -374,10 +377,10 @@ def test_a_client_that_falls_silent_is_forgotten(long: float) -> None:
         assert recorder.wait_for(Call("Controller_Disconnect", "RC", ()))
         assert [call.path for call in recorder.calls[-4:]] == ["RC/Arm/b", "RC/a", "RC/Arm", "RC"]
         until(lambda: server.clients == 0)
-        assert raw.ask(GET, robot) == hresult.E_HANDLE  # it may come back, as a new one
+        assert raw.ask(GET, robot) == hresult.E_HANDLE  # it may come back as a new client
 
 
-def test_a_client_that_talks_is_not_forgotten(server: Server, shop: Counting, long: float) -> None:
+def test_a_client_that_makes_calls_is_not_dropped(server: Server, shop: Counting, long: float) -> None:
     with UdpRaw(server.url) as busy, UdpRaw(server.url) as silent:
         handle = busy.open_workshop()
         for _ in range(3):
@@ -393,8 +396,8 @@ def test_a_client_that_talks_is_not_forgotten(server: Server, shop: Counting, lo
     assert shop.released == ["Controller"]
 
 
-def test_a_client_whose_call_is_at_work_is_not_forgotten(shop: Counting, long: float) -> None:
-    """And then it has the whole time again, from the end of the call on."""
+def test_a_client_is_not_dropped_during_a_call(shop: Counting, long: float) -> None:
+    """Its time starts again at the end of the call."""
     with orinkit.serve(shop, "udp://127.0.0.1:0", invoke_timeout=1e6) as server, UdpRaw(server.url) as patient:
         handle = patient.open_workshop()
         serial = patient.request(EXECUTE, handle, "Wait", "done")
@@ -411,7 +414,7 @@ def test_a_client_whose_call_is_at_work_is_not_forgotten(shop: Counting, long: f
         assert server.clients == 0
 
 
-def test_those_who_said_goodbye_are_forgotten_too(server: Server, long: float) -> None:
+def test_stopped_clients_are_dropped_too(server: Server, long: float) -> None:
     with UdpRaw(server.url) as raw:
         assert raw.ask(STOP) is None
         assert len(known(server)) == 1
@@ -419,8 +422,8 @@ def test_those_who_said_goodbye_are_forgotten_too(server: Server, long: float) -
     assert not known(server)
 
 
-def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting, long: float) -> None:
-    """Anybody can say Service_Stop from thousands of addresses within ten seconds."""
+def test_the_number_of_stored_service_stops_is_limited(shop: Counting, long: float) -> None:
+    """Any program can send Service_Stop from thousands of addresses within ten seconds."""
     with orinkit.serve(shop, "udp://127.0.0.1:0", clients=5) as server:
         for _ in range(50):
             with UdpRaw(server.url) as raw:
@@ -430,13 +433,13 @@ def test_goodbyes_of_many_addresses_are_not_kept_for_ever(shop: Counting, long: 
         assert len(known(server)) == 5
 
 
-def test_clients_that_come_and_go_leave_nothing_behind(server: Server, shop: Counting, long: float) -> None:
+def test_disconnected_clients_leave_nothing_behind(server: Server, shop: Counting, long: float) -> None:
     gc.collect()
     before = sum(isinstance(thing, (Session, udp.UdpClient)) for thing in gc.get_objects())
     last = UdpRaw(server.url)
     for number in range(200):
         raw = UdpRaw(server.url)
-        last.close()  # not before: the next one might get its port, and would be busy with its call
+        last.close()  # not earlier: the next client might get its port, and E_BUSY_PROC because of its call
         handle = raw.open_workshop()
         raw.ask(GET_VARIABLE, handle, "v", "")
         if number % 3 == 0:
@@ -446,30 +449,30 @@ def test_clients_that_come_and_go_leave_nothing_behind(server: Server, shop: Cou
         last = raw
     last.close()
 
-    def all_are_forgotten() -> bool:
+    def all_are_dropped() -> bool:
         leap(server, long)
         return not known(server)
 
-    until(all_are_forgotten)
+    until(all_are_dropped)
     assert server.clients == 0
     assert shop.released.count("v") == shop.released.count("Controller") == 200
-    shop.visitors.clear()  # they know the way back to their clients
+    shop.visitors.clear()  # they refer to their clients
     gc.collect()
     assert sum(isinstance(thing, (Session, udp.UdpClient)) for thing in gc.get_objects()) == before
 
 
 def known(server: Server) -> dict[Any, Any]:
-    """The callers that the first listener remembers."""
+    """Return the clients known to the first listener."""
     listener: Any = server._server._listeners[0]
     callers: dict[Any, Any] = listener._sockets[0]._callers
     return callers
 
 
-def test_answers_that_the_socket_does_not_take_are_dropped(server: Server, raw: UdpRaw) -> None:
+def test_replies_are_dropped_while_the_socket_does_not_accept_data(server: Server, raw: UdpRaw) -> None:
     handle = raw.open_workshop()
     listener: Any = server._server._listeners[0]
     at = listener._sockets[0]
-    at.pause_writing()  # as asyncio does
+    at.pause_writing()  # called by asyncio normally
     raw.request(EXECUTE, handle, "Count", "x", serial=90, reserved=90)
     assert raw.nothing_comes()
     at.resume_writing()
@@ -489,7 +492,7 @@ def test_port_zero_and_several_addresses(shop: Counting) -> None:
             assert server.clients == 3
 
 
-def test_localhost_is_every_address_that_it_has(shop: Counting) -> None:
+def test_localhost_stands_for_all_its_addresses(shop: Counting) -> None:
     addresses = {(family, place[0]) for family, *_, place in socket.getaddrinfo("localhost", 0, type=socket.SOCK_DGRAM)}
     with orinkit.serve(shop, "udp://localhost:0") as server:
         for family, host in addresses:
@@ -517,7 +520,7 @@ def test_if_one_address_fails_none_is_served(server: Server) -> None:
         pass
 
 
-def test_closing_lets_every_client_go(shop: Counting) -> None:
+def test_closing_disconnects_every_client(shop: Counting) -> None:
     before = left_over()
     server = orinkit.serve(shop, "udp://127.0.0.1:0")
     callers = [UdpRaw(server.url) for _ in range(10)]
@@ -544,7 +547,7 @@ def test_closing_lets_every_client_go(shop: Counting) -> None:
 
 
 def left_over() -> tuple[int, list[str]]:
-    """Open descriptors, and threads; those of asyncio's executor end by themselves when their loop has been closed."""
+    """Return open descriptors and threads; those of asyncio's executor end after their loop is closed."""
     for thread in threading.enumerate():
         if thread.name.startswith("asyncio"):
             thread.join(PATIENCE)

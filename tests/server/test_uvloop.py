@@ -1,6 +1,6 @@
-"""Servers and asyncio clients on uvloop, whose transports are no subclasses of asyncio's, and which reads in another order.
+"""Servers and asyncio clients on uvloop, whose transports are not asyncio's, and which reads in a different order.
 
-Every event loop that a test makes here is uvloop's: that of the server beside the program, and that of the client.
+Every event loop created by a test here is uvloop's: that of the server thread, and that of the client.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from support.web import (
 uvloop = pytest.importorskip("uvloop")
 
 READ = 256 * 1024
-"""Bytes that uvloop reads at once."""
+"""Maximum number of bytes that uvloop reads at once."""
 
 
 @pytest.fixture(autouse=True)
@@ -64,10 +64,10 @@ def web_server(workshop: Workshop) -> Iterator[Server]:
         yield served
 
 
-# --- clients and servers over every wire ------------------------------------------------------------------------------
+# --- clients and servers over every transport -------------------------------------------------------------------------
 
 
-def test_a_program_over_each_wire(both: Both, listen_at: str) -> None:
+def test_a_program_over_each_transport(both: Both, listen_at: str) -> None:
     assert both.loop is None or isinstance(both.loop, uvloop.Loop)
     with orinkit.serve(VirtualRC8(clock=Clock(20.0)), listen_at) as server:
         rc8 = both.connect(server.url)
@@ -114,7 +114,7 @@ def test_a_cancelled_call_leaves_the_connection_in_step(listen_at: str, workshop
                 while True:
                     try:
                         assert await controller.execute("Echo", "mine") == "mine"
-                    except orinkit.CallError as busy:  # until the first one has been answered
+                    except orinkit.CallError as busy:  # until the first call has ended
                         if busy.code != orinkit.core.hresult.E_BUSY_PROC:
                             raise
                     else:
@@ -139,7 +139,7 @@ def test_time_outs_and_ends(workshop: Workshop) -> None:
 
 @pytest.mark.parametrize("wire", ["tcp://127.0.0.1:0", "pty://"])
 def test_a_stream_and_back(wire: str) -> None:
-    """The descriptor of the connection is lent to the streaming process."""
+    """The streaming process takes over the descriptor of the connection, and the client takes it back."""
     with orinkit.serve(VirtualRC8(), wire) as server:
 
         async def main() -> None:
@@ -159,18 +159,18 @@ def test_a_stream_and_back(wire: str) -> None:
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "udp", "http"])
-def test_a_port_in_use_is_said_and_leaves_nothing_open(workshop: Workshop, scheme: str) -> None:
+def test_a_port_in_use_is_reported_and_nothing_stays_open(workshop: Workshop, scheme: str) -> None:
     with orinkit.serve(workshop, f"{scheme}://127.0.0.1:0") as server:
         with pytest.raises(ConnectFailed, match="in use"):
             orinkit.serve(Workshop(), server.url)
-        gc.collect()  # a socket that is left open warns, which is an error
+        gc.collect()  # an open socket causes a warning, which is an error
 
 
 # --- HTTP -------------------------------------------------------------------------------------------------------------
 
 
 def test_handshakes_that_begin_before_the_server_is_ready(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
-    """uvloop reads what has come before the connection is given to TLS."""
+    """uvloop reads received bytes before the connection is passed to TLS."""
     cert, key = certificate
     context = ssl.create_default_context(cafile=str(cert))
     with orinkit.serve(workshop, "https://127.0.0.1:0", http=HttpOptions(cert=str(cert), key=str(key))) as server:
@@ -187,7 +187,7 @@ def test_handshakes_that_begin_before_the_server_is_ready(workshop: Workshop, ce
 
 
 def test_a_client_that_half_closes_is_answered(web_server: Server) -> None:
-    """uvloop sees the end of what a client says before it has answered the last of it."""
+    """uvloop detects the end of the client's stream before the last request has been answered."""
     for _ in range(20):
         with Web(web_server.url) as web:
             web.send((web.head("Func=1") + b"Func=1") * 5)
@@ -195,7 +195,7 @@ def test_a_client_that_half_closes_is_answered(web_server: Server) -> None:
             assert web.rest().count(b"HTTP/1.1 200") == 5
 
 
-def test_a_client_that_half_closes_behind_a_slow_call_has_gone(web_server: Server, workshop: Workshop) -> None:
+def test_a_client_that_half_closes_during_a_slow_call_is_disconnected(web_server: Server, workshop: Workshop) -> None:
     with Web(web_server.url, keeps_cookies=True) as web:
         body = request(EXECUTE, connect(web), "Wait", "3,1")
         web.send(web.head(body) + body.encode())
@@ -211,17 +211,17 @@ def test_a_long_header_is_refused(web_server: Server) -> None:
         assert web.ended()
 
 
-def test_a_flood_behind_a_call_is_bounded(
+def test_a_flood_of_requests_during_a_call_is_bounded(
     web_server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = [0]
+    buffered = [0]
 
     class Measured(HeaderCoalescer):
         def receive_data(self, data: bytes) -> None:
             super().receive_data(data)
-            kept.append(len(self.trailing_data[0]))
+            buffered.append(len(self.trailing_data[0]))
 
-    monkeypatch.setattr(limits, "Joining", Measured)
+    monkeypatch.setattr(limits, "HeaderCoalescer", Measured)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(60)]
     with Web(web_server.url, keeps_cookies=True) as web:
         handle = connect(web)
@@ -232,8 +232,8 @@ def test_a_flood_behind_a_call_is_bounded(
         sender = threading.Thread(target=web.send, args=(flood,))
         sender.start()
         assert workshop.at_work.acquire(timeout=PATIENCE)
-        until(lambda: max(kept) >= HELD)
+        until(lambda: max(buffered) >= HELD)
         workshop.gate.set()
         assert [web.answer().result for _ in bodies] == ["8,first", *(f"8,{text}" for text in texts)]
         sender.join(3 * PATIENCE)
-    assert max(kept) < HELD + READ + len(bodies[1])
+    assert max(buffered) < HELD + READ + len(bodies[1])

@@ -23,23 +23,36 @@ PRINTED = [
 ]
 REQUESTS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "request"}
 ANSWERS = {each["serial"]: bytes.fromhex(each["hex"]) for each in PRINTED if each["kind"] == "response"}
-ORDER = (1, 3, 9, 11, 16, 19, 22, 23, 70, 71, 5, 7)  # as a client would say them: start, connect, ..., disconnect, stop
-MEASURED = (70, 71)  # answered with the angles of the arm
+ORDER = (
+    1,
+    3,
+    9,
+    11,
+    16,
+    19,
+    22,
+    23,
+    70,
+    71,
+    5,
+    7,
+)  # the order in which a client sends them: start, connect, ..., disconnect, stop
+MEASURED = (70, 71)  # these return the joint angles
 
 
 def ask(line: int, data: bytes) -> bytes:
-    """Send a packet and return what comes back, which is one packet."""
+    """Send a packet and return the reply packet."""
     os.write(line, data)
     end = time.monotonic() + PATIENCE
-    came = b""
-    while len(came) < 5 or len(came) < int.from_bytes(came[1:5], "little"):
+    received = b""
+    while len(received) < 5 or len(received) < int.from_bytes(received[1:5], "little"):
         ready, _, _ = select.select([line], [], [], end - time.monotonic())
-        assert ready, f"no answer but {came.hex(' ')}"
-        came += os.read(line, 4096)
-    return came
+        assert ready, f"no complete reply, but {received.hex(' ')}"
+        received += os.read(line, 4096)
+    return received
 
 
-def test_none_is_left_out() -> None:
+def test_all_printed_packets_are_used() -> None:
     assert sorted(ORDER) == sorted(REQUESTS) == sorted(ANSWERS)
 
 
@@ -55,9 +68,13 @@ def test_the_printed_packets_over_a_pseudo_terminal(times: int) -> None:
                 if serial not in MEASURED:
                     assert answer.hex(" ") == ANSWERS[serial].hex(" ")
                     continue
-                told, printed = packet.decode(answer, crc=True), packet.decode(ANSWERS[serial], crc=True)
-                assert (told.serial, told.reserved, told.code) == (printed.serial, printed.reserved, printed.code)
-                assert told.arguments[0] == pytest.approx(printed.arguments[0], abs=1.0)
+                answered, printed = packet.decode(answer, crc=True), packet.decode(ANSWERS[serial], crc=True)
+                assert (answered.serial, answered.reserved, answered.code) == (
+                    printed.serial,
+                    printed.reserved,
+                    printed.code,
+                )
+                assert answered.arguments[0] == pytest.approx(printed.arguments[0], abs=1.0)
                 assert len(answer) == len(ANSWERS[serial])
         finally:
             os.close(line)
