@@ -55,12 +55,12 @@ def items_of(dialect: Dialect) -> Mapping[str, VariableEntry]:
 
 def _commands() -> list[VariableEntry]:
     return [
-        VariableEntry("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1, or % in torque mode"),
+        VariableEntry("AY_COMMAND", VarType.R8, lambda: tr("A/Y command, min^-1 (torque mode: %)"),
              _of_commands(0), lambda motor, value: motor.command(ay=value)),
-        VariableEntry("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1, or % in torque mode"),
+        VariableEntry("BX_COMMAND", VarType.R8, lambda: tr("B/X command, min^-1 (torque mode: %)"),
              _of_commands(1), lambda motor, value: motor.command(bx=value)),
         VariableEntry("COMMAND", VarType.R8 | ARRAY,
-             lambda: tr("A/Y and B/X command, min^-1, or % in torque mode"),
+             lambda: tr("A/Y and B/X command, min^-1 (torque mode: %)"),
              _both_commands, lambda motor, value: motor.command(*value), count=2),
     ]  # fmt: skip
 

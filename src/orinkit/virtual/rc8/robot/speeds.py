@@ -78,6 +78,6 @@ def percent(value: float) -> float:
     if not _LEAST <= value <= FULL:
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            tr("{value:g} % is out of range; expected {least} to 100 %", value=value, least=_LEAST),
+            tr("Out of range: {value:g} %; expected {least} to 100 %", value=value, least=_LEAST),
         )
     return value
