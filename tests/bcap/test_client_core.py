@@ -283,7 +283,7 @@ def test_executing_starts_the_time_out_anew(conversation):
     assert call.feed(executing(call.serial) * 2 + executing(call.serial)[:4]) == (b"", 0.5)
     assert call.feed(executing(call.serial)[4:] + executing(call.serial)) == (b"", 0.5)
     assert call.result(executing(call.serial) + reply(call.serial)) == (0, None)
-    assert conversation.dropped == 0
+    assert conversation.stray_replies == 0
 
 
 def test_anything_else_lets_the_time_run_on(conversation):
@@ -294,7 +294,7 @@ def test_anything_else_lets_the_time_run_on(conversation):
     for position in range(len(answer) - 1):
         assert call.feed(answer[position : position + 1]) == (b"", None)
     assert call.result(answer[-1:]) == (0, 5)
-    assert (conversation.dropped, conversation.skipped) == (2, 0)
+    assert (conversation.stray_replies, conversation.skipped) == (2, 0)
 
 
 @pytest.mark.parametrize("junk", [b"\0", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
@@ -314,7 +314,7 @@ def test_a_late_answer_never_answers_the_next_call(conversation):
     second = Call(conversation, f.variable_get_value, 4)
     assert second.feed(reply(first.serial, "late")) == (b"", None)
     assert second.result(reply(second.serial, "right")) == (0, "right")
-    assert conversation.dropped == 1
+    assert conversation.stray_replies == 1
 
 
 def test_a_late_answer_and_the_right_one_in_one_piece(conversation):
@@ -322,17 +322,17 @@ def test_a_late_answer_and_the_right_one_in_one_piece(conversation):
     first.error(CallTimeout, None)
     second = Call(conversation, f.variable_get_value, 4)
     assert second.result(reply(first.serial, "late") + reply(second.serial, "right")) == (0, "right")
-    assert conversation.dropped == 1
+    assert conversation.stray_replies == 1
 
 
 def test_an_answer_that_comes_twice(conversation):
     first = Call(conversation, f.variable_get_value, 3)
     answer = reply(first.serial, "one")
     assert first.result(answer * 2 + answer[:5]) == (0, "one")
-    assert conversation.dropped == 0, "the second is not looked at before the next call"
+    assert conversation.stray_replies == 0, "the second is not looked at before the next call"
     second = Call(conversation, f.variable_get_value, 4)
     assert second.result(answer[5:] + reply(second.serial, "two")) == (0, "two")
-    assert conversation.dropped == 2
+    assert conversation.stray_replies == 2
 
 
 def test_a_late_error_is_not_raised(conversation):
@@ -352,7 +352,7 @@ def test_a_call_that_was_cancelled_half_way_through_its_answer(conversation):
     second = Call(conversation, f.variable_get_value, 4)
     assert second.feed(answer[20:]) == (b"", None)
     assert second.result(reply(second.serial, "right")) == (0, "right")
-    assert conversation.dropped == 1
+    assert conversation.stray_replies == 1
 
 
 def test_what_is_not_b_cap_is_fatal(conversation):

@@ -82,13 +82,13 @@ def test_an_answer_to_any_try_counts(conversation):
     call.feed(None)
     call.feed(None)
     call.feed(call.reply(7, 1))
-    assert conversation.dropped == 1
+    assert conversation.stray_replies == 1
     assert call.sent is None
     assert call.seconds is None
     assert call.result(call.reply(1, 42)) == 42
     again = Call(conversation)
     again.feed(again.reply(2, 42))
-    assert conversation.dropped == 2
+    assert conversation.stray_replies == 2
     assert again.result(again.reply(4, 43)) == 43
 
 
@@ -131,15 +131,15 @@ def test_a_line_that_gives_back_what_is_sent(conversation):
     """A loopback plug or an RS-485 converter: the echo of a request is not a reply."""
     call = Call(conversation)
     call.feed(packet.encode(call.sent, crc=conversation.profile.crc))
-    assert conversation.dropped == 1
-    assert not conversation.echoes
+    assert conversation.stray_replies == 1
+    assert not conversation.echoes_reserved
     assert call.result(call.reply(1, 42)) == 42
 
 
 def test_an_answer_tells_whether_it_echoes(conversation):
     call = Call(conversation)
     assert call.result(packet.encode(Packet(1, 0, [42], 1), crc=conversation.profile.crc)) == 42
-    assert conversation.echoes
+    assert conversation.echoes_reserved
 
 
 def test_silence_that_brings_nothing_costs_one_try_only():

@@ -35,7 +35,7 @@ WHOLE = packet.encode(Packet(7, 101, [3], 7), crc=True)
 def frames(framer, *pieces):
     found = []
     for piece in pieces:
-        frame = framer.take(piece)
+        frame = framer.feed(piece)
         while frame is not None:
             found.append(frame)
             frame = framer.next_frame()
@@ -58,9 +58,9 @@ def all_frames(framer, *pieces):
             take = framer.next_frame
 
     for piece in pieces:
-        look(partial(framer.take, piece))
+        look(partial(framer.feed, piece))
         while framer.pending:
-            look(framer.silence)
+            look(framer.timeout)
     return found
 
 

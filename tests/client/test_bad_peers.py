@@ -59,7 +59,7 @@ def echo(request: Packet) -> bytes:
 
 def stray_replies(client: Any, number: int) -> int:
     """Return the number of dropped replies; none on HTTP, because a late reply no longer has a connection."""
-    return 0 if client.wire.name == "http" else number
+    return 0 if client.profile.name == "http" else number
 
 
 def ask(both: Both, client: Any, token: object, **options: Any) -> Any:
@@ -69,7 +69,7 @@ def ask(both: Both, client: Any, token: object, **options: Any) -> Any:
 
 def ask_in_vain(both: Both, client: Any, token: object) -> CallTimeout:
     """Make a call that times out soon. On HTTP, connect first, because connecting takes time, too."""
-    if client.wire.name == "http":
+    if client.profile.name == "http":
         assert ask(both, client, HELLO) == HELLO
     with pytest.raises(CallTimeout) as caught:
         ask(both, client, token, timeout=SHORT)
@@ -105,9 +105,9 @@ def test_a_late_answer_does_not_answer_the_next_call(both: Both, peer_class: typ
         late = ask_in_vain(both, client, "first")
         assert (late.function, late.seconds) == ("Controller_Execute", SHORT)
         assert ask(both, client, "second") == "second"
-        assert client.dropped == stray_replies(client, 1)
+        assert client.stray_replies == stray_replies(client, 1)
         assert ask(both, client, "third") == "third"
-        assert client.dropped == stray_replies(client, 1)
+        assert client.stray_replies == stray_replies(client, 1)
         both.run(client.close())
 
 
@@ -121,7 +121,7 @@ def test_many_late_answers_are_all_dropped(both: Both, peer_class: type[BadPeer]
         for number in range(5):
             ask_in_vain(both, client, number)
         assert ask(both, client, 5) == 5
-        assert client.dropped == stray_replies(client, 5)
+        assert client.stray_replies == stray_replies(client, 5)
         both.run(client.close())
 
 
@@ -131,7 +131,7 @@ def test_an_answer_that_comes_twice_counts_once(both: Both, peer_class: type[Bad
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         for number in range(20):
             assert ask(both, client, number) == number
-        assert client.dropped == 19  # the copy of the last reply has not been read
+        assert client.stray_replies == 19  # the copy of the last reply has not been read
         both.run(client.close())
 
 
@@ -150,10 +150,10 @@ def test_an_answer_with_another_serial_is_not_the_answer(both: Both, peer_class:
     with peer_class(script) as peer:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         assert ask(both, client, "mine") == "mine"
-        assert client.dropped == 8
+        assert client.stray_replies == 8
         ask_in_vain(both, client, "nobody answers this")
         assert ask(both, client, "next") == "next"
-        assert client.dropped == 9
+        assert client.stray_replies == 9
         both.run(client.close())
 
 
@@ -169,7 +169,7 @@ def test_a_flood_of_foreign_answers_neither_answers_nor_prolongs_a_call(both: Bo
 
         peer._scripts = (flood,)
         client = both.client(peer.url, tries=1, timeout=PATIENT)
-        while client.dropped == 0:  # wait for the beginning of the flood
+        while client.stray_replies == 0:  # wait for the beginning of the flood
             with pytest.raises(
                 (CallTimeout, ProtocolError), match="no answer"
             ):  # the client closes the connection if the flood is fast enough
@@ -209,7 +209,7 @@ def test_answers_byte_by_byte(both: Both, peer_class: type[BadPeer]) -> None:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
         for token in ("ab", [1.5, 2.5], None, True):
             assert ask(both, client, token) == token
-        assert client.dropped == 0
+        assert client.stray_replies == 0
         both.run(client.close())
 
 
@@ -639,7 +639,7 @@ def test_executing_prolongs_the_wait(both: Both, peer_class: type[BadPeer]) -> N
         peer._scripts = (script,)
         client = both.client(peer.url, tries=1, timeout=1.6)
         assert ask(both, client, "long") == "long"
-        assert client.dropped == 0
+        assert client.stray_replies == 0
         both.run(client.close())
 
 

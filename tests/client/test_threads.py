@@ -76,7 +76,7 @@ def test_eight_threads_on_one_connection(server: Server, web: bool) -> None:
 
         with ThreadPoolExecutor(8) as pool:
             assert sum(pool.map(work, range(8))) == 8 * turns
-        assert controller.client.dropped == 0
+        assert controller.client.stray_replies == 0
 
 
 def test_threads_that_fail_do_not_disturb_the_others(server: Server) -> None:
@@ -131,7 +131,7 @@ def test_fifty_tasks_on_one_client(server: Server, web: bool) -> None:
                     assert await variable.get_value() == token
 
             await asyncio.gather(*map(work, range(50)))
-            assert controller.client.dropped == 0
+            assert controller.client.stray_replies == 0
 
     asyncio.run(body())
 
@@ -159,7 +159,7 @@ def test_calls_cancelled_at_random_moments(server: Server, web: bool, seed: int)
                 except BusyError:
                     pass
             await _until_free(controller)
-            assert controller.client.dropped <= cancelled + 1
+            assert controller.client.stray_replies <= cancelled + 1
         assert cancelled > 20
         assert right > 20
 
@@ -242,7 +242,7 @@ def test_a_call_abandoned_during_execution_leaves_the_connection_usable(
                     await controller.execute("Echo", 1)
             workshop.gate.set()
             await _until_free(controller)
-            assert controller.client.dropped == (not web)
+            assert controller.client.stray_replies == (not web)
 
     asyncio.run(body())
 

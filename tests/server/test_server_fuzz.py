@@ -254,7 +254,7 @@ class Neighbour:
                     assert variable.value == f"turn {self.turns}"
                     self.turns += 1
                     self._stop.wait(0.001)  # yields the processor to the others
-                assert controller.client.dropped == 0
+                assert controller.client.stray_replies == 0
         except BaseException as error:  # noqa: BLE001 - checked by the test
             self.error = error
 

@@ -69,7 +69,7 @@ class Neighbour:
                     assert variable.value == f"turn {self.turns}"
                     self.turns += 1
                     self._stop.wait(0.002)  # leaves the processor to the others
-                assert controller.client.dropped == 0
+                assert controller.client.stray_replies == 0
         except BaseException as error:  # noqa: BLE001 - is looked at in the test itself
             self.error = error
 

@@ -58,7 +58,7 @@ with orinkit.connect(url) as rc8:
                                 time.sleep(0.006)
                     stream.run(until_raised())
         except BaseException as error:
-            print("ended", type(error).__name__, error, "at", rc8.client.dropped, flush=True)
+            print("ended", type(error).__name__, error, "at", rc8.client.stray_replies, flush=True)
             raise
 """
 

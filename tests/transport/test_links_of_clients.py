@@ -107,7 +107,7 @@ def test_dialects_that_are_none_are_told_shortly(both: Both, name: Any) -> None:
 def test_tries_and_timeout_may_be_changed(both: Both) -> None:
     with datagrams(lambda request, count: None) as (url, came):
         client = both.client(url)
-        assert (client.timeout, client.tries, client.wire.name) == (0.5, 5, "udp")
+        assert (client.timeout, client.tries, client.profile.name) == (0.5, 5, "udp")
         client.timeout, client.tries = 0.01, 2
         with pytest.raises(CallTimeout):
             both.run(client.call(f.service_start))
@@ -122,7 +122,7 @@ def test_tries_and_timeout_may_be_changed(both: Both) -> None:
 def test_what_is_usual_with_tcp(both: Both) -> None:
     with BadPeer(lambda line: line.wait_for_end()) as peer:
         client = both.client(peer.url)
-        assert (client.timeout, client.wire.name) == (3.0, "tcp")
+        assert (client.timeout, client.profile.name) == (3.0, "tcp")
         both.run(client.close())
 
 

@@ -115,7 +115,7 @@ def test_a_variable_over_a_transport_of_a_package(both: Both, rc8: VirtualRC8, i
         controller = both.connect(url)
         variable = both.run(controller.variable("@TYPE"))
         assert both.run(variable.value if both.loop is None else variable.get_value()) == "RC8"
-        assert controller.client.wire.name == "unix"
+        assert controller.client.profile.name == "unix"
         both.run(controller.close())
     assert registry.known("unix")
 

@@ -180,7 +180,7 @@ def test_without_anybody_to_ask_it_is_decided_at_once():
 def test_draining_may_end_at_once(late):
     """Without input in transit: it calls back before it returns."""
     moving(late)
-    late.wire.look = None
+    late.wire.drain_input = None
     pace = late.cycles_.pace
     pace._drain_input = lambda handled: handled()
     late.drive(PERIOD)

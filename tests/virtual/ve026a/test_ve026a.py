@@ -726,7 +726,7 @@ def test_the_error_has_a_text(cell, lang):
 
 def test_an_exception_in_a_cycle_is_an_error_and_the_arm_stands(cell, monkeypatch):
     cell.on()
-    monkeypatch.setattr("orinkit.virtual.ve026a.slave.Slave.step", lambda _: 1 / 0)
+    monkeypatch.setattr("orinkit.virtual.ve026a.slave.VE026ASlaveMode.step", lambda _: 1 / 0)
     cell.send(turned(0.5))
     cell.cycle()
     assert cell.arm.error == hresult.E_UNEXPECTED

@@ -405,7 +405,7 @@ class AsyncClient:
         self._link.release()
 
     @property
-    def dropped(self) -> int:
+    def stray_replies(self) -> int:
         """The number of replies that were late, repeated, or matched no request."""
         return self._conversation.stray_replies
 
