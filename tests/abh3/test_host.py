@@ -778,7 +778,7 @@ def test_motors_that_do_not_stop(seconds: float, looks: int) -> None:
     peer = Peer(*[FEEDBACK, None] * looks)
     with pytest.raises(DriverTimeout, match="did not reach standstill") as caught:
         peer.run(host.stop_and_wait(seconds))
-    assert (caught.value.function, caught.value.seconds, caught.value.address) == ("rest", seconds, 1)
+    assert (caught.value.function, caught.value.seconds, caught.value.address) == ("stop_and_wait", seconds, 1)
     assert peer.sent == [STOPPED] * looks
 
 

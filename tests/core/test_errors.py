@@ -252,7 +252,7 @@ def test_a_driver_that_does_not_reply_to_a_request(function):
 
 
 def test_a_driver_that_does_not_reach_standstill():
-    error = DriverTimeout("rest", 5.0, 7)
+    error = DriverTimeout("stop_and_wait", 5.0, 7)
     assert str(error).startswith("ABH3 7 did not reach standstill within 5 s. Try: ")
     assert "reply" not in str(error)
     i18n.use("ja")
@@ -283,7 +283,7 @@ def test_a_driver_with_errors():
 
 SAMPLES = {
     CallTimeout: [("Robot_Move", 2.5)],
-    DriverTimeout: [("abh3_can_cmd", 1.0, 1), ("abh3_can_reqBRDBRD", 0.5, 7), ("rest", 5.0, 253)],
+    DriverTimeout: [("abh3_can_cmd", 1.0, 1), ("abh3_can_reqBRDBRD", 0.5, 7), ("stop_and_wait", 5.0, 253)],
     DriverFault: [(0x00400000, 4), (4, 0, ("driver overheated",))],
     ProtocolError: [("text",), ("text", hresult.E_INVALIDARGTYPE)],
     LimitExceeded: [("text", hresult.E_ARGSIZEOVER)],

@@ -116,7 +116,7 @@ def test_follow_reaches_a_target_exactly_and_as_soon_as_ruckig_would(arm: str, p
     limits = LIMITS[arm]
     goal = tuple(draw.uniform(low, high) for low, high in zip(limits.lower, limits.upper, strict=True))
     arms = stream(arm, period)
-    count = arms.until_rest("follow", goal)
+    count = arms.until_rest("goto", goal)
     assert bits(arms.planner.command) == bits(goal)
     assert abs(count * period - duration(limits, HOMES[arm], goal)) <= 5 * period
     assert arms.hardest() <= 1.001
@@ -125,7 +125,7 @@ def test_follow_reaches_a_target_exactly_and_as_soon_as_ruckig_would(arm: str, p
 def test_follow_from_rest_goes_straight_in_joint_space() -> None:
     arms = stream()
     goal = (100.0, -30.0, 20.0, 50.0, -60.0, 200.0)
-    arms.until_rest("follow", goal)
+    arms.until_rest("goto", goal)
     for command in arms.commands:
         parts = [(c - a) / (b - a) for a, b, c in zip(HOME, goal, command, strict=True)]
         assert max(parts) - min(parts) < 1e-6
@@ -135,12 +135,12 @@ def test_follow_is_at_rest_after_the_last_command_was_repeated() -> None:
     arms = stream()
     assert arms.planner.at_rest
     goal = (1.0, *HOME[1:])
-    while arms("follow", goal) != goal:
+    while arms("goto", goal) != goal:
         assert not arms.planner.at_rest
     assert not arms.planner.at_rest
-    arms("follow", goal)
+    arms("goto", goal)
     assert arms.planner.at_rest
-    arms("follow", HOME)
+    arms("goto", HOME)
     assert not arms.planner.at_rest
 
 
@@ -148,7 +148,7 @@ def test_follow_is_at_rest_after_the_last_command_was_repeated() -> None:
 def test_a_target_that_moves_slowly_is_followed_smoothly(period: float) -> None:
     arms = stream(period=period)
     for step in range(int(3 / period)):
-        arms("follow", [joint + 20 * math.sin(2 * step * period) for joint in HOME])
+        arms("goto", [joint + 20 * math.sin(2 * step * period) for joint in HOME])
     assert arms.hardest() <= 1.001
     assert max(abs(a - b) for a, b in zip(arms.planner.command, HOME, strict=True)) < 21
 
@@ -157,7 +157,7 @@ def test_a_target_that_moves_slowly_is_followed_smoothly(period: float) -> None:
 @every_period
 def test_an_oscillation_that_no_arm_can_follow(arm: str, period: float) -> None:
     """10 Hz with an amplitude of 30 deg has 1900 deg/s."""
-    for method in ("follow", "take"):
+    for method in ("goto", "track"):
         arms = stream(arm, period)
         for step in range(int(1 / period)):
             arms(method, [joint + 30 * math.sin(20 * math.pi * step * period) for joint in HOMES[arm]])
@@ -165,7 +165,7 @@ def test_an_oscillation_that_no_arm_can_follow(arm: str, period: float) -> None:
 
 @every_arm
 @every_period
-@pytest.mark.parametrize("method", ["follow", "take"])
+@pytest.mark.parametrize("method", ["goto", "track"])
 @pytest.mark.parametrize("beyond", [1.0, 1e6, 1e300, sys.float_info.max])
 def test_a_target_beyond_the_range_is_the_end_of_the_range(arm: str, period: float, method: str, beyond: float) -> None:
     arms = stream(arm, period)
@@ -178,7 +178,7 @@ def test_a_target_beyond_the_range_is_the_end_of_the_range(arm: str, period: flo
 
 @every_arm
 @every_period
-@pytest.mark.parametrize("method", ["follow", "take"])
+@pytest.mark.parametrize("method", ["goto", "track"])
 @pytest.mark.parametrize("value", [0.0, -0.0, 5e-324, -5e-324, 1e-310, 2.2250738585072014e-308, 1e-13])
 def test_the_smallest_numbers(arm: str, period: float, method: str, value: float) -> None:
     goal = [20.0 if low > 0 else value for low in LIMITS[arm].lower]
@@ -191,9 +191,9 @@ def test_changes_that_are_next_to_nothing() -> None:
     arms = stream()
     for step in range(400):
         goal = tuple(joint + 10.0 ** -(step % 16) * (-1) ** step for joint in HOME)
-        arms("follow", goal)
+        arms("goto", goal)
         if step % 40 == 0:
-            arms.until_rest("follow", goal)
+            arms.until_rest("goto", goal)
             assert bits(arms.planner.command) == bits(goal)
 
 
@@ -208,9 +208,9 @@ def test_the_end_of_the_range_while_moving_fast_towards_it(arm: str, period: flo
         points = trapezoid(limits, period, axis, start, high - low)
         slowing = len(points) - int(limits.velocity[axis] / limits.acceleration[axis] / period) - 4
         for point in points[:slowing]:
-            assert arms("take", point) == point
+            assert arms("track", point) == point
         end = (*start[:axis], high, *start[axis + 1 :])
-        arms.until_rest("follow", end)
+        arms.until_rest("goto", end)
         assert arms.planner.command == end
 
 
@@ -223,7 +223,7 @@ def test_stop_in_the_middle_of_a_motion(arm: str, period: float) -> None:
     arms = stream(arm, period)
     limits = LIMITS[arm]
     for _ in range(int(0.3 / period)):
-        arms("follow", limits.upper)
+        arms("goto", limits.upper)
     count = arms.until_rest("stop")
     longest = max(v / a + a / j for v, a, j in zip(limits.velocity, limits.acceleration, limits.jerk, strict=True))
     assert count * period <= longest * 1.01 + 5 * period
@@ -256,7 +256,7 @@ def test_stop_right_before_the_end_of_the_range(arm: str, period: float, late: i
     gap = high - points[-1][axis]  # less than one step of full velocity
     last = len(points) - int(seconds / period) - 3 - int(late * 0.01 / period)
     for point in points[:last]:
-        arms("take", point)
+        arms("track", point)
     arms.until_rest("stop", most=2)
     assert arms.planner.command[axis] <= high
     if late == 0:
@@ -270,7 +270,7 @@ def test_a_motion_that_was_braked_hard_does_not_swing_back() -> None:
     points = trapezoid(VS050, 0.008, 0, HOME, 60.0)
     arms = stream()
     for point in points[:-6]:
-        assert arms("take", point) == point
+        assert arms("track", point) == point
     arms.until_rest("stop")
     way = [command[0] for command in arms.commands]
     assert way == sorted(way)
@@ -291,7 +291,7 @@ def test_take_passes_on_what_is_within_the_limits(arm: str, period: float, part:
         scaled = limits.scaled(velocity=part, acceleration=part)
         for point in trapezoid(scaled, period, axis, start, 0.9 * (high - low)):
             arms.planner.check(point)
-            assert bits(arms("take", point)) == bits(point)
+            assert bits(arms("track", point)) == bits(point)
         assert arms.planner.at_rest
 
 
@@ -305,19 +305,19 @@ def test_take_passes_on_smooth_set_points_of_all_axes(arm: str, period: float) -
         point = tuple(
             joint + 0.1 * velocity * swing for joint, velocity in zip(HOMES[arm], limits.velocity, strict=True)
         )
-        assert bits(arms("take", point)) == bits(point)
+        assert bits(arms("track", point)) == bits(point)
 
 
 def test_take_accepts_any_kind_of_number() -> None:
     arms = stream()
-    assert arms("take", [0, 45, 90, 0, 45, 0]) == HOME
+    assert arms("track", [0, 45, 90, 0, 45, 0]) == HOME
     assert all(type(value) is float for value in arms.planner.command)
 
 
 def test_a_negative_zero_is_passed_on_as_it_is() -> None:
     arms = stream()
     point = (-0.0, *HOME[1:])
-    assert bits(arms("take", point)) == bits(point)
+    assert bits(arms("track", point)) == bits(point)
 
 
 @every_arm
@@ -327,10 +327,10 @@ def test_catching_up_after_a_jump(arm: str, period: float, jump: float) -> None:
     arms = stream(arm, period)
     home = HOMES[arm]
     for _ in range(5):
-        assert arms("take", home) == home
+        assert arms("track", home) == home
     point = (home[0] + jump, *home[1:])
     goal_in = duration(LIMITS[arm], home, point)
-    count = arms.until_rest("take", point)
+    count = arms.until_rest("track", point)
     assert bits(arms.planner.command) == bits(point)
     assert count * period <= goal_in + 5 * period
     assert max(command[0] * math.copysign(1, jump) for command in arms.commands) <= abs(jump)
@@ -348,7 +348,7 @@ def test_catching_up_with_set_points_that_go_on(period: float, jump: float, spee
         moved = speed * (time - 0.15 * (1 - math.exp(-time / 0.15)))
         off = jump if time > 0.6 else 0.0
         point = (HOME[0] + moved + off, HOME[1] + 5 * (1 - math.cos(time)), *HOME[2:])
-        command = arms("take", point)
+        command = arms("track", point)
         assert bits(command[1:]) == bits(point[1:])
         goes = bits(command) == bits(point)
         late += not goes
@@ -365,7 +365,7 @@ def test_catching_up_with_an_oscillation(period: float, frequency: float, swing:
     exact = []
     for step in range(int(3 / period)):
         point = (swing * math.sin(2 * math.pi * frequency * step * period), *HOME[1:])
-        exact.append(arms("take", point) == point)
+        exact.append(arms("track", point) == point)
         assert abs(arms.planner.command[0]) < 1.5 * swing
     assert all(exact[len(exact) // 2 :])
 
@@ -377,7 +377,7 @@ def test_one_set_point_beside_the_others(period: float) -> None:
     for step in range(int(1 / period)):
         time = step * period
         swing = 20 * (1 - math.cos(3 * time)) + (2.0 if step == int(0.5 / period) else 0.0)
-        exact += arms("take", (HOME[0] + swing, *HOME[1:])) == (HOME[0] + swing, *HOME[1:])
+        exact += arms("track", (HOME[0] + swing, *HOME[1:])) == (HOME[0] + swing, *HOME[1:])
     assert 1 / period - exact <= max(0.03 / period, 6)
 
 
@@ -385,7 +385,7 @@ def test_axes_that_can_be_there_are() -> None:
     arms = stream()
     for step in range(30):
         point = (HOME[0] + 30.0, HOME[1] + 0.01 * step, *HOME[2:])
-        command = arms("take", point)
+        command = arms("track", point)
         assert command[0] != point[0]
         assert bits(command[1:]) == bits(point[1:])
 
@@ -398,12 +398,12 @@ def test_take_refuses_a_state_from_which_the_arm_could_not_be_braked(period: flo
     arms = Stream(limits, period, start)
     points = trapezoid(limits, period, 0, start, 1e4)
     for point in points:
-        command = arms("take", point)
+        command = arms("track", point)
         if point[0] > limits.upper[0]:
             break
         if command != point:
             assert point[0] > limits.upper[0] - limits.velocity[0] * 0.12
-    arms.until_rest("take", (limits.upper[0], *HOME[1:]))
+    arms.until_rest("track", (limits.upper[0], *HOME[1:]))
     assert arms.planner.command[0] == limits.upper[0]
 
 
@@ -417,12 +417,12 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
         arms = Stream(limits, period, start)
         for point in points:
             moved = (min(point[0] + offset, limits.upper[0]), *point[1:])
-            assert arms("take", moved) == moved
-        arms.until_rest("take", moved)
+            assert arms("track", moved) == moved
+        arms.until_rest("track", moved)
         assert arms.planner.command[0] == limits.upper[0]
 
 
-# --- admits -----------------------------------------------------------------------------------------------------------
+# --- check ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -445,7 +445,7 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
         ),
     ],
 )
-def test_admits_says_what_is_exceeded(point: Joints, english: str, japanese: str) -> None:
+def test_check_says_what_is_exceeded(point: Joints, english: str, japanese: str) -> None:
     planner = JointPlanner(VS050, 0.008, HOME)
     with pytest.raises(InvalidValue) as error:
         planner.check(point)
@@ -458,10 +458,10 @@ def test_admits_says_what_is_exceeded(point: Joints, english: str, japanese: str
     assert planner.at_rest
 
 
-def test_admits_says_that_the_arm_could_not_be_braked() -> None:
+def test_check_says_that_the_arm_could_not_be_braked() -> None:
     start = (VS050.upper[0] - 0.3, *HOME[1:])
     arms = Stream(VS050, 0.008, start)
-    arms("take", (start[0] + 0.13, *start[1:]))
+    arms("track", (start[0] + 0.13, *start[1:]))
     for text, tongue in (("cannot brake before the end of its range, 170", "en"), ("減速できません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as error:
@@ -470,9 +470,9 @@ def test_admits_says_that_the_arm_could_not_be_braked() -> None:
     arms.planner.check((start[0] + 0.21, *start[1:]))
 
 
-def test_admits_says_that_the_arm_has_not_caught_up() -> None:
+def test_check_says_that_the_arm_has_not_caught_up() -> None:
     arms = stream()
-    arms("take", (5.0, *HOME[1:]))
+    arms("track", (5.0, *HOME[1:]))
     for text, tongue in (("J1: the arm lags behind: it is still", "en"), ("まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
@@ -482,7 +482,7 @@ def test_admits_says_that_the_arm_has_not_caught_up() -> None:
 
 
 @given(st.data())
-def test_admits_tells_what_take_does(data: st.DataObject) -> None:
+def test_check_predicts_track(data: st.DataObject) -> None:
     arms = stream(period=data.draw(st.sampled_from(PERIODS)))
     for _ in range(data.draw(st.integers(1, 12))):
         before, now = arms.commands[-2:]
@@ -495,7 +495,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
             why = ""
         except InvalidValue as error:
             why = str(error)
-        exact = bits(arms("take", near)) == bits(near)
+        exact = bits(arms("track", near)) == bits(near)
         assert exact == (not why) or "lags behind" in why  # an axis that is catching up may arrive exactly there
 
 
@@ -513,7 +513,7 @@ def test_any_calls_with_any_numbers_keep_the_limits(data: st.DataObject) -> None
     arm = data.draw(st.sampled_from(list(LIMITS)))
     arms = stream(arm, data.draw(st.sampled_from(PERIODS)))
     for _ in range(data.draw(st.integers(1, 8))):
-        method = data.draw(st.sampled_from(["follow", "take", "stop"]))
+        method = data.draw(st.sampled_from(["goto", "track", "stop"]))
         values = None if method == "stop" else data.draw(st.lists(ODD_NUMBERS, min_size=6, max_size=6))
         drift = data.draw(st.sampled_from([0.0, 0.001, 0.5, 3.0])) if values else 0.0
         for step in range(data.draw(st.integers(1, 40))):
@@ -530,7 +530,7 @@ def test_any_feasible_motion_can_be_followed_by_a_stop(pushes: list[tuple[float,
         for _ in range(10):
             before, now = arms.commands[-2:]
             arms(
-                "take",
+                "track",
                 [
                     2 * b - a + part * most * period**2
                     for a, b, part, most in zip(before, now, push, limits.acceleration, strict=True)
@@ -547,7 +547,7 @@ def any_calls(arms: Stream, draw: random.Random, seconds: float) -> None:
     while left > 0:
         hold = min(draw.choice([1, 1, 2, 5, 20, 60, 200, 500]), left)
         left -= hold
-        method = draw.choice(["follow", "follow", "take", "take", "take", "stop"])
+        method = draw.choice(["goto", "goto", "track", "track", "track", "stop"])
         kind = draw.choice(["jump", "ends", "near", "beyond", "here", "single"])
         goal = list(arms.planner.command)
         if kind == "jump":
@@ -563,7 +563,7 @@ def any_calls(arms: Stream, draw: random.Random, seconds: float) -> None:
             goal[axis] = draw.uniform(*rows[axis])
         pace = [draw.choice([0.0, 0.0, draw.uniform(-1, 1)]) * most * period for most in limits.velocity]
         swing, turn = draw.choice([0.0, 0.0, 1.0, 10.0, 40.0]), draw.uniform(1, 70)
-        nearly = method == "take" and draw.random() < 0.3
+        nearly = method == "track" and draw.random() < 0.3
         for step in range(hold):
             if method == "stop":
                 arms("stop")
@@ -611,7 +611,7 @@ def random_targets(seed: int, seconds: float, period: float) -> float:
         goal = [draw.choice([draw.uniform(*row), *row]) for row in rows]
         hold, drift = draw.choice([1, 5, 20, 60]), draw.choice([0.0, 0.1, 1.0])
         for step in range(60):
-            arms("follow", [at + drift * (step // hold) for at in goal])
+            arms("goto", [at + drift * (step // hold) for at in goal])
         hardest = max(hardest, arms.hardest(63))
         del arms.commands[:-4]
     return hardest
@@ -626,7 +626,7 @@ def test_limits_scaled_down_to_a_crawl() -> None:
     limits = VS050.scaled(velocity=0.001, acceleration=0.001, jerk=0.001)
     arms = Stream(limits, 0.008, HOME)
     goal = tuple(joint + 0.2 for joint in HOME)
-    arms.until_rest("follow", goal)
+    arms.until_rest("goto", goal)
     assert arms.planner.command == goal
     any_calls(arms, random.Random(7), 8.0)
 
@@ -635,15 +635,15 @@ def test_limits_scaled_down_to_a_crawl() -> None:
 def test_arms_of_any_number_of_axes(axes: int) -> None:
     limits = Limits((-100.0,) * axes, (1000.0,) * axes, (300.0,) * axes, (1500.0,) * axes, (30_000.0,) * axes)
     arms = Stream(limits, 0.008, (0.0,) * axes)
-    arms.until_rest("follow", (500.0,) * axes)
-    arms.until_rest("take", (10.0,) * axes)
+    arms.until_rest("goto", (500.0,) * axes)
+    arms.until_rest("track", (10.0,) * axes)
     any_calls(arms, random.Random(axes), 3.0)
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["follow", "take", "admits"])
+@pytest.mark.parametrize("method", ["goto", "track", "check"])
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize(
     ("values", "said"),
@@ -662,8 +662,8 @@ def test_arms_of_any_number_of_axes(axes: int) -> None:
 def test_numbers_that_cannot_be_change_nothing(method: str, moving: bool, values: Joints, said: str) -> None:
     arms, same = stream(), stream()
     for _ in range(20 if moving else 0):
-        arms("follow", (50.0, *HOME[1:]))
-        same("follow", (50.0, *HOME[1:]))
+        arms("goto", (50.0, *HOME[1:]))
+        same("goto", (50.0, *HOME[1:]))
     with pytest.raises(InvalidValue) as error:
         getattr(arms.planner, method)(values)
     assert said in str(error.value)
@@ -673,7 +673,7 @@ def test_numbers_that_cannot_be_change_nothing(method: str, moving: bool, values
     assert "値" in str(error.value)
     assert arms.planner.command == arms.commands[-1]
     for _ in range(20):
-        assert arms("follow", (50.0, *HOME[1:])) == same("follow", (50.0, *HOME[1:]))
+        assert arms("goto", (50.0, *HOME[1:])) == same("goto", (50.0, *HOME[1:]))
 
 
 @pytest.mark.parametrize("period", [0.0, -0.008, math.nan, math.inf, "8", None])
@@ -694,8 +694,8 @@ def test_a_period_in_which_limits_are_lost() -> None:
 def test_unusual_periods(period: float) -> None:
     arms = stream(period=period)
     for step in range(300):
-        arms("follow", [joint + 10 * math.sin(0.1 * step) for joint in HOME])
-        arms("take", HOME)
+        arms("goto", [joint + 10 * math.sin(0.1 * step) for joint in HOME])
+        arms("track", HOME)
     for _ in range(300):
         arms("stop")
 
@@ -768,7 +768,7 @@ def test_where_ruckig_has_no_solution(
     any_calls(arms, random.Random(3), 2.0)
     arms.until_rest("stop")
     goal = tuple(0.9 * high for high in VS050.upper)
-    for method in ("follow", "take"):
+    for method in ("goto", "track"):
         arms.until_rest(method, goal)
         assert bits(arms.planner.command) == bits(goal)
         goal = HOME
@@ -778,5 +778,5 @@ def test_limits_of_a_planner_are_its_own() -> None:
     """Set-points that use the full limits are not passed on if the planner has half of them."""
     half = replace(VS050, velocity=tuple(value / 2 for value in VS050.velocity))
     arms = Stream(half, 0.008, HOME)
-    exact = [arms("take", point) == point for point in trapezoid(VS050, 0.008, 0, HOME, 150.0)]
+    exact = [arms("track", point) == point for point in trapezoid(VS050, 0.008, 0, HOME, 150.0)]
     assert not all(exact)

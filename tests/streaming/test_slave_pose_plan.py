@@ -174,7 +174,7 @@ def test_follow_reaches_a_target_exactly_and_about_as_soon_as_ruckig_would(
     angle = math.hypot(*turn_between(turn_of(kind, tool.planner.command), turn_of(kind, goal)))
     limits = astuple(LIMITS)
     wanted = max(duration(way, *limits[:3]), duration(angle, *limits[3:]))
-    count = tool.until_rest("follow", goal)
+    count = tool.until_rest("goto", goal)
     assert bits(tool.planner.command) == bits(goal)
     assert abs(count * period - wanted) <= 5 * period
     assert max(tool.hardest()) <= 1.001
@@ -185,7 +185,7 @@ def test_follow_goes_straight_and_turns_about_one_axis() -> None:
     goal = pose("P", (100.0, 250.0, 400.0, 90.0, 30.0, 20.0))
     first, last = turn_of("P", tool.commands[0]), turn_of("P", goal)
     axis = turn_between(first, last)
-    tool.until_rest("follow", goal)
+    tool.until_rest("goto", goal)
     for command in tool.commands:
         parts = [(c - a) / (b - a) for a, b, c in zip(tool.commands[0][:3], goal[:3], command[:3], strict=True)]
         assert max(parts) - min(parts) < 1e-6
@@ -204,9 +204,9 @@ def test_follow_ends_from_any_motion(kind: Kind, period: float) -> None:
         for _ in range(draw.randrange(3)):
             goal = pose(kind, any_pose(draw))
             for _ in range(int(draw.uniform(0.05, 0.4) / period)):
-                tool("follow", goal)
+                tool("goto", goal)
         goal = pose(kind, any_pose(draw))
-        count = tool.until_rest("follow", goal, most=3)
+        count = tool.until_rest("goto", goal, most=3)
         assert count * period < 2.6
         assert bits(tool.planner.command) == bits(goal)
 
@@ -214,9 +214,9 @@ def test_follow_ends_from_any_motion(kind: Kind, period: float) -> None:
 def test_the_figure_is_the_one_of_the_target_at_once() -> None:
     tool = Stream()
     goal = pose("P", (300.0, 50.0, 300.0, 180.0, 0.0, 180.0), fig=1.0)
-    assert tool("follow", goal)[6] == 1.0
+    assert tool("goto", goal)[6] == 1.0
     assert tool("stop")[6] == 1.0
-    assert tool("take", (*tool.planner.command[:6], 5.0))[6] == 5.0
+    assert tool("track", (*tool.planner.command[:6], 5.0))[6] == 5.0
 
 
 @every_kind
@@ -233,14 +233,14 @@ def test_a_live_target_is_followed_smoothly(kind: Kind, period: float) -> None:
             15 * math.sin(t),
             180,
         )
-        tool("follow", pose(kind, swing))
+        tool("goto", pose(kind, swing))
     assert math.dist(tool.planner.command[:3], pose(kind, swing)[:3]) < 30
     assert max(tool.hardest()) <= 1.05  # a rotation also rotates the axes in which it is planned
 
 
 @every_kind
 @every_period
-@pytest.mark.parametrize("method", ["follow", "take"])
+@pytest.mark.parametrize("method", ["goto", "track"])
 def test_an_oscillation_that_no_tool_can_follow(kind: Kind, period: float, method: str) -> None:
     tool = Stream(kind, period)
     for step in range(int(1 / period)):
@@ -253,7 +253,7 @@ def test_half_a_turn_goes_on_the_way_that_it_began() -> None:
     tool = Stream(start=(300.0, 0.0, 300.0, 0.0, 0.0, 0.0))
     angles = []
     for step in range(200):
-        tool("follow", pose("P", (300.0, 0.0, 300.0, 0.0, 0.0, 179.0 if step % 2 else -179.0)))
+        tool("goto", pose("P", (300.0, 0.0, 300.0, 0.0, 0.0, 179.0 if step % 2 else -179.0)))
         angles.append(math.degrees(math.atan2(*reversed(_direction(tool.planner.command)))))
     moved = [(b - a + 180) % 360 - 180 for a, b in pairwise(angles[:61])]
     assert all(move >= 0 for move in moved) or all(move <= 0 for move in moved)
@@ -266,7 +266,7 @@ def _direction(command: Pose) -> tuple[float, float]:
 
 
 @every_kind
-@pytest.mark.parametrize("method", ["follow", "take"])
+@pytest.mark.parametrize("method", ["goto", "track"])
 @pytest.mark.parametrize("place", [(1e300, 0.0, 0.0), (1e308, -1e308, 1e308), (-1e6, 0.0, 0.0)])
 def test_a_target_that_is_absurdly_far_away(kind: Kind, method: str, place: Pose) -> None:
     tool = Stream(kind)
@@ -277,7 +277,7 @@ def test_a_target_that_is_absurdly_far_away(kind: Kind, method: str, place: Pose
 
 
 @every_kind
-@pytest.mark.parametrize("method", ["follow", "take"])
+@pytest.mark.parametrize("method", ["goto", "track"])
 @pytest.mark.parametrize("value", [0.0, -0.0, 5e-324, 1e-310, 1e-13, -1e-8])
 def test_the_smallest_numbers(kind: Kind, method: str, value: float) -> None:
     tool = Stream(kind)
@@ -290,10 +290,10 @@ def test_the_smallest_numbers(kind: Kind, method: str, value: float) -> None:
 
 
 def test_a_step_that_is_next_to_nothing_can_be_gone_on_from() -> None:
-    for method in ("stop", "follow"):
+    for method in ("stop", "goto"):
         tool = Stream(start=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        tool("take", (5e-324, 0.0, 1e-310, 5e-324, 0.0, 0.0, 5.0))
-        tool.until_rest(method, pose("P", HOME) if method == "follow" else None)
+        tool("track", (5e-324, 0.0, 1e-310, 5e-324, 0.0, 0.0, 5.0))
+        tool.until_rest(method, pose("P", HOME) if method == "goto" else None)
         assert all(math.isfinite(value) for value in tool.planner.command)
 
 
@@ -303,7 +303,7 @@ def test_past_the_pole_of_the_angles(pole: float) -> None:
     tool = Stream(start=(300.0, 0.0, 300.0, 10.0, pole - 30.0, 20.0))
     for ry in (pole + 30.0, pole, pole - 30.0):
         goal = pose("P", (300.0, 0.0, 300.0, 10.0, ry, 20.0))
-        tool.until_rest("follow", goal)
+        tool.until_rest("goto", goal)
         assert bits(tool.planner.command) == bits(goal)
 
 
@@ -317,7 +317,7 @@ def test_stop_in_the_middle_of_a_motion(kind: Kind, period: float, after: float)
     tool = Stream(kind, period)
     goal = pose(kind, (-300.0, 200.0, 600.0, 0.0, 20.0, 90.0))
     for _ in range(int(after / period)):
-        tool("follow", goal)
+        tool("goto", goal)
     count = tool.until_rest("stop")
     assert count * period < 0.2 + 0.05 + 0.02 + 3 * period
     rest = tool.planner.command
@@ -334,7 +334,7 @@ def test_stop_on_a_circle(period: float) -> None:
         t = step * period
         angle = 3 * (t - 0.2 * (1 - math.exp(-t / 0.2)))
         point = pose("P", (220 + 80 * math.cos(angle), 80 * math.sin(angle), 300, 180, 10 * math.sin(angle), 180))
-        assert bits(tool("take", point)) == bits(point)
+        assert bits(tool("track", point)) == bits(point)
     assert tool.until_rest("stop") * period < 0.3
 
 
@@ -362,7 +362,7 @@ def test_take_passes_on_what_is_within_the_limits(kind: Kind, period: float) -> 
     for x in [*points, at, at]:
         point = pose(kind, (x, *HOME[1:]))
         tool.planner.check(point)
-        assert bits(tool("take", point)) == bits(point)
+        assert bits(tool("track", point)) == bits(point)
     assert tool.planner.at_rest
 
 
@@ -374,18 +374,18 @@ def test_take_passes_on_smooth_set_points(kind: Kind, period: float) -> None:
         swing = 1 - math.cos(3 * step * period)
         point = pose(kind, (300 - 60 * swing, 40 * swing, 300, 180, 30 * swing, 180 - 20 * swing))
         tool.planner.check(point)
-        assert bits(tool("take", point)) == bits(point)
+        assert bits(tool("track", point)) == bits(point)
 
 
 def test_take_passes_on_numbers_as_they_are_written() -> None:
     """The set-points have angles beyond 180 deg, and vectors that are not exactly normalized."""
     tool = Stream()
     point = (300.0, -0.0, 300.0, -180.0, 0.0, 540.0, 5.0)
-    assert bits(tool("take", point)) == bits(point)
+    assert bits(tool("track", point)) == bits(point)
     other = Stream("T", start=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     point = (0.0, 0.0, 0.0, 1e-9, 1.5, 0.0, 0.0, 0.0, 3.0, 5.0)
-    assert bits(other("take", point)) == bits(point)
-    assert tool("take", [300, 0, 300, 180, 0, 180, 5]) == (*HOME, 5.0)
+    assert bits(other("track", point)) == bits(point)
+    assert tool("track", [300, 0, 300, 180, 0, 180, 5]) == (*HOME, 5.0)
 
 
 @every_kind
@@ -394,9 +394,9 @@ def test_take_passes_on_numbers_as_they_are_written() -> None:
 def test_catching_up_after_a_jump(kind: Kind, period: float, way: float, turn: float) -> None:
     tool = Stream(kind, period)
     for _ in range(5):
-        tool("take", pose(kind, HOME))
+        tool("track", pose(kind, HOME))
     point = pose(kind, (300 + way, 0, 300, 180 - turn, 0, 180))
-    count = tool.until_rest("take", point)
+    count = tool.until_rest("track", point)
     assert bits(tool.planner.command) == bits(point)
     assert count * period < 0.35
     past = [command[0] - 300 for command in tool.commands]
@@ -417,7 +417,7 @@ def test_catching_up_with_set_points_that_go_on(kind: Kind, period: float) -> No
             kind,
             (300 + 60 * math.sin(2 * t) + off, 60 * math.cos(2 * t) - 60, 300, 170 + 15 * math.sin(2 * t), off, 170),
         )
-        exact.append(bits(tool("take", point)) == bits(point))
+        exact.append(bits(tool("track", point)) == bits(point))
         assert math.dist(tool.planner.command[:3], point[:3]) < 40
     half = len(exact) // 2
     assert all(exact[int(0.3 * half) : half])
@@ -428,12 +428,12 @@ def test_catching_up_with_set_points_that_go_on(kind: Kind, period: float) -> No
 def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
     tool = Stream()
     for step in range(10):
-        command = tool("take", (300.0 - 0.1 * step, 0.0, 300.0, 150.0, 0.0, 180.0, 5.0))
+        command = tool("track", (300.0 - 0.1 * step, 0.0, 300.0, 150.0, 0.0, 180.0, 5.0))
         assert command[:3] == (300.0 - 0.1 * step, 0.0, 300.0)
         assert command[3] != 150.0
 
 
-# --- admits -----------------------------------------------------------------------------------------------------------
+# --- check ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -461,7 +461,7 @@ def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
         ),
     ],
 )
-def test_admits_says_what_is_exceeded(point: Pose, english: str, japanese: str) -> None:
+def test_check_says_what_is_exceeded(point: Pose, english: str, japanese: str) -> None:
     planner = PosePlanner(LIMITS, 0.008, (*HOME, 5.0), "P")
     with pytest.raises(InvalidValue) as error:
         planner.check(point)
@@ -473,9 +473,9 @@ def test_admits_says_what_is_exceeded(point: Pose, english: str, japanese: str) 
     assert planner.command == (*HOME, 5.0)
 
 
-def test_admits_says_that_the_tool_has_not_caught_up() -> None:
+def test_check_says_that_the_tool_has_not_caught_up() -> None:
     tool = Stream()
-    tool("take", pose("P", (350.0, 0.0, 300.0, 150.0, 0.0, 180.0)))
+    tool("track", pose("P", (350.0, 0.0, 300.0, 150.0, 0.0, 180.0)))
     for text, tongue in (("position: the arm lags behind", "en"), ("位置: まだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
@@ -485,7 +485,7 @@ def test_admits_says_that_the_tool_has_not_caught_up() -> None:
 
 
 @given(st.data())
-def test_admits_tells_what_take_does(data: st.DataObject) -> None:
+def test_check_predicts_track(data: st.DataObject) -> None:
     tool = Stream("P", data.draw(st.sampled_from(PERIODS)))
     change = LIMITS.acceleration * tool.period**2
     turn = LIMITS.rotation_acceleration * tool.period**2
@@ -503,7 +503,7 @@ def test_admits_tells_what_take_does(data: st.DataObject) -> None:
             why = ""
         except InvalidValue as error:
             why = str(error)
-        exact = bits(tool("take", point)) == bits(point)
+        exact = bits(tool("track", point)) == bits(point)
         assert exact == (not why) or "lags behind" in why  # a motion that is catching up may arrive exactly there
 
 
@@ -521,7 +521,7 @@ def test_any_calls_with_any_numbers_keep_the_limits(data: st.DataObject) -> None
     kind = data.draw(st.sampled_from(["P", "T"]))
     tool = Stream(kind, data.draw(st.sampled_from(PERIODS)))
     for _ in range(data.draw(st.integers(1, 8))):
-        method = data.draw(st.sampled_from(["follow", "take", "stop"]))
+        method = data.draw(st.sampled_from(["goto", "track", "stop"]))
         values = None
         if method != "stop":
             place = data.draw(st.lists(ODD_NUMBERS, min_size=3, max_size=3))
@@ -539,7 +539,7 @@ def any_calls(tool: Stream, draw: random.Random, seconds: float) -> None:
     while left > 0:
         hold = min(draw.choice([1, 1, 2, 5, 20, 60, 200, 500]), left)
         left -= hold
-        method = draw.choice(["follow", "follow", "take", "take", "take", "stop"])
+        method = draw.choice(["goto", "goto", "track", "track", "track", "stop"])
         chance = draw.random()
         if chance < 0.4:
             goal = any_pose(draw)
@@ -586,7 +586,7 @@ def test_an_hour_of_random_calls(kind: Kind) -> None:
 def test_limits_scaled_down_to_a_crawl() -> None:
     tool = Stream(limits=LIMITS.scaled(velocity=0.01, acceleration=0.01, jerk=0.01))
     goal = pose("P", (301.0, 1.0, 300.0, 179.0, 1.0, 180.0))
-    tool.until_rest("follow", goal)
+    tool.until_rest("goto", goal)
     assert tool.planner.command == goal
     any_calls(tool, random.Random(7), 8.0)
 
@@ -594,7 +594,7 @@ def test_limits_scaled_down_to_a_crawl() -> None:
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["follow", "take", "admits"])
+@pytest.mark.parametrize("method", ["goto", "track", "check"])
 @pytest.mark.parametrize(
     ("kind", "values", "said"),
     [
@@ -613,8 +613,8 @@ def test_poses_that_cannot_be_change_nothing(method: str, kind: Kind, values: Po
     tool, same = Stream(kind), Stream(kind)
     goal = pose(kind, (250.0, 100.0, 350.0, 150.0, 10.0, 180.0))
     for _ in range(20):
-        tool("follow", goal)
-        same("follow", goal)
+        tool("goto", goal)
+        same("goto", goal)
     with pytest.raises(InvalidValue) as error:
         getattr(tool.planner, method)(values)
     assert said in str(error.value)
@@ -623,7 +623,7 @@ def test_poses_that_cannot_be_change_nothing(method: str, kind: Kind, values: Po
         getattr(tool.planner, method)(values)
     assert said not in str(error.value)
     for _ in range(20):
-        assert tool("follow", goal) == same("follow", goal)
+        assert tool("goto", goal) == same("goto", goal)
 
 
 @pytest.mark.parametrize("period", [0.0, -0.008, math.nan, math.inf])
@@ -677,5 +677,5 @@ def test_where_ruckig_has_no_solution(monkeypatch: pytest.MonkeyPatch, period: f
     any_calls(tool, random.Random(3), 2.0)
     tool.until_rest("stop")
     for goal in (pose("P", (100.0, 200.0, 300.0, 90.0, 0.0, 0.0)), pose("P", HOME)):
-        tool.until_rest("follow", goal)
+        tool.until_rest("goto", goal)
         assert bits(tool.planner.command) == bits(goal)

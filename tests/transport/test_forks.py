@@ -134,7 +134,7 @@ def main(url):
     time.sleep(0.2)
     child = os.fork()
     if not child:
-        for use in (lambda: rc8.execute("Echo", 1), lambda: rc8.variable("X"), rc8.client.descriptor):
+        for use in (lambda: rc8.execute("Echo", 1), lambda: rc8.variable("X"), rc8.client._fileno):
             try:
                 use()
             except orinkit.OrinError as error:
@@ -161,7 +161,7 @@ async def body(url):
             except RuntimeError as error:  # no event loop runs in the child
                 print("child:", error, flush=True)
         try:
-            rc8.client.descriptor()
+            rc8.client._fileno()
         except orinkit.OrinError as error:
             print("child:", type(error).__name__, "forked" in str(error), flush=True)
         os._exit(0)

@@ -192,7 +192,7 @@ class DriverTimeout(CallTimeout):
         return type(self), (self.function, self.seconds, self.address)
 
     def __str__(self) -> str:
-        if self.function == "rest":
+        if self.function == "stop_and_wait":
             return tr(
                 "ABH3 {address} did not reach standstill within {seconds:g} s. Try: a longer timeout; check its "
                 "deceleration time",

@@ -137,9 +137,9 @@ def test_invalid_values_are_not_sent(both: Both, hosts: Hosts, bare: Place, peer
         (driver.request_broadcast, (0x30,)),  # of another group
         (driver.request_single, (2,)),
         (driver.request_single, (False,)),
-        (driver.rest, (0,)),
-        (driver.rest, (3601,)),
-        (driver.rest, ("long",)),
+        (driver.stop_and_wait, (0,)),
+        (driver.stop_and_wait, (3601,)),
+        (driver.stop_and_wait, ("long",)),
         (driver.read_parameter, (0x10000,)),
     ]:
         with pytest.raises(InvalidValue):
@@ -410,7 +410,7 @@ def test_closing(both: Both, hosts: Hosts, world: Place) -> None:
         (driver.init, ()),
         (driver.command, ()),
         (driver.stop, ()),
-        (driver.rest, ()),
+        (driver.stop_and_wait, ()),
         (driver.errors, ()),
         (driver.reset_errors, ()),
         (driver.read_identification, ()),

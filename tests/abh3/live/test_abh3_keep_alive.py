@@ -193,7 +193,7 @@ def test_a_driver_that_stops_replying(both: Both, hosts: Hosts, bare: Place, pee
 
 
 @only_on("udp_multicast", because="the bus has no part in it")
-@pytest.mark.parametrize("name", ["stop", "rest", "init", "reset_errors"])
+@pytest.mark.parametrize("name", ["stop", "stop_and_wait", "init", "reset_errors"])
 def test_safe_calls_are_carried_out_after_the_end(both: Both, hosts: Hosts, bare: Place, peer: Peer, name: str) -> None:
     """A call that stops the motor must not raise the time-out of the keep-alive instead."""
     peer.script = obliging

@@ -448,7 +448,7 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
             super().receive_data(data)
             kept.append(len(self.trailing_data[0]))
 
-    monkeypatch.setattr(limits, "Joining", Measured)
+    monkeypatch.setattr(limits, "HeaderCoalescer", Measured)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(300)]
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)

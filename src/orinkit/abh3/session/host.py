@@ -191,7 +191,7 @@ class Host(Generic[F]):
             if max(map(abs, velocities)) < _STANDSTILL:
                 return record
             yield from _wait(_POLL_INTERVAL)
-        raise DriverTimeout("rest", seconds, self.address)
+        raise DriverTimeout("stop_and_wait", seconds, self.address)
 
     def exchange(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
         """Send the current commands and inputs (DP0) and return the feedback.
