@@ -158,14 +158,14 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, LeapingLoop)
-        at, transport = (
+        endpoint, transport = (
             udp.UdpSocket(ServerContext(ProviderRegistry(shop), DEFAULT_LIMITS, 1, 180.0), loop),
             RecordingTransport(),
         )
-        at.connection_made(transport)
+        endpoint.connection_made(transport)
 
         def ask(serial: int, function: int, *arguments: Any) -> None:
-            at.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
+            endpoint.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
 
         async def answer() -> Packet:
             async with asyncio.timeout(PATIENCE):
@@ -184,7 +184,7 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
         ask(2, EXECUTE, handle, "CountLater", "a")
         assert await answer() == Packet(2, 0, [1])
         assert shop.counts == ["a"]
-        at.shared.all.pop().close()
+        endpoint.shared.all.pop().close()
 
     with asyncio.Runner(loop_factory=LeapingLoop) as runner:
         runner.run(main())
@@ -471,11 +471,11 @@ def known(server: Server) -> dict[Any, Any]:
 def test_replies_are_dropped_while_the_socket_does_not_accept_data(server: Server, raw: UdpRaw) -> None:
     handle = raw.open_workshop()
     listener: Any = server._server._listeners[0]
-    at = listener._sockets[0]
-    at.pause_writing()  # called by asyncio normally
+    endpoint = listener._sockets[0]
+    endpoint.pause_writing()  # called by asyncio normally
     raw.request(EXECUTE, handle, "Count", "x", serial=90, reserved=90)
     assert raw.nothing_comes()
-    at.resume_writing()
+    endpoint.resume_writing()
     raw.request(EXECUTE, handle, "Count", "x", serial=91, reserved=90)
     assert raw.packet().arguments == [1]
 
