@@ -293,13 +293,13 @@ def test_corrupted_requests_do_not_affect_other_clients(server: Server) -> None:
 
 
 def test_clients_are_identified_by_their_addresses(server: Server, shop: Counting) -> None:
-    callers = [UdpRaw(server.url) for _ in range(20)]
-    for number, raw in enumerate(callers):
+    clients = [UdpRaw(server.url) for _ in range(20)]
+    for number, raw in enumerate(clients):
         handle = raw.open_workshop()
         variable = raw.ask(GET_VARIABLE, handle, "v", "")
         assert raw.ask(PUT, variable, number) is None
     assert server.clients == 20
-    for number, raw in enumerate(callers):
+    for number, raw in enumerate(clients):
         assert raw.ask(GET, 3) == number
         raw.close()
 
@@ -464,8 +464,8 @@ def test_disconnected_clients_leave_nothing_behind(server: Server, shop: Countin
 def known(server: Server) -> dict[Any, Any]:
     """Return the clients known to the first listener."""
     listener: Any = server._server._listeners[0]
-    callers: dict[Any, Any] = listener._sockets[0]._callers
-    return callers
+    clients: dict[Any, Any] = listener._sockets[0]._clients
+    return clients
 
 
 def test_replies_are_dropped_while_the_socket_does_not_accept_data(server: Server, raw: UdpRaw) -> None:
@@ -523,14 +523,14 @@ def test_if_one_address_fails_none_is_served(server: Server) -> None:
 def test_closing_disconnects_every_client(shop: Counting) -> None:
     before = left_over()
     server = orinkit.serve(shop, "udp://127.0.0.1:0")
-    callers = [UdpRaw(server.url) for _ in range(10)]
-    for raw in callers:
+    clients = [UdpRaw(server.url) for _ in range(10)]
+    for raw in clients:
         raw.ask(GET_VARIABLE, raw.open_workshop(), "v", "")
-    for raw in callers[:3]:
+    for raw in clients[:3]:
         raw.request(EXECUTE, 2, "Wait")
-    for raw in callers[3:6]:
+    for raw in clients[3:6]:
         raw.request(EXECUTE, 2, "Tidy")
-    callers[9].ask(STOP)
+    clients[9].ask(STOP)
     for _ in range(6):
         assert shop.at_work.acquire(timeout=PATIENCE)
     url = server.url
@@ -539,7 +539,7 @@ def test_closing_disconnects_every_client(shop: Counting) -> None:
         assert shop.cancelled.acquire(timeout=PATIENCE)
     assert shop.released.count("v") == 10
     assert shop.closed == 1
-    for raw in callers:
+    for raw in clients:
         raw.close()
     with orinkit.serve(Counting(), url), UdpRaw(url) as raw:
         assert raw.ask(START) is None

@@ -576,16 +576,21 @@ def test_ended_sessions_leave_nothing_behind() -> None:
     async def sessions() -> weakref.ref[Any]:
         shared = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
         table = HttpSessions(shared, 60.0)
-        made = table.beginning("192.168.0.1", 5)
+        made = table.for_service_start("192.168.0.1", 5)
         assert made is not None
-        second = table.beginning("192.168.0.1", 6)
+        second = table.for_service_start("192.168.0.1", 6)
         assert second is not made
-        assert table.at("192.168.0.1") is second
+        assert table.by_address("192.168.0.1") is second
         assert table.by_key(made.key) is made
         for each in (made, second):
             assert each is not None
             each.close()
-        assert (shared.open, shared.all, table.at("192.168.0.1"), table.by_key(made.key)) == (set(), set(), None, None)
+        assert (shared.open, shared.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
+            set(),
+            set(),
+            None,
+            None,
+        )
         return weakref.ref(made)
 
     async def run() -> None:
