@@ -32,9 +32,7 @@ class CrossedPtys:
 
     def _plug(self) -> None:
         self._masters: list[int] = []
-        self._slaves: list[
-            int
-        ] = []  # kept open: a master reports the end when the last descriptor of its slave is closed
+        self._slaves: list[int] = []  # kept open: a master fails when the last descriptor of its slave is closed
         for link in self._ends:
             master, slave = os.openpty()
             tty.setraw(slave)
