@@ -1,4 +1,4 @@
-"""What all tests share. This file being here puts ``tests`` on the path: ``import peers``, ``import devices``."""
+"""Fixtures of all tests. The presence of this file puts ``tests`` on the path: ``from support import peers``."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from orinkit.core import i18n
 from orinkit.server.log_limiter import THROTTLE
 from support.both import LISTEN_AT, Both
 
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a background job of a shell: Ctrl-C is tested too
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # inherited by background jobs of a shell; some tests send SIGINT
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The same examples on every run in CI, new ones elsewhere; no deadline, as other people's machines are slow.
+# The same examples on every run in CI, new ones elsewhere; no deadline, because some machines are slow.
 settings.register_profile("orinkit", deadline=None, max_examples=100, derandomize="CI" in os.environ)
 settings.load_profile("orinkit")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that wait longest, so that no worker is left with one of them at the end."""
+    """Run the slow tests first, so that no worker starts one at the end."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 @pytest.fixture(autouse=True)
 def _english() -> Iterator[None]:
-    """Texts are in English unless a test says otherwise, whatever the machine's language is."""
+    """Set the language to English, regardless of the machine's language."""
     before = i18n.current()
     i18n.use("en")
     yield
@@ -38,7 +38,7 @@ def _english() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _log_of_its_own() -> Iterator[None]:
-    """What one test has logged does not count against the next one."""
+    """Reset the log limiter, so that the log of one test does not count for the next."""
     THROTTLE.forget()
     yield
     THROTTLE.forget()
@@ -46,15 +46,15 @@ def _log_of_its_own() -> Iterator[None]:
 
 @pytest.fixture
 def no_errors_are_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    """Neither by the library nor by asyncio: an error in the log is a bug, or a device's, which a test clears away."""
+    """Fail if the library or asyncio logs an error; a test that expects errors must clear the log."""
     yield
-    # not caplog.records, which are those of the ending itself by now
+    # not caplog.records, which by now contains the records of the teardown
     assert [record.getMessage() for record in caplog.get_records("call") if record.levelno >= logging.ERROR] == []
 
 
 @pytest.fixture(params=["sync", "async"])
 def both(request: pytest.FixtureRequest) -> Iterator[Both]:
-    """Either client, one after the other."""
+    """The synchronous and the asynchronous client in turn."""
     client = Both(request.param)
     yield client
     client.close()
@@ -62,5 +62,5 @@ def both(request: pytest.FixtureRequest) -> Iterator[Both]:
 
 @pytest.fixture(params=list(LISTEN_AT))
 def listen_at(request: pytest.FixtureRequest) -> str:
-    """Where a server is to listen: over TCP, UDP, a serial line, and HTTP."""
+    """The listen addresses of a server for TCP, UDP, a serial line and HTTP, in turn."""
     return LISTEN_AT[request.param]

@@ -25,11 +25,11 @@ pytestmark = pytest.mark.soak
 SECONDS = float(os.environ.get("ORINKIT_SOAK_SECONDS", "3600"))
 WARM = max(20.0, SECONDS / 12)
 PERIOD = 0.008
-MEGA = 1024  # KiB
+MIB = 1024  # KiB
 
 
 class Mover:
-    """Moves the arm, and checks with the control log that every command was within the limits."""
+    """Moves the arm, and checks with the control log that every command position was within the limits."""
 
     def __init__(self, target: Served) -> None:
         self._target = target
@@ -59,11 +59,11 @@ class Mover:
                     robot.move(J(*joints))
                     robot.execute("StopLog")
                     self.moves += 1
-                    self._judge([robot.execute("GetLogRecord", index) for index in range(robot.execute("GetLogCount"))])
+                    self._check([robot.execute("GetLogRecord", index) for index in range(robot.execute("GetLogCount"))])
         except BaseException as error:  # noqa: BLE001 - reported by the test
             self.errors.append(error)
 
-    def _judge(self, records: list[list[Any]]) -> None:
+    def _check(self, records: list[list[Any]]) -> None:
         commands = [record[0:32:4] for record in records]
         self.commands += len(commands)
         for before, now in pairwise(commands):
@@ -103,7 +103,7 @@ def test_an_hour_among_attackers(tmp_path: Path) -> None:
             f"\nclients {crowd.calls} calls, slowest {crowd.slowest:.2f} s; {mover.moves} moves, {mover.commands} commands"
         )
         print(f"attackers: {attackers.did}")
-        print(f"memory {before[0] / MEGA:.0f} MB, at most {max(seen)[0] / MEGA:.0f}, at the end {last[0] / MEGA:.0f}")
+        print(f"memory {before[0] / MIB:.0f} MB, at most {max(seen)[0] / MIB:.0f}, at the end {last[0] / MIB:.0f}")
         print(f"descriptors {before[1]} to {last[1]}, threads {before[2]} to {last[2]}")
         assert crowd.errors == []
         assert mover.errors == []
@@ -111,7 +111,7 @@ def test_an_hour_among_attackers(tmp_path: Path) -> None:
         assert mover.moves > SECONDS / 60
         assert target.process.poll() is None
         third = len(seen) // 3
-        assert max(each[0] for each in seen[-third:]) < max(each[0] for each in seen[:third]) + 30 * MEGA
+        assert max(each[0] for each in seen[-third:]) < max(each[0] for each in seen[:third]) + 30 * MIB
         assert last[1] <= 40
         assert last[2] <= before[2]
     with served(tmp_path, "--state", str(state)) as target, target.connect() as controller:

@@ -1,4 +1,4 @@
-"""A web page of another site sends packets to every port of a server: nothing is executed (curl, and a real Chromium)."""
+"""A web page of another site sends packets to every port of a server: nothing is executed (curl and Chromium)."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def attack_on(provider: str) -> bytes:
     return b"".join(packet(serial, function.id, *arguments) for serial, (function, arguments) in enumerate(packets, 1))
 
 
-class Bystander:
-    """Return the state of the controller, as a legitimate client sees it."""
+class Observer:
+    """A legitimate client, which reads the state of the controller."""
 
     def __init__(self, target: Served) -> None:
         self._target = target
 
-    def sees(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         with self._target.connect() as controller, controller.robot("Arm") as robot:
             values = {name: controller.variable(name).value for name in ("I1", "IO128", "@EMERGENCY_STOP")}
             values["joints"] = robot.execute("CurJnt")
@@ -74,13 +74,13 @@ class Bystander:
 
 
 @pytest.fixture(params=["plain", "gateway"])
-def ports(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[list[int], Bystander]]:
+def ports(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[list[int], Observer]]:
     """Serve a virtual RC8, or a gateway to it, on all ports, with a token if there is one."""
     with served(tmp_path) as target:
-        bystander = Bystander(target)
+        observer = Observer(target)
         own = [urlsplit(url).port or 0 for url in (target.bcap, target.http, target.control)]
         if request.param == "plain":
-            yield own, bystander
+            yield own, observer
             return
         token_file = tmp_path / "token"
         listeners = ["--tcp", "127.0.0.1:0", "--http", "127.0.0.1:0", "--token-file", str(token_file)]
@@ -90,7 +90,7 @@ def ports(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[list
         )  # fmt: skip
         try:
             assert gateway.stdout is not None
-            yield [urlsplit(gateway.stdout.readline().split()[-1]).port or 0 for _ in range(2)], bystander
+            yield [urlsplit(gateway.stdout.readline().split()[-1]).port or 0 for _ in range(2)], observer
         finally:
             gateway.terminate()
             gateway.communicate(timeout=PATIENT)
@@ -101,10 +101,10 @@ pytestmark = pytest.mark.soak
 PROVIDERS = ("CaoProv.DENSO.VRC", PROVIDER_NAME)
 
 
-@pytest.mark.skipif(shutil.which("curl") is None, reason="there is no curl")
-def test_a_post_of_curl(ports: tuple[list[int], Bystander], tmp_path: Path) -> None:
-    numbers, bystander = ports
-    before = bystander.sees()
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+def test_a_post_of_curl(ports: tuple[list[int], Observer], tmp_path: Path) -> None:
+    numbers, observer = ports
+    before = observer.state()
     for provider in PROVIDERS:
         (tmp_path / "body").write_bytes(attack_on(provider))
         for port in numbers:
@@ -117,7 +117,7 @@ def test_a_post_of_curl(ports: tuple[list[int], Bystander], tmp_path: Path) -> N
                 if done.stdout[:1] == b"\x01":  # one packet with an error code, the reply to an invalid request
                     answer = decode(done.stdout)
                     assert (answer.serial, answer.code >= 0x8000_0000, answer.arguments) == (0, True, [])
-    assert bystander.sees() == before
+    assert observer.state() == before
 
 
 PAGE = """<!doctype html><title>waiting</title><script>
@@ -138,7 +138,7 @@ attack();
 
 
 class Site(http.server.BaseHTTPRequestHandler):
-    """Serve a page from another site."""
+    """The web server of another site."""
 
     page = b""
     done: threading.Event
@@ -158,11 +158,11 @@ class Site(http.server.BaseHTTPRequestHandler):
         pass
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)")
 @pytest.mark.parametrize("provider", PROVIDERS)
-def test_a_page_in_chromium(ports: tuple[list[int], Bystander], tmp_path: Path, provider: str) -> None:
-    numbers, bystander = ports
-    before = bystander.sees()
+def test_a_page_in_chromium(ports: tuple[list[int], Observer], tmp_path: Path, provider: str) -> None:
+    numbers, observer = ports
+    before = observer.state()
     done = threading.Event()
     page = PAGE % (base64.b64encode(attack_on(provider)).decode(), numbers)
     handler = type("Evil", (Site,), {"page": page.encode(), "done": done})
@@ -174,10 +174,10 @@ def test_a_page_in_chromium(ports: tuple[list[int], Bystander], tmp_path: Path, 
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
-        assert done.wait(2 * PATIENT), "the page was not run"
+        assert done.wait(2 * PATIENT), "the script of the page was not executed"
     finally:
         browser.terminate()
         browser.wait(PATIENT)
         site.shutdown()
         site.server_close()
-    assert bystander.sees() == before
+    assert observer.state() == before

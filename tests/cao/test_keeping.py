@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 from orinkit.cao import functions as f
-from orinkit.cao.quota import MOST, MOST_OF_A_CLIENT, MOST_OF_ALL, ByteQuota, size_to_keep
+from orinkit.cao.quota import CLIENT_LIMIT, TOTAL_LIMIT, VALUE_LIMIT, ByteQuota, stored_size
 from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
@@ -29,8 +29,8 @@ def refused(call, *arguments):
 @given(variants())
 def test_the_size_is_that_in_a_packet(value):
     length = len(encode_variant(value)) - 4
-    if length <= MOST:
-        assert length - 2 * astral(value) <= size_to_keep(value) <= length
+    if length <= VALUE_LIMIT:
+        assert length - 2 * astral(value) <= stored_size(value) <= length
 
 
 def astral(value: Variant) -> int:
@@ -48,27 +48,27 @@ def astral(value: Variant) -> int:
 
 @pytest.mark.parametrize(
     "value",
-    [bytes(MOST), "x" * (MOST // 2), [0.0] * (MOST // 8), ["x"] * (MOST // 6), [variant(1)] * (MOST // 10 + 1),
+    [bytes(VALUE_LIMIT), "x" * (VALUE_LIMIT // 2), [0.0] * (VALUE_LIMIT // 8), ["x"] * (VALUE_LIMIT // 6), [variant(1)] * (VALUE_LIMIT // 10 + 1),
      [[None] * 6000, [None] * 6000], [variant(None)] * 2_000_000],
 )  # fmt: skip
 def test_values_that_are_too_long(value):
-    assert refused(size_to_keep, variant(value)) == hresult.E_TOO_MUCH_DATA
+    assert refused(stored_size, variant(value)) == hresult.E_TOO_MUCH_DATA
     i18n.use("ja")
     with pytest.raises(CallError, match="タグまたはコマンドのパラメータ"):
-        size_to_keep(variant(value))
+        stored_size(variant(value))
 
 
 def test_budgets():
-    of_all = ByteQuota(150)
-    one, other = ByteQuota(100, of_all), ByteQuota(100, of_all)
+    total = ByteQuota(150)
+    one, other = ByteQuota(100, total), ByteQuota(100, total)
     one.change(100)
     assert refused(one.change, 1) == hresult.E_OUTOFMEMORY
     other.change(50)
     assert refused(other.change, 1) == hresult.E_OUTOFMEMORY
-    assert (one.bytes, other.bytes, of_all.bytes) == (100, 50, 150)
+    assert (one.bytes, other.bytes, total.bytes) == (100, 50, 150)
     one.change(-100)
     other.change(50)
-    assert (one.bytes, other.bytes, of_all.bytes) == (0, 100, 100)
+    assert (one.bytes, other.bytes, total.bytes) == (0, 100, 100)
 
 
 # --- in a session -----------------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ def test_tags_of_a_client_are_bounded():
     handles = [new_variable(session, number) for number in range(60)]
     assert {put_tag(session, handle, bytes(15_800_000)) for handle in handles} == {hresult.E_TOO_MUCH_DATA}
     codes = [put_tag(session, handle, bytes(60_000)) for handle in handles]
-    fit = MOST_OF_A_CLIENT // 60_006
+    fit = CLIENT_LIMIT // 60_006
     assert codes == [0] * fit + [hresult.E_OUTOFMEMORY] * (60 - fit)
     assert host.kept.bytes == fit * 60_006
     assert put_tag(session, handles[0], "another") == 0  # replaces the first one
@@ -113,8 +113,8 @@ def test_tags_of_all_clients_are_bounded():
     for session in sessions:
         handles = [new_variable(session, number) for number in range(17)]
         codes += [put_tag(session, handle, bytes(60_000)) for handle in handles]
-    assert host.kept.bytes <= MOST_OF_ALL
-    assert codes.count(0) == MOST_OF_ALL // 60_006
+    assert host.kept.bytes <= TOTAL_LIMIT
+    assert codes.count(0) == TOTAL_LIMIT // 60_006
     for session in sessions:
         session.close()
     assert host.kept.bytes == 0
@@ -124,9 +124,9 @@ def test_a_tag_that_is_refused_leaves_the_one_before():
     session = open_session(ProviderRegistry(Workshop()))
     handle = new_variable(session, 1)
     assert put_tag(session, handle, "mine") == 0
-    assert put_tag(session, handle, bytes(MOST)) == hresult.E_TOO_MUCH_DATA
+    assert put_tag(session, handle, bytes(VALUE_LIMIT)) == hresult.E_TOO_MUCH_DATA
     assert session.invoke(f.variable_get_tag.id, [variant(handle)]).result == variant("mine")
 
 
 def test_the_size_of_a_head():
-    assert size_to_keep(variant(None)) == struct.calcsize("<HI")
+    assert stored_size(variant(None)) == struct.calcsize("<HI")

@@ -387,9 +387,9 @@ def test_what_was_made_too_late_is_let_go(session):
     controller = connect(session)
     before = len(session)
     pending = Pending(FUNCTIONS[9], controller, "I1", BlockingCall(lambda: None))
-    reply = session.complete(pending, Late("I1"), told=False)
+    reply = session.complete(pending, Late("I1"), client_waits=False)
     assert (reply.code, released, len(session)) == (hresult.E_ABORT, ["I1"], before)
-    assert session.complete(Pending(FUNCTIONS[101], controller, "", None), 5, told=False).code == hresult.S_OK
+    assert session.complete(Pending(FUNCTIONS[101], controller, "", None), 5, client_waits=False).code == hresult.S_OK
 
 
 @pytest.mark.parametrize(

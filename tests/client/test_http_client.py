@@ -57,7 +57,7 @@ def forget_clients(server: Server) -> None:
         for session in list(server._server._connections.open):
             sessions = session._sessions
             usual, sessions.idle = sessions.idle, 0.0
-            session._look_at_the_time()
+            session._check_idle_time()
             sessions.idle = usual
 
     server._loop.call_soon_threadsafe(look)

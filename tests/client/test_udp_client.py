@@ -45,7 +45,7 @@ def forget_clients(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def look() -> None:
         for caller in list(server._server._connections.open):
-            caller._look_at_the_time()
+            caller._check_idle_time()
 
     with monkeypatch.context() as patched:
         patched.setattr(udp, "FORGOTTEN_AFTER", 0.0)

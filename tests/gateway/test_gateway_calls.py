@@ -65,8 +65,8 @@ def walk(url: str, recorder: Recorder) -> list[tuple[str, int, Any]]:
     return answers
 
 
-class Noting(Recorder):
-    """A recorder that numbers its objects, and records the provider that each client requested."""
+class NumberingRecorder(Recorder):
+    """A recorder that numbers its objects, and stores the provider that each client requested."""
 
     provider_names = ("*",)
 
@@ -86,7 +86,7 @@ class Noting(Recorder):
 
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (1, HTTP), (2, HTTP)])
 def test_every_function_is_forwarded_unchanged(gateways: int, between: str) -> None:
-    direct, behind = Noting(), Noting()
+    direct, behind = NumberingRecorder(), NumberingRecorder()
     with orinkit.serve(direct, LISTEN) as server:
         wanted = walk(server.url, direct)
     with chain(behind, gateways, between) as url:
@@ -221,17 +221,17 @@ def test_two_controllers_of_one_client() -> None:
         assert client.call(f.variable_get_name, two) == "Variable_GetName|2/v|[]"
 
 
-@pytest.mark.parametrize("goes", ["closes", "stops", "is cut"])
+@pytest.mark.parametrize("ending", ["closes", "stops", "is cut"])
 @pytest.mark.parametrize(("gateways", "between"), [(1, LISTEN), (2, LISTEN), (2, HTTP)])
-def test_a_client_that_disconnects(goes: str, gateways: int, between: str) -> None:
+def test_a_client_that_disconnects(ending: str, gateways: int, between: str) -> None:
     recorder = Recorder()
     with chain(recorder, gateways, between) as url, RawClient(url) as client:
         controller = client.ask(3, "cell", "Test.Recorder", "", "")
         robot = client.ask(7, controller, "Arm", "")
         client.ask(62, robot, "v", "")
-        if goes == "stops":
+        if ending == "stops":
             assert client.ask(2) is None
-        elif goes == "closes":
+        elif ending == "closes":
             client.close()
         else:
             client.socket.shutdown(2)
@@ -339,7 +339,7 @@ def test_an_abandoned_call() -> None:
                 await client.execute("Echo", 2)
             shop.gate.set()
             async with asyncio.timeout(PATIENCE):
-                while await answer(client) is BusyError:  # noqa: ASYNC110 - it cannot be told otherwise
+                while await answer(client) is BusyError:  # noqa: ASYNC110 - there is no event to wait for
                     await asyncio.sleep(0.002)
             assert await answer(client) == 3
 
@@ -558,7 +558,7 @@ def test_a_host_of_two_controllers_selects_neither() -> None:
         provider._choose("10.0.0.1")
 
 
-def test_beside_other_providers() -> None:
+def test_a_gateway_together_with_other_providers() -> None:
     with orinkit.serve(Recorder(), LISTEN) as server:
         with orinkit.serve([Workshop(), RemoteProvider(server.url)], LISTEN) as gate:
             with orinkit.connect(gate.url, provider="Test.Workshop") as mine:

@@ -39,7 +39,7 @@ def code_of(call: Any) -> int:
     return 0
 
 
-class Again:
+class RestartableServer:
     """A server that can be stopped and restarted at the same address."""
 
     def __init__(self, provider: Provider, listen: str) -> None:
@@ -51,8 +51,8 @@ class Again:
 
 
 @contextmanager
-def controller(provider: Provider, listen: str = LISTEN) -> Iterator[Again]:
-    made = Again(provider, listen)
+def controller(provider: Provider, listen: str = LISTEN) -> Iterator[RestartableServer]:
+    made = RestartableServer(provider, listen)
     try:
         yield made
     finally:
@@ -356,7 +356,7 @@ def test_a_file_is_not_created_again() -> None:
 # --- transports without connections -----------------------------------------------------------------------------------
 
 
-def test_a_controller_on_udp_that_has_forgotten() -> None:
+def test_a_controller_on_udp_that_is_restarted() -> None:
     first, second = VirtualRC8(), VirtualRC8()
     with (
         orinkit.serve(first, "udp://127.0.0.1:0") as server,

@@ -32,7 +32,7 @@ from support.devices import Recorder, Workshop
 from support.gateways import LISTEN
 
 EMPTY = Variant(VarType.EMPTY)
-OF_REAL_ONES = {
+REAL_CONTROLLERS = {
     "Controller": {"getautomode"},
     "Robot": {
         "curspeedmode", "getareaenabled", "robinfo", "checkvirtualfence", "convertposwork", "getbasedef",
@@ -64,7 +64,7 @@ def test_all_reading_commands_of_the_virtual_controllers_are_listed() -> None:
     }
     for interface, commands in READING.items():
         virtual = {name for name, reads in tables.get(interface, {}).items() if reads}
-        assert commands == virtual | OF_REAL_ONES.get(interface, set()), interface
+        assert commands == virtual | REAL_CONTROLLERS.get(interface, set()), interface
     for interface, table in tables.items():
         assert not READING[interface] & {name for name, reads in table.items() if not reads}
 
@@ -424,14 +424,14 @@ class Slow(ControllerObject):
             return BlockingCall(lambda: made)
         if name == "soon":
             return self._soon(made)
-        promise = Deferred[Any]()
+        deferred = Deferred[Any]()
         if name == "fails":
-            promise.set_exception(CallError(0x80040201))
+            deferred.set_exception(CallError(0x80040201))
         elif name == "later":
-            asyncio.get_running_loop().call_later(0.01, promise.set_result, made)
+            asyncio.get_running_loop().call_later(0.01, deferred.set_result, made)
         else:
-            promise.set_result(made)
-        return promise
+            deferred.set_result(made)
+        return deferred
 
     async def _soon(self, made: VariableObject) -> VariableObject:
         await asyncio.sleep(0)

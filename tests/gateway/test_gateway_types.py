@@ -34,49 +34,49 @@ EACH = [
 ]
 
 
-class Exact(ControllerObject):
+class EchoController(ControllerObject):
     """A controller that returns and stores the received values."""
 
-    def __init__(self, kept: list[Any]) -> None:
+    def __init__(self, received: list[Any]) -> None:
         super().__init__()
-        self.kept = kept
+        self.received = received
 
     def execute(self, command: str, parameter: Variant) -> Variant:
-        self.kept[:] = [command, parameter]
+        self.received[:] = [command, parameter]
         return parameter
 
     def get_robot(self, name: str, option: str) -> Any:
-        return ExactRobot(self.kept)
+        return ReceivingRobot(self.received)
 
 
-class ExactRobot(RobotObject):
-    def __init__(self, kept: list[Any]) -> None:
+class ReceivingRobot(RobotObject):
+    def __init__(self, received: list[Any]) -> None:
         super().__init__()
-        self.kept = kept
+        self.received = received
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        self.kept[:] = [axis, accel, decel]
+        self.received[:] = [axis, accel, decel]
 
     def move(self, interpolation: int, pose: Variant, option: str) -> None:
-        self.kept[:] = [interpolation, pose, option]
+        self.received[:] = [interpolation, pose, option]
 
 
-class Keeper(Provider):
+class ReceivingProvider(Provider):
     provider_names = ("*",)
 
     def __init__(self) -> None:
-        self.kept: list[Any] = []
+        self.received: list[Any] = []
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Any:
-        return Exact(self.kept)
+        return EchoController(self.received)
 
 
 @pytest.fixture(scope="module")
-def keeper() -> Keeper:
-    return Keeper()
+def provider() -> ReceivingProvider:
+    return ReceivingProvider()
 
 
-class Way(NamedTuple):
+class Route(NamedTuple):
     """A client, its controller, and True if values are sent as text between them."""
 
     raw: Client
@@ -85,53 +85,53 @@ class Way(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=[LISTEN, HTTP], ids=["tcp", "http"])
-def way(keeper: Keeper, request: pytest.FixtureRequest) -> Iterator[Way]:
-    with chain(keeper, 2, request.param, timeout=PATIENCE) as url, orinkit.open_client(url, timeout=PATIENCE) as raw:
-        yield Way(raw, raw.call(f.controller_connect, "", "", "", ""), request.param == HTTP)
+def route(provider: ReceivingProvider, request: pytest.FixtureRequest) -> Iterator[Route]:
+    with chain(provider, 2, request.param, timeout=PATIENCE) as url, orinkit.open_client(url, timeout=PATIENCE) as raw:
+        yield Route(raw, raw.call(f.controller_connect, "", "", "", ""), request.param == HTTP)
 
 
-def check(keeper: Keeper, way: Way, value: Variant) -> None:
-    came = way.raw.request(f.controller_execute, way.controller, "Echo", value, exact=True).value
+def check(provider: ReceivingProvider, route: Route, value: Variant) -> None:
+    returned = route.raw.request(f.controller_execute, route.controller, "Echo", value, exact=True).value
     read, _ = decode(encode_variant(value), 0, exact=True)  # the value as decoded from a packet
-    for arrived in (keeper.kept[1], came):
+    for arrived in (provider.received[1], returned):
         assert same(arrived, read)
-        if not way.text or "nan" not in repr(value):
+        if not route.text or "nan" not in repr(value):
             assert encode_variant(arrived) == encode_variant(value)
 
 
 @pytest.mark.parametrize("value", EACH, ids=lambda value: f"{int(value.type):#x}")
-def test_each_type(keeper: Keeper, way: Way, value: Variant) -> None:
-    check(keeper, way, value)
+def test_each_type(provider: ReceivingProvider, route: Route, value: Variant) -> None:
+    check(provider, route, value)
 
 
 @given(value=variants())
 @settings(max_examples=150)
-def test_any_variant(keeper: Keeper, way: Way, value: Variant) -> None:
-    check(keeper, way, value)
+def test_any_variant(provider: ReceivingProvider, route: Route, value: Variant) -> None:
+    check(provider, route, value)
 
 
 @given(text=strings())
 @settings(max_examples=50)
-def test_any_text(keeper: Keeper, way: Way, text: str) -> None:
-    way.raw.call(f.controller_execute, way.controller, text)
-    assert keeper.kept == [text, Variant(VarType.EMPTY)]
+def test_any_text(provider: ReceivingProvider, route: Route, text: str) -> None:
+    route.raw.call(f.controller_execute, route.controller, text)
+    assert provider.received == [text, Variant(VarType.EMPTY)]
 
 
-def test_numbers_of_the_table(keeper: Keeper, way: Way) -> None:
-    raw = way.raw
-    robot = raw.call(f.controller_get_robot, way.controller, "")
+def test_numbers_of_the_table(provider: ReceivingProvider, route: Route) -> None:
+    raw = route.raw
+    robot = raw.call(f.controller_get_robot, route.controller, "")
     for axis, accel in ((-1, 0.10000000149011612), (2**31 - 1, 3.4028234663852886e38), (-(2**31), -0.0)):
         raw.call(f.robot_accelerate, robot, axis, accel, 1.5)
-        assert repr(keeper.kept) == repr([axis, accel, 1.5])
+        assert repr(provider.received) == repr([axis, accel, 1.5])
     pose = Variant(VarType.R4 | ARRAY, [0.1] * 7)
     raw.call(f.robot_move, robot, 1, pose, "NEXT")
-    assert keeper.kept[0] == 1
-    assert encode_variant(keeper.kept[1]) == encode_variant(pose)
+    assert provider.received[0] == 1
+    assert encode_variant(provider.received[1]) == encode_variant(pose)
 
 
 @pytest.mark.parametrize("size", [0, 1, 65536, 4_000_000])
-def test_large_values(keeper: Keeper, way: Way, size: int) -> None:
-    if way.text:
+def test_large_values(provider: ReceivingProvider, route: Route, size: int) -> None:
+    if route.text:
         size //= 10  # text is longer
-    check(keeper, way, Variant(VarType.UI1 | ARRAY, bytes(range(256)) * (size // 256) + bytes(size % 256)))
-    check(keeper, way, Variant(VarType.BSTR, "あ" * (size // 2)))
+    check(provider, route, Variant(VarType.UI1 | ARRAY, bytes(range(256)) * (size // 256) + bytes(size % 256)))
+    check(provider, route, Variant(VarType.BSTR, "あ" * (size // 2)))

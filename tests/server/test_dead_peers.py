@@ -65,7 +65,9 @@ def test_a_cable_is_unplugged_while_motions_are_queued(path: str) -> None:
 
 def _connections(server: Server) -> list[Any]:
     return [
-        each for each in list(server._server._connections.all) if hasattr(each, "gone") or hasattr(each, "_transport")
+        each
+        for each in list(server._server._connections.all)
+        if hasattr(each, "is_closed") or hasattr(each, "_transport")
     ]
 
 

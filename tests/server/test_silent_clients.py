@@ -15,7 +15,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.core import hresult
 from orinkit.server import tcp
-from orinkit.server.capacity import DEFAULT_CLIENTS, most_of_an_address
+from orinkit.server.capacity import DEFAULT_CLIENTS, default_per_address
 from orinkit.server.context import ServerContext
 from orinkit.server.threaded import Server
 from support.devices import Workshop
@@ -225,7 +225,7 @@ def addresses(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_one_address_cannot_use_up_the_limit(workshop: Workshop, caplog: pytest.LogCaptureFixture) -> None:
     with orinkit.serve(workshop, "tcp://127.0.0.1:0", clients=LIMIT) as server:
         clients = []
-        for _ in range(most_of_an_address(LIMIT)):
+        for _ in range(default_per_address(LIMIT)):
             clients.append(RawClient(server.url, source="127.0.0.7"))
             open_workshop(clients[-1])
         with RawClient(server.url, source="127.0.0.7") as extra:
@@ -251,8 +251,8 @@ def test_an_address_at_its_limit_evicts_no_client_of_another(workshop: Workshop)
 
 
 def test_a_machine_can_have_256_clients() -> None:
-    assert most_of_an_address(DEFAULT_CLIENTS) >= 256
-    assert [most_of_an_address(limit) for limit in (1, 2, 3, 4, 8, 16)] == [1, 2, 3, 3, 6, 12]
+    assert default_per_address(DEFAULT_CLIENTS) >= 256
+    assert [default_per_address(limit) for limit in (1, 2, 3, 4, 8, 16)] == [1, 2, 3, 3, 6, 12]
 
 
 def test_only_a_limited_number_of_clients_receives_e_max_connect(server: Server) -> None:

@@ -199,7 +199,7 @@ def test_list_4_1_with_half_the_pause(as_sent: AsSent) -> None:
 @pytest.mark.parametrize("wait", [CYCLE, CYCLE / 2])
 @pytest.mark.parametrize("as_sent", [as_r8, as_r4])
 def test_list_4_1_in_real_time(as_sent: AsSent, wait: float) -> None:
-    """How often the buffer is full depends on the machine here; the motion of the arm does not."""
+    """The number of full buffers depends on the machine here; the motion of the arm does not."""
     run = in_real_time(as_sent, wait)
     assert run.codes[:2] == [S_OK, S_OK]
     assert run.codes.count(S_BUF_FULL) > 0

@@ -158,14 +158,14 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, LeapingLoop)
-        at, transport = (
+        endpoint, transport = (
             udp.UdpSocket(ServerContext(ProviderRegistry(shop), DEFAULT_LIMITS, 1, 180.0), loop),
             RecordingTransport(),
         )
-        at.connection_made(transport)
+        endpoint.connection_made(transport)
 
         def ask(serial: int, function: int, *arguments: Any) -> None:
-            at.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
+            endpoint.datagram_received(packet.encode(Packet(serial, function, list(arguments))), ("127.0.0.1", 5))
 
         async def answer() -> Packet:
             async with asyncio.timeout(PATIENCE):
@@ -184,7 +184,7 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
         ask(2, EXECUTE, handle, "CountLater", "a")
         assert await answer() == Packet(2, 0, [1])
         assert shop.counts == ["a"]
-        at.shared.all.pop().close()
+        endpoint.shared.all.pop().close()
 
     with asyncio.Runner(loop_factory=LeapingLoop) as runner:
         runner.run(main())
@@ -293,13 +293,13 @@ def test_corrupted_requests_do_not_affect_other_clients(server: Server) -> None:
 
 
 def test_clients_are_identified_by_their_addresses(server: Server, shop: Counting) -> None:
-    callers = [UdpRaw(server.url) for _ in range(20)]
-    for number, raw in enumerate(callers):
+    clients = [UdpRaw(server.url) for _ in range(20)]
+    for number, raw in enumerate(clients):
         handle = raw.open_workshop()
         variable = raw.ask(GET_VARIABLE, handle, "v", "")
         assert raw.ask(PUT, variable, number) is None
     assert server.clients == 20
-    for number, raw in enumerate(callers):
+    for number, raw in enumerate(clients):
         assert raw.ask(GET, 3) == number
         raw.close()
 
@@ -464,18 +464,18 @@ def test_disconnected_clients_leave_nothing_behind(server: Server, shop: Countin
 def known(server: Server) -> dict[Any, Any]:
     """Return the clients known to the first listener."""
     listener: Any = server._server._listeners[0]
-    callers: dict[Any, Any] = listener._sockets[0]._callers
-    return callers
+    clients: dict[Any, Any] = listener._sockets[0]._clients
+    return clients
 
 
 def test_replies_are_dropped_while_the_socket_does_not_accept_data(server: Server, raw: UdpRaw) -> None:
     handle = raw.open_workshop()
     listener: Any = server._server._listeners[0]
-    at = listener._sockets[0]
-    at.pause_writing()  # called by asyncio normally
+    endpoint = listener._sockets[0]
+    endpoint.pause_writing()  # called by asyncio normally
     raw.request(EXECUTE, handle, "Count", "x", serial=90, reserved=90)
     assert raw.nothing_comes()
-    at.resume_writing()
+    endpoint.resume_writing()
     raw.request(EXECUTE, handle, "Count", "x", serial=91, reserved=90)
     assert raw.packet().arguments == [1]
 
@@ -523,14 +523,14 @@ def test_if_one_address_fails_none_is_served(server: Server) -> None:
 def test_closing_disconnects_every_client(shop: Counting) -> None:
     before = left_over()
     server = orinkit.serve(shop, "udp://127.0.0.1:0")
-    callers = [UdpRaw(server.url) for _ in range(10)]
-    for raw in callers:
+    clients = [UdpRaw(server.url) for _ in range(10)]
+    for raw in clients:
         raw.ask(GET_VARIABLE, raw.open_workshop(), "v", "")
-    for raw in callers[:3]:
+    for raw in clients[:3]:
         raw.request(EXECUTE, 2, "Wait")
-    for raw in callers[3:6]:
+    for raw in clients[3:6]:
         raw.request(EXECUTE, 2, "Tidy")
-    callers[9].ask(STOP)
+    clients[9].ask(STOP)
     for _ in range(6):
         assert shop.at_work.acquire(timeout=PATIENCE)
     url = server.url
@@ -539,7 +539,7 @@ def test_closing_disconnects_every_client(shop: Counting) -> None:
         assert shop.cancelled.acquire(timeout=PATIENCE)
     assert shop.released.count("v") == 10
     assert shop.closed == 1
-    for raw in callers:
+    for raw in clients:
         raw.close()
     with orinkit.serve(Counting(), url), UdpRaw(url) as raw:
         assert raw.ask(START) is None

@@ -1,1 +1,1 @@
-"""What tests of several folders share: devices, peers, clocks, cells, programs."""
+"""Helpers shared by tests of several folders: devices, peers, clocks, cells, programs."""

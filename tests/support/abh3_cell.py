@@ -1,4 +1,4 @@
-"""A virtual ABH3 on a bench: a clock that is moved by hand, and a host that speaks in frames."""
+"""A virtual ABH3 with a manual clock, and a host that exchanges frames with it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GO = ("servo_on", "start")
 
 
 class Abh3Cell:
-    """The device, and what a host does with it."""
+    """A virtual ABH3 and the operations of a host."""
 
     def __init__(self, **parameters: Any) -> None:
         self.clock = ManualClock()
@@ -34,13 +34,13 @@ class Abh3Cell:
         return word
 
     def frame(self, ay: int = 0, bx: int = 0, inputs: int = 0, host: int | None = None) -> CanFrame:
-        """A command in codes."""
+        """Return a command frame; the arguments are raw codes."""
         data = ay.to_bytes(2, "little", signed=True) + bx.to_bytes(2, "little", signed=True)
         source = self.host if host is None else host
         return CanFrame(single(self.device.address, source), data + inputs.to_bytes(4, "little"))
 
     def put(self, ay: int = 0, bx: int = 0, *names: str, sel: int = 0) -> DP0R | DP0RV2:
-        """Send a command, codes and names of inputs; v1 selects set 0 by bits 111."""
+        """Send a command with raw codes and the names of inputs; v1 encodes set 0 as bits 111."""
         number = self.mask(*names) | self._select(sel)
         (answer,) = self.device.receive(self.frame(ay, bx, number))
         assert answer.id & 0x03FFFFFF == single(self.host, self.device.address)
@@ -49,7 +49,7 @@ class Abh3Cell:
         return record
 
     def hold(self, seconds: float, ay: int = 0, bx: int = 0, *names: str, sel: int = 0) -> DP0R | DP0RV2:
-        """Send a command again and again for so long; seconds in tenths."""
+        """Repeat a command every 0.1 s for the given time."""
         record = self.put(ay, bx, *names, sel=sel)
         for _ in range(round(seconds * 10)):
             self.clock.advance(0.1)
@@ -57,7 +57,7 @@ class Abh3Cell:
         return record
 
     def ask(self, number: int, *, everyone: bool = False) -> Any:
-        """Ask for a broadcast; returns its record."""
+        """Request a broadcast and return its record."""
         parameters = self.device.parameters
         data = pgn(0xFF, parameters.group * 8 + number)
         destination = EVERYONE if everyone else self.device.address
@@ -109,7 +109,7 @@ class Abh3Cell:
         self.clock.advance(seconds)
 
     def reset(self) -> None:
-        """Reset errors as a host does: the bit on, a little time, the bit off."""
+        """Reset errors as a host does: set the bit, wait 2 ms, clear the bit."""
         self.put(0, 0, "error_reset")
         self.wait(2 * MS)
         self.put()

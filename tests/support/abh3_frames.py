@@ -1,4 +1,4 @@
-"""The frames of ABH3 drivers and their fields: section 2 of the document, and what 2023 has changed, written out once more."""
+"""The frames of ABH3 drivers and their fields: section 2 of the document and the changes of 2023, as an independent copy."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from orinkit.abh3.table.signals import V1, V2
 
 TENTHS = {"v1": V1.with_load_unit(0.1), "v2": V2.with_load_unit(0.1)}
 
-# frame: section, data page, number of the broadcast, and for each field: name, the document's words, first byte, bytes,
-# kind; "h" and "i" have a sign, "H" and "I" have none
+# frame: section, data page, number of the broadcast, and for each field: name, name in the document, first byte, number
+# of bytes, type code; "h" and "i" are signed, "H" and "I" unsigned
 FRAMES_ALIKE = {
     "DP0S": ("2.1", 0, None, [
         ("ay_command", "A/Y 指令", 1, 2, "h"), ("bx_command", "B/X 指令", 3, 2, "h")]),
@@ -46,7 +46,7 @@ FRAMES = {
     },
 }  # fmt: skip
 
-# name of a field: unit, codes per unit (section 3)
+# field name: unit, codes per unit (section 3)
 QUANTITIES = {
     **dict.fromkeys(("ay_command", "bx_command", "a_velocity", "b_velocity", "y_velocity", "x_velocity"), ("min^-1", 5)),
     **dict.fromkeys(("ay_velocity", "bx_velocity", "ay_velocity_command", "bx_velocity_command"), ("min^-1", 5)),

@@ -1,4 +1,4 @@
-"""CAN buses of every kind that needs no hardware, with virtual ABH3 drivers or with a peer that a test scripts."""
+"""CAN buses of every kind that requires no hardware, with virtual ABH3 drivers or with a scripted peer."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from support.both import Both
 from support.can_ptys import CrossedPtys
 
 PATIENCE = 20.0
-"""Seconds after which what has not happened does not happen."""
+"""Seconds until a wait fails."""
 KINDS = ("virtual", "udp_multicast", "slcan", "serial")
 
 
 def only_on(*kinds: str, because: str) -> pytest.MarkDecorator:
-    """Have a test on these kinds of bus only, and say why."""
+    """Restrict a test to these kinds of bus, with the reason."""
     assert because
     return pytest.mark.parametrize("bare", kinds, indirect=True)
 
@@ -53,13 +53,13 @@ DRIVERS: dict[int, dict[str, Any]] = {
     3: {"group": 6, "command_timeout": 250, "error_timeout": 500},
     9: {"command_timeout": 0, "error_timeout": 0, "dialect": "v2", "group": 3, "load_unit": 0.1},
 }
-"""Drivers of the bus that tests share: two alike, one that falls into an error, one of 2023."""
+"""Drivers of the bus that tests share: two identical ones, one with a time-out error, one with the dialect of 2023."""
 FAST = {"acceleration_time": 0.05, "deceleration_time": 0.05}
-"""A motor that a test need not wait for."""
+"""Parameters of a motor with short acceleration times."""
 
 
 def rest(both: Both, seconds: float) -> None:
-    """Let time pass; an event loop goes on meanwhile."""
+    """Let time pass; an event loop keeps running meanwhile."""
     if both.loop is None:
         time.sleep(seconds)
     else:
@@ -67,7 +67,7 @@ def rest(both: Both, seconds: float) -> None:
 
 
 def wait(both: Both, condition: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait until something has happened; an event loop goes on meanwhile."""
+    """Wait until a condition is true; an event loop keeps running meanwhile."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen"
@@ -79,7 +79,7 @@ def wait(both: Both, condition: Callable[[], object], seconds: float = PATIENCE)
 
 @dataclass
 class Place:
-    """A bus without anybody: two ends, which are one and the same where the bus is no cable."""
+    """A bus without participants: two ends, which are the same URL unless the bus is a cable."""
 
     kind: str
     near: str
@@ -88,7 +88,7 @@ class Place:
     folder: Path | None = None
 
     def link(self) -> None:
-        """Give the ends of the cable names that stay when they are made anew, as adapters have."""
+        """Link stable names to the ends of the cable, as adapters have when they are plugged in again."""
         assert self.cable is not None
         assert self.folder is not None
         for name, path in (("near", self.cable.left), ("far", self.cable.right)):
@@ -112,7 +112,7 @@ class Place:
 
 @contextmanager
 def place(kind: str, folder: Path) -> Iterator[Place]:
-    """Have a bus."""
+    """Provide a bus."""
     if kind == "virtual":
         url = f"can://virtual/abh3-{os.getpid()}-{next(_NUMBERS)}"
         yield Place(kind, url, url)
@@ -130,7 +130,7 @@ def place(kind: str, folder: Path) -> Iterator[Place]:
 
 
 def raw_bus(url: str) -> can.BusABC:
-    """Open a bus with python-can, without anything of orinkit."""
+    """Open a bus with python-can alone."""
     parts = urlsplit(url)
     interface, channel = parts.netloc, parts.path[1:]
     settings: dict[str, Any] = {name: int(value) for name, value in parse_qsl(parts.query)}
@@ -144,11 +144,11 @@ def raw_bus(url: str) -> can.BusABC:
 
 @contextmanager
 def process(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run Python in a process of its own, which is killed at the end."""
+    """Run Python in a separate process, which is killed at the end."""
     with subprocess.Popen(
         [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=_ENVIRONMENT
     ) as child:
-        watchdog = threading.Timer(100.0, child.kill)  # nothing here may wait for ever
+        watchdog = threading.Timer(100.0, child.kill)  # no test may wait forever
         watchdog.start()
         try:
             yield child
@@ -175,7 +175,7 @@ def _options(address: int, given: dict[str, Any]) -> list[str]:
 
 @contextmanager
 def served(kind: str, folder: Path) -> Iterator[Place]:
-    """Have a bus with :data:`DRIVERS`; with udp_multicast each is in a process of its own."""
+    """Provide a bus with :data:`DRIVERS`; with udp_multicast each driver runs in a separate process."""
     with place(kind, folder) as found, ExitStack() as stack:
         if kind == "udp_multicast":
             children = [
@@ -192,7 +192,7 @@ def served(kind: str, folder: Path) -> Iterator[Place]:
 
 @dataclass
 class Echo:
-    """A device that answers commands with what they said and who it is: feedback A, B as commanded, Y its address."""
+    """A device whose replies repeat the command and identify it: feedback A and B as commanded, Y is its address."""
 
     address: int
     group: int = 5
@@ -232,7 +232,7 @@ def message(number: int, data: bytes = bytes(8), **kind: Any) -> can.Message:
 
 
 def feedback(a: float = 0.0, number: int = FEEDBACK) -> can.Message:
-    """An answer to a command, with the velocity of A in min^-1."""
+    """Return the reply to a command, with the velocity of A in min^-1."""
     return message(number, struct.pack("<hhhh", round(a * 5), 0, 0, 0))
 
 
@@ -242,12 +242,12 @@ def broadcast(number: int, first: int = 0, second: int = 0, *, source: int = 1, 
 
 
 class Peer:
-    """Whoever is at the other end of a bus: answers what its script says to each frame.
+    """The node at the other end of a bus: replies to each frame according to its script.
 
     Attributes:
-        heard: all frames that came.
-        script: returns what is to be sent for a frame.
-        served: how many frames were answered, or let pass.
+        heard: all frames received.
+        script: returns the frames to send in reply to a frame.
+        served: number of frames processed, with or without a reply.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -269,13 +269,13 @@ class Peer:
                 self.heard.append(found)
                 self.send(*self.script(found))
                 self.served += 1
-            except Exception as error:  # noqa: BLE001 - is told at the end
+            except Exception as error:  # noqa: BLE001 - reported by close()
                 self.failed.append(error)
                 return
 
     @staticmethod
     def _is_for_me(found: can.Message) -> bool:
-        return found.arbitration_id & 0xFF == 2  # udp_multicast gives back what is sent
+        return found.arbitration_id & 0xFF == 2  # udp_multicast also delivers a node's own frames
 
     def send(self, *messages: can.Message) -> None:
         for each in messages:
@@ -287,18 +287,18 @@ class Peer:
 
     @property
     def data(self) -> list[str]:
-        """What came, as ``ID#DATA`` in hex."""
+        """The received frames, as ``ID#DATA`` in hex."""
         return [f"{frame.arbitration_id:08X}#{bytes(frame.data).hex(' ')}" for frame in self.heard]
 
     def close(self) -> None:
         self._ending.set()
         self._thread.join()
-        shut(self.bus)  # slcan writes to its port then, which may be gone
+        shut(self.bus)  # slcan writes to its port on shutdown; the port may no longer exist
         assert self.failed == []
 
 
 def obliging(frame: can.Message) -> list[can.Message]:
-    """The script of a driver without faults: feedback A is the A/Y command; broadcasts say their number twice."""
+    """Reply as a driver without faults: feedback A is the A/Y command; broadcasts contain their number twice."""
     number = frame.arbitration_id & 0x03FFFFFF
     if number == COMMAND and len(frame.data) == 8:
         return [message(FEEDBACK, bytes(frame.data[:2]) + bytes(6))]
@@ -308,10 +308,10 @@ def obliging(frame: can.Message) -> list[can.Message]:
 
 
 def arrived(both: Both, bare: Place, driver: Any, number: int) -> None:
-    """Wait until so many frames for a driver that nobody waits for have come over the bus."""
+    """Wait until ``number`` unsolicited frames for a driver have been received."""
     if both.loop is not None:
         wait(both, lambda: len(driver._port.frames) >= number)
-    elif bare.cable is not None:  # elsewhere what was sent is there
+    elif bare.cable is not None:  # on other buses, a frame arrives as soon as it is sent
         listener = driver.listen(PATIENCE)
         for _ in range(number):
             next(listener)
@@ -322,7 +322,7 @@ def arrived(both: Both, bare: Place, driver: Any, number: int) -> None:
 
 
 class Hosts:
-    """Opens drivers and buses of either client, and closes them at the end of a test."""
+    """Opens drivers and buses with either client, and closes them at the end of a test."""
 
     def __init__(self, both: Both) -> None:
         self.both = both
@@ -330,7 +330,7 @@ class Hosts:
         self._opened: list[Any] = []
 
     def opening(self, at: Any, **settings: Any) -> Any:
-        """What ``connect`` returns before it is awaited, or entered."""
+        """Return the result of ``connect`` before it is awaited or entered."""
         return self._module.connect(at, **settings)
 
     def connect(self, at: Any, **settings: Any) -> Any:
@@ -340,7 +340,7 @@ class Hosts:
         return self.keep(self.both.run(self._module.open_bus(at, **settings)))
 
     def opening_bus(self, at: Any, **settings: Any) -> Any:
-        """What ``open_bus`` returns before it is awaited, or entered."""
+        """Return the result of ``open_bus`` before it is awaited or entered."""
         return self._module.open_bus(at, **settings)
 
     def keep(self, opened: Any) -> Any:
@@ -350,7 +350,7 @@ class Hosts:
     @staticmethod
     @contextmanager
     def in_vain(driver: Any, seconds: float) -> Iterator[None]:
-        """Calls that are not to be answered end sooner than those that are."""
+        """Shorten the time-out of a driver for calls that get no reply."""
         before, driver.host.timeout = driver.host.timeout, seconds
         try:
             yield
@@ -359,7 +359,7 @@ class Hosts:
 
     @staticmethod
     def impatient(driver: Any, *, patience: float | None = None, idle: float | None = None) -> None:
-        """Have a keep-alive end soon that was begun with patience: what came before did not depend on a short time."""
+        """Shorten the times of a running keep-alive; the steps before this one do not depend on a short time."""
         heart = driver._heart
         heart.patience, heart.idle = patience or heart.patience, idle or heart.idle
 
@@ -369,7 +369,7 @@ class Hosts:
 
 
 def turn(both: Both, driver: Any) -> None:
-    """Have both motors turn."""
+    """Start both motors."""
     both.run(driver.set_input("servo_on", 1))
     both.run(driver.set_input("start", 1))
     both.run(driver.command(100.0, 100.0))

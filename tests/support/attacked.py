@@ -1,4 +1,4 @@
-"""A virtual RC8 as people serve it, as a program of its own whose log nobody reads, and attackers beside it."""
+"""A virtual RC8 served by a separate program whose log is not read, and programs that attack it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HERE = Path(__file__).parent
 
 @dataclass
 class Served:
-    """The program and where it listens."""
+    """The program and the addresses at which it listens."""
 
     process: subprocess.Popen[str]
     bcap: str
@@ -52,7 +52,7 @@ class Served:
 
 @contextmanager
 def served(folder: Path, *options: str) -> Iterator[Served]:
-    """Serve a virtual RC8 on b-CAP, e-CAP with a token, and a control port; nobody reads its stderr."""
+    """Serve a virtual RC8 on b-CAP, e-CAP with a token, and a control port; its stderr is not read."""
     token_file, secret_file = folder / "token", folder / "secret"
     for file, secret in ((token_file, TOKEN), (secret_file, "pendant-of-the-attack-tests")):
         file.touch(mode=0o600)
@@ -84,7 +84,7 @@ def served(folder: Path, *options: str) -> Iterator[Served]:
 
 @dataclass
 class Attackers:
-    """Programs that attack a server, each of them for as long as this lasts."""
+    """Programs that attack a server for the duration of a ``with`` block."""
 
     served: Served
     names: tuple[str, ...]
@@ -112,7 +112,7 @@ class Attackers:
 
 
 class Crowd:
-    """Ordinary clients that read and write variables all the time, none of them faster than a program would."""
+    """Ordinary clients that read and write variables continuously, at the pace of a normal program."""
 
     def __init__(self, served: Served, count: int, pause: float = 0.1) -> None:
         self._served = served
@@ -142,8 +142,8 @@ class Crowd:
                     value += 1
                     began = time.monotonic()
                     variable.value = value
-                    assert variable.value == value  # no other client has this one: an acknowledged write is kept
+                    assert variable.value == value  # no other client writes this one: an acknowledged write persists
                     self.slowest = max(self.slowest, time.monotonic() - began)
                     self.calls += 2
-        except BaseException as error:  # noqa: BLE001 - told by the test
+        except BaseException as error:  # noqa: BLE001 - reported by the test
             self.errors.append(error)

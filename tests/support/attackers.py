@@ -1,7 +1,7 @@
-"""Attackers on a server, each a program of its own: ``python attackers.py NAME B-CAP-PORT HTTP-PORT``.
+"""Attacks on a server, each a separate program: ``python attackers.py NAME B-CAP-PORT HTTP-PORT``.
 
-They run until stdin is closed and then print how much they did, as JSON. They have less priority than the server, for real ones
-have machines of their own.
+They run until stdin is closed and then print the number of their operations, as JSON. They have a lower priority than the
+server, because real attackers run on other machines.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 HOST = "127.0.0.1"
 MEGA = 1 << 20
 _NICE = 10
-_PATIENCE = 5.0  # s for an answer
+_PATIENCE = 5.0  # s to wait for a reply
 
 
 class Done(threading.Event):
-    """Set when the attack is to end; counts what was done."""
+    """An event that ends the attack; counts the operations."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,7 +50,7 @@ def packet(serial: int, function: int, *arguments: Variant) -> bytes:
 
 
 def answer(link: socket.socket) -> bytes:
-    """Return one packet; raises ConnectionError where the server has closed the connection."""
+    """Return one packet; raises ConnectionError if the server has closed the connection."""
     head = receive(link, 5)
     (length,) = struct.unpack_from("<I", head, 1)
     return head + receive(link, length - 5)
@@ -78,7 +78,7 @@ def serials() -> Iterator[int]:
 
 
 def refused_calls(done: Done, bcap: int, _: int) -> None:
-    """Calls that are refused, each with something to log, as fast as the server answers (row 2)."""
+    """Send calls that are refused and logged, as fast as the server replies (row 2)."""
     names = ["\x1b[31mnobody" * 20, "日本語" * 100, "\n" * 300]
     while not done.is_set():
         try:
@@ -96,7 +96,7 @@ def refused_calls(done: Done, bcap: int, _: int) -> None:
 
 
 def large_packets(done: Done, bcap: int, http: int) -> None:
-    """Packets that take long to read, log or answer (row 3)."""
+    """Send packets that are expensive to read, log or answer (row 3)."""
     dates = Variant(int(VarType.DATE) | ARRAY, [45000.5] * 50_000)
     nested = Variant(VARIANT_ARRAY, [Variant(VARIANT_ARRAY, [Variant(VarType.CY, Decimal(1))] * 1000)] * 40)
     bodies = [
@@ -131,7 +131,7 @@ def large_packets(done: Done, bcap: int, http: int) -> None:
 
 
 def silent_connections(done: Done, bcap: int, http: int) -> None:
-    """Connections that say nothing, and as many anew as the server closes (row 7)."""
+    """Open connections that send nothing, and replace those that the server closes (row 7)."""
     open_now: list[socket.socket] = []
     while not done.is_set():
         try:
@@ -158,7 +158,7 @@ def alive(link: socket.socket) -> bool:
 
 
 def token_guesses(done: Done, _: int, http: int) -> None:
-    """Guesses of the token, as fast as they are answered (row 10)."""
+    """Guess the token, as fast as the server replies (row 10)."""
     while not done.is_set():
         try:
             with connected(http) as link:
@@ -178,7 +178,7 @@ def token_guesses(done: Done, _: int, http: int) -> None:
 
 
 def web_pages(done: Done, bcap: int, _: int) -> None:
-    """What a browser sends for a page of another site: a POST whose body holds packets (row 1)."""
+    """Send what a browser sends for a page of another site: a POST whose body contains packets (row 1)."""
     body = packet(1, 1, text("")) + packet(2, 3, text("x"), text("CaoProv.DENSO.VRC"), text("localhost"), text(""))
     request = (
         b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://evil.example\r\nContent-Type: text/plain;charset=UTF-8\r\n"
@@ -203,7 +203,7 @@ ATTACKS: dict[str, tuple[Callable[[Done, int, int], None], int]] = {
     "token-guesses": (token_guesses, 4),
     "web-pages": (web_pages, 2),
 }
-"""What each attack does, and in how many threads."""
+"""Name of the attack: its function and number of threads."""
 
 
 def main(name: str, bcap: int, http: int) -> None:

@@ -1,4 +1,4 @@
-"""Bad links between a real client and a real server: what they carry is lost, doubled, delayed, mixed up, cut, broken.
+"""Unreliable links between a real client and a real server: packets are lost, duplicated, delayed, reordered, cut, corrupted.
 
 ::
 
@@ -6,14 +6,14 @@
         with BadUdp(server.url, at_random(seed=1)) as link:
             ...  # a client connects to link.url
 
-A link has two ways for each client, ``"there 0"`` (to the server) and ``"back 0"``; whoever makes one gets a
-:data:`Spoil` for its name: what arrives of a packet. :func:`at_random` makes those whose dice are thrown by the seed and
-the name, so that the same happens to the same packet of a way whenever it comes. :class:`Script` makes one that does what
-a test says to the next packet.
+A link has two directions for each client, ``"there 0"`` (to the server) and ``"back 0"``. Each direction has a :data:`Spoil`:
+a function that returns what arrives of a packet. :func:`at_random` seeds its random numbers with the seed and the name of
+the direction, so the faults of a direction are reproducible. :class:`Script` applies the faults that a test has specified
+to the next packets.
 
-:class:`Ledger` is a device that notes what it carries out, so that it shows if something is carried out twice.
+:class:`Ledger` is a device that records what it executes, so that a call that is executed twice is detected.
 
-Each link is carried by a thread of its own, which ends with the ``with`` block.
+Each link runs in a separate thread, which ends with the ``with`` block.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from orinkit.cao import provider as p
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.values.variant import Variant, plain
 
-PATIENCE = 20.0  # seconds that a link may take to end
-SLOW = 0.1  # s that a slow call takes
+PATIENCE = 20.0  # s for a link to end
+SLOW = 0.1  # s, duration of a slow call
 MOST_CLIENTS = 1000
-MOST_UNDER_WAY = 10_000  # packets; those that follow are lost
+MOST_UNDER_WAY = 10_000  # packets; further ones are lost
 
 Piece: TypeAlias = tuple[float, bytes]
-"""Bytes that arrive, and seconds until they do: from now on (UDP), after those before them (serial)."""
+"""Delay in seconds, and the bytes that arrive then; the delay counts from now (UDP) or from the previous piece (serial)."""
 Spoil: TypeAlias = Callable[[bytes], Iterable[Piece]]
 
 
@@ -53,7 +53,7 @@ Spoil: TypeAlias = Callable[[bytes], Iterable[Piece]]
 
 
 class Account(p.ControllerObject):
-    """Counts what one client has it do."""
+    """A controller object that records the calls of one client."""
 
     def __init__(self, name: str, carried: list[int]) -> None:
         super().__init__(name)
@@ -72,7 +72,7 @@ class Account(p.ControllerObject):
 
 
 class Ledger(Provider):
-    """Notes every number that has been carried out, for each client's name."""
+    """A device that records every number that has been executed, by client name."""
 
     provider_names = ("Test.Ledger",)
 
@@ -88,17 +88,18 @@ class Ledger(Provider):
 
 @dataclass(frozen=True, slots=True)
 class Harm:
-    """How often something happens to a packet on its way.
+    """Probabilities of the faults of a link, per packet.
 
     Attributes:
-        loss: it is lost; each of the two if it was doubled.
-        double: it comes twice.
-        late: it is delayed, by ``delay`` seconds at most.
-        cut: its end is missing.
-        broken: it is changed: bits anywhere on a serial line, SOH, EOT or length on UDP.
-        noise: bytes from nowhere are before it, inside it or behind it (serial).
-        gap: some of its bytes are missing (serial).
-        stop: the line falls silent in the middle of it, for 2 ``delay`` at most (serial).
+        loss: The packet is lost; drawn for each copy if it is duplicated.
+        double: The packet arrives twice.
+        late: The packet is delayed.
+        delay: The longest delay, s.
+        cut: The end of the packet is missing.
+        broken: The packet is corrupted: any bits on a serial line; SOH, EOT or length on UDP.
+        noise: Random bytes precede, interrupt or follow the packet (serial).
+        gap: Some bytes of the packet are missing (serial).
+        stop: The line pauses in the middle of the packet, for at most 2 ``delay`` (serial).
     """
 
     loss: float = 0.2
@@ -113,7 +114,7 @@ class Harm:
 
 
 def spoil_datagram(dice: random.Random, harm: Harm, data: bytes) -> list[Piece]:
-    """Return what arrives of a datagram. UDP has a checksum: one that is changed at random would not arrive at all."""
+    """Return what arrives of a datagram. UDP has a checksum, so randomly corrupted datagrams would not arrive at all."""
     arriving = []
     for _ in range(2 if dice.random() < harm.double else 1):
         if dice.random() < harm.loss:
@@ -128,14 +129,14 @@ def spoil_datagram(dice: random.Random, harm: Harm, data: bytes) -> list[Piece]:
 
 
 def spoil_bytes(dice: random.Random, harm: Harm, data: bytes) -> list[Piece]:
-    """Return what arrives of a packet on a serial line: in order, but for that anything may happen."""
+    """Return what arrives of a packet on a serial line; order is kept, but any other fault may occur."""
     arriving: list[Piece] = []
     for _ in range(2 if dice.random() < harm.double else 1):
         if dice.random() < harm.loss:
             continue
         piece = bytearray(data)
         if dice.random() < harm.broken:
-            for _ in range(dice.randrange(1, 4)):  # CRC-16 finds up to three bits for certain
+            for _ in range(dice.randrange(1, 4)):  # CRC-16 detects up to three bit errors
                 piece[dice.randrange(len(piece))] ^= 1 << dice.randrange(8)
         if dice.random() < harm.gap:
             start = dice.randrange(len(piece))
@@ -155,33 +156,33 @@ def spoil_bytes(dice: random.Random, harm: Harm, data: bytes) -> list[Piece]:
 
 
 def noise(dice: random.Random) -> bytes:
-    """Return bytes from nowhere; some of them look like the beginning of a packet, of a short one or of a long one."""
+    """Return random bytes; some end like the beginning of a short or long packet."""
     some = dice.randbytes(dice.randrange(1, 30))
     return some + dice.choice((b"", b"", b"\x01", b"\x01\x40\0\0\0", b"\x01\xf0\x01\0\0", b"\x01" + dice.randbytes(4)))
 
 
 def at_random(seed: int, harm: Harm | None = None, spoil: Any = spoil_datagram) -> Callable[[str], Spoil]:
-    """Return what makes the ways of a link that is bad at random."""
+    """Return a factory of spoils with random faults, by the name of the direction."""
     return lambda way: partial(spoil, random.Random(f"{seed} {way}"), Harm() if harm is None else harm)
 
 
 class Script:
-    """Makes ways that carry everything as it is, but for what a test has said is to happen next on one of them."""
+    """A factory of spoils that leave packets unchanged, except for the faults that a test has queued."""
 
     def __init__(self) -> None:
         self._next: dict[str, list[Spoil]] = {}
 
     def next(self, way: str, *spoils: Spoil) -> None:
-        """Say what is to happen to the next packets of a way, one each."""
+        """Queue spoils for the next packets of a direction, one each."""
         self._next.setdefault(way, []).extend(spoils)
 
     def left(self, way: str) -> int:
-        """Return how many packets of a way something is still to happen to."""
+        """Return the number of spoils still queued for a direction."""
         return len(self._next.get(way, ()))
 
     @property
     def done(self) -> bool:
-        """Whether all of it has happened."""
+        """True if no queued spoils are left."""
         return not any(self._next.values())
 
     def __call__(self, way: str) -> Spoil:
@@ -190,12 +191,12 @@ class Script:
 
 
 def as_it_is(data: bytes) -> list[Piece]:
-    """Let a packet arrive."""
+    """Let a packet arrive unchanged."""
     return [(0.0, data)]
 
 
 def lose(data: bytes) -> list[Piece]:
-    """Let nothing arrive."""
+    """Lose a packet."""
     return []
 
 
@@ -203,11 +204,11 @@ def lose(data: bytes) -> list[Piece]:
 
 
 class _Link(ABC):
-    """What both kinds have in common: a thread that waits for bytes and for the time at which others are due.
+    """Base of both links: a thread that receives bytes and delivers delayed ones when they are due.
 
     Attributes:
-        came: packets that were given to it.
-        arrived: pieces of them that it has delivered.
+        came: number of packets received.
+        arrived: number of pieces delivered.
     """
 
     def __init__(self, spoiled: Callable[[str], Spoil]) -> None:
@@ -240,7 +241,7 @@ class _Link(ABC):
                 while self._due and self._due[0][0] <= time.monotonic():
                     _, _, send, data = heapq.heappop(self._due)
                     self._deliver(send, data)
-        except BaseException as error:  # noqa: BLE001 - is raised in the test itself
+        except BaseException as error:  # noqa: BLE001 - raised in the test
             self._error = error
 
     def _deliver(self, send: Callable[[bytes], Any], data: bytes) -> None:
@@ -271,10 +272,10 @@ class _Link(ABC):
 
 
 class BadUdp(_Link):
-    """A bad link to a server on UDP, for any number of clients; the server knows each by an address of its own.
+    """An unreliable link to a server on UDP, for any number of clients; the server sees a different address for each.
 
     Attributes:
-        url: for clients.
+        url: the address for clients.
     """
 
     def __init__(self, server: str, spoiled: Callable[[str], Spoil]) -> None:
@@ -331,17 +332,17 @@ class BadUdp(_Link):
 
 
 class _SerialWay:
-    """One way of a serial line: whole packets come, pieces go, one after the other."""
+    """One direction of a serial line: receives whole packets and forwards their pieces in order."""
 
     def __init__(self, source: int, target: int, spoil: Spoil) -> None:
         self.source = source
         self.target = target
         self._spoil = spoil
         self._begun = b""
-        self.last = 0.0  # when the latest piece is due
+        self.last = 0.0  # time at which the latest piece is due
 
     def read(self) -> list[bytes]:
-        """Return the packets that have come; whatever is no packet comes as it is."""
+        """Return the packets received; bytes that are not a packet are returned as they are."""
         try:
             self._begun += os.read(self.source, 65536)
         except BlockingIOError:
@@ -358,7 +359,7 @@ class _SerialWay:
         return packets
 
     def pieces(self, data: bytes) -> list[Piece]:
-        """Return what arrives, with the time at which it does."""
+        """Return the pieces that arrive, with the time of each."""
         self.last = max(self.last, time.monotonic())
         arriving = []
         for wait, piece in self._spoil(data):
@@ -367,15 +368,15 @@ class _SerialWay:
         return arriving
 
     def send(self, data: bytes) -> None:
-        """Write; what the line has no room for is lost."""
+        """Write; bytes that exceed the buffer of the line are lost."""
         os.write(self.target, data)
 
 
 class BadSerial(_Link):
-    """Bad links to the pseudo-terminals of a server, one for each.
+    """Unreliable links to the pseudo-terminals of a server, one for each.
 
     Attributes:
-        urls: for clients, in the same order.
+        urls: the addresses for clients, in the same order.
     """
 
     def __init__(self, servers: Iterable[str], spoiled: Callable[[str], Spoil]) -> None:
@@ -398,11 +399,11 @@ class BadSerial(_Link):
 
     @property
     def url(self) -> str:
-        """The first."""
+        """The first address."""
         return self.urls[0]
 
     def say(self, way: str, data: bytes) -> None:
-        """Have bytes from nowhere arrive at the end of a way."""
+        """Inject bytes at the end of a direction."""
         self._ways[way].send(data)
 
     def _readable(self, way: _SerialWay) -> None:

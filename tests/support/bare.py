@@ -1,4 +1,4 @@
-"""A plugin for an installation without extras (``-p support.bare``): what needs one is skipped, all else has to pass."""
+"""A plugin for an installation without extras (``-p support.bare``): tests that require one are skipped, all others must pass."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MARKS = ("MissingExtra", *(f"No module named '{name}" for name in EXTRAS))
 
 
 class BareModule(pytest.Module):
-    """A module that is skipped if it imports what is not installed."""
+    """A test module that is skipped if it imports a package of an extra that is not installed."""
 
     def _getobj(self) -> Any:
         try:

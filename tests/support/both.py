@@ -1,7 +1,7 @@
 """One test body for the synchronous and the asynchronous client, over TCP, UDP, serial lines and HTTP.
 
-``both.run(client.call(...))`` gives the result of either: of the synchronous one it is there already, the coroutine
-of the asynchronous one is run in an event loop of the test's own.
+``both.run(client.call(...))`` returns the result of either: the synchronous client returns it directly; the coroutine of
+the asynchronous one is run in a separate event loop for each test.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import orinkit
 from orinkit import aio
 
 LISTEN_AT = {"tcp": "tcp://127.0.0.1:0", "udp": "udp://127.0.0.1:0", "serial": "pty://", "http": "http://127.0.0.1:0"}
-"""Where a server is to listen that is reached over each kind of wire; the fixture ``listen_at`` is one after the other."""
+"""Listen address for each transport; the fixture ``listen_at`` takes each of them in turn."""
 
 
 def only(*kinds: str, because: str) -> pytest.MarkDecorator:
-    """Have a test over these wires only, and say why."""
+    """Restrict a test to these transports, with the reason."""
     assert because
     return pytest.mark.parametrize("listen_at", kinds, indirect=True)
 
@@ -38,7 +38,7 @@ class Both:
         return self.kind
 
     def run(self, result: Any) -> Any:
-        """Return the result of a call, whichever client it was made on."""
+        """Return the result of a call of either client."""
         if self.loop is None:
             assert not isawaitable(result)
             return result
@@ -49,9 +49,9 @@ class Both:
         return await result if isawaitable(result) else result
 
     def side_by_side(self, *bodies: Coroutine[Any, Any, Any]) -> list[Any]:
-        """Run bodies at the same time, each in a thread or each as a task, and return their results.
+        """Run bodies concurrently, each in a thread or as a task, and return their results.
 
-        A body is one for either client: it says ``await both.now(client.call(...))``, and nothing else is awaited.
+        The same body serves both clients: it uses ``await both.now(client.call(...))`` and awaits nothing else.
         """
         if self.loop is not None:
             return self.loop.run_until_complete(_all_of(bodies))
@@ -59,11 +59,11 @@ class Both:
 
         def run(number: int, body: Coroutine[Any, Any, Any]) -> None:
             try:
-                body.send(None)  # it never waits: the calls have been made when they return
+                body.send(None)  # never suspends: synchronous calls are complete when they return
                 outcomes[number] = RuntimeError("a body has awaited something")
             except StopIteration as stop:
                 outcomes[number] = stop.value
-            except BaseException as error:  # noqa: BLE001 - is raised below
+            except BaseException as error:  # noqa: BLE001 - raised below
                 outcomes[number] = error
 
         threads = [threading.Thread(target=run, args=each, daemon=True) for each in enumerate(bodies)]
@@ -81,7 +81,7 @@ class Both:
         return self.run((orinkit.open_client if self.loop is None else aio.open_client)(url, **options))
 
     def connect(self, url: str, **options: Any) -> Any:
-        """Connect to a controller; on a serial line it is not asked which dialect it speaks."""
+        """Connect to a controller; on a serial line the dialect is given instead of detected."""
         if url.startswith("serial"):
             options.setdefault("dialect", "rc8")
         return self.run((orinkit.connect if self.loop is None else aio.connect)(url, **options))
@@ -101,7 +101,7 @@ class Both:
         self.run(manager.__aexit__(None, None, None))
 
     def close(self) -> None:
-        """Close the loop; a task that is left over is an error."""
+        """Close the loop; an unfinished task is an error."""
         if self.loop is not None:
             self.loop.run_until_complete(asyncio.sleep(0))
             left = asyncio.all_tasks(self.loop)

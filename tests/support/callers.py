@@ -1,4 +1,4 @@
-"""Raw clients on lossy wires, for tests of servers: bytes as they are told; and a device that counts what it carries out."""
+"""Raw clients for UDP and serial lines, for tests of servers, and a device that counts the calls that it executes."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from support.devices import Workshop, WorkshopController
 from support.waiting import PATIENCE
 
 START, STOP, CONNECT, GET_VARIABLE, EXECUTE, GET, PUT = 1, 2, 3, 9, 17, 101, 102
-NOTHING = 0.15  # s in which an answer would have come long ago
+NOTHING = 0.15  # s, much longer than a reply takes
 
 
 class CountingController(WorkshopController):
-    """Counts."""
+    """A workshop controller with the commands Count and CountLater."""
 
     def __init__(self, counting: Counting) -> None:
         super().__init__(counting)
@@ -43,11 +43,11 @@ class CountingController(WorkshopController):
 
 
 class Counting(Workshop):
-    """A workshop that counts: what its command Count was given, and CountLater, which waits for the gate.
+    """A workshop that records the parameters of its commands Count and CountLater; CountLater waits for the gate.
 
     Attributes:
         counts: the parameters.
-        visitors: who has connected.
+        visitors: the clients that have connected.
     """
 
     def __init__(self) -> None:
@@ -61,10 +61,10 @@ class Counting(Workshop):
 
 
 class RawCaller(ABC):
-    """A client that sends what it is told and shows what comes.
+    """A client that sends given bytes and returns received packets.
 
     Attributes:
-        wire: how its packets travel.
+        wire: the packet format of the transport.
     """
 
     wire: BcapProfile
@@ -79,18 +79,18 @@ class RawCaller(ABC):
 
     @abstractmethod
     def receive(self, seconds: float) -> bytes | None:
-        """Return what comes next, ``None`` if nothing does."""
+        """Return the next bytes received, ``None`` after a time-out."""
 
     @abstractmethod
     def close(self) -> None:
-        """Close."""
+        """Close the transport."""
 
     def encode(self, serial: int, function: int, *arguments: Any, reserved: int = 0) -> bytes:
         """Return a request as bytes."""
         return packet.encode(Packet(serial, function, list(arguments), reserved), crc=self.wire.crc)
 
     def request(self, function: int, *arguments: Any, serial: int | None = None, reserved: int = 0) -> int:
-        """Send a request; returns its serial."""
+        """Send a request and return its serial."""
         self._serial = self._serial % 0xFFFF + 1 if serial is None else serial
         self.send(self.encode(self._serial, function, *arguments, reserved=reserved))
         return self._serial
@@ -101,16 +101,16 @@ class RawCaller(ABC):
         end = time.monotonic() + seconds
         while frame is None:
             data = self.receive(end - time.monotonic())
-            assert data is not None, "no answer"
+            assert data is not None, "no reply"
             frame = self._framer.feed(data)
         return packet.decode(frame, crc=self.wire.crc)
 
     def nothing_comes(self) -> bool:
-        """Whether there is no answer."""
+        """Return True if no reply arrives."""
         return self.receive(NOTHING) is None
 
     def ask(self, function: int, *arguments: Any) -> Any:
-        """Send a request and return the result of its answer; the code, if that is a failure."""
+        """Send a request and return the result of the reply; the return code unless it is S_OK."""
         serial = self.request(function, *arguments)
         answer = self.packet()
         assert answer.serial == serial
@@ -132,7 +132,7 @@ class RawCaller(ABC):
 
 
 class UdpRaw(RawCaller):
-    """On UDP."""
+    """A raw client on UDP."""
 
     wire = DATAGRAM
 
@@ -160,7 +160,7 @@ class UdpRaw(RawCaller):
 
 
 class SerialRaw(RawCaller):
-    """On a serial line: by the URL of a pseudo-terminal that the server has opened, or by a descriptor."""
+    """A raw client on a serial line: a descriptor, or the URL of a pseudo-terminal that the server has opened."""
 
     wire = LINE
 

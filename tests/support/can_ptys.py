@@ -1,4 +1,4 @@
-"""A serial cable without hardware: two pseudo-terminals whose bytes go from one to the other."""
+"""A serial cable without hardware: two pseudo-terminals that forward bytes to each other."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _CHUNK = 4096
 
 
 class CrossedPtys:
-    """Two ends of a cable; what is written to one end can be read at the other.
+    """Two ends of a cable; bytes written to one end can be read at the other.
 
     Attributes:
-        left: path of one end, which may be opened and closed as often as one likes; a link to ``/dev/pts/3`` or the like.
+        left: path of one end, which may be opened and closed any number of times; a link to ``/dev/pts/3`` or similar.
         right: path of the other end.
     """
 
@@ -32,7 +32,7 @@ class CrossedPtys:
 
     def _plug(self) -> None:
         self._masters: list[int] = []
-        self._slaves: list[int] = []  # kept open: a master ends when whoever has opened its other end closes it
+        self._slaves: list[int] = []  # kept open: a master fails when the last descriptor of its slave is closed
         for link in self._ends:
             master, slave = os.openpty()
             tty.setraw(slave)
@@ -64,27 +64,27 @@ class CrossedPtys:
                 return
             room = select.poll()
             room.register(sink, select.POLLOUT)
-            room.poll(10)  # nobody reads: after a second what does not fit is lost, as on a cable
+            room.poll(10)  # the buffer is full: after 1 s the rest is lost, as on a cable
 
     def write(self, end: str, data: bytes) -> None:
-        """Have bytes arrive at an end: noise, or what a device there would be sent."""
+        """Inject bytes at an end."""
         master = self._masters[(self.left, self.right).index(end)]
         os.write(master, data)
 
     def stall(self) -> None:
-        """Take nothing from either end any more, as an adapter that hangs; may be called again."""
+        """Stop forwarding in both directions, as an adapter that hangs; may be called again."""
         if self._thread is not None:
             os.write(self._wake, b"\0")
             self._thread.join()
             self._thread = None
 
     def go_on(self) -> None:
-        """Take what waits, and what comes."""
+        """Resume forwarding, beginning with the bytes that have been waiting."""
         self._thread = threading.Thread(target=self._copy, args=self._masters, name="crossed ptys", daemon=True)
         self._thread.start()
 
     def cut(self) -> None:
-        """Pull the adapters out: reading and writing fail, and there are no such ports; may be called again."""
+        """Unplug the adapters: reading and writing fail, and the ports do not exist; may be called again."""
         if self._masters:
             self.stall()
             for end in (*self._masters, *self._slaves):
@@ -94,12 +94,12 @@ class CrossedPtys:
             self._masters, self._slaves = [], []
 
     def restore(self) -> None:
-        """Plug them in again; their paths are the same."""
+        """Plug the adapters in again, with the same paths."""
         self.cut()
         self._plug()
 
     def close(self) -> None:
-        """Cut it, for good."""
+        """Unplug the adapters and release all resources."""
         self.cut()
         os.close(self._wake)
         os.close(self._woken)
@@ -108,7 +108,7 @@ class CrossedPtys:
 
 @contextmanager
 def crossed_ptys() -> Iterator[CrossedPtys]:
-    """Have a cable for the time of a test."""
+    """Provide a cable for the duration of a test."""
     cable = CrossedPtys()
     try:
         yield cable

@@ -1,4 +1,4 @@
-"""A virtual RC8 on a clock that stands still, and clients of it that call the served objects themselves."""
+"""A virtual RC8 with a manual clock, and clients that call the served objects directly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ADDRESS = "192.168.0.7"
 
 
 class Cell:
-    """One virtual RC8 and its first client; ``robot`` has nothing taken, the motor is on."""
+    """A virtual RC8 and its first client; the motor is on, and ``robot`` has not taken the arm."""
 
     def __init__(self, permission: Permission | None = None, **options: Any) -> None:
         self.clock = ManualClock()
@@ -39,11 +39,11 @@ class Cell:
         return self
 
     def move(self, interpolation: int, pose: Any, option: str = "") -> Any:
-        """Begin a motion."""
+        """Start a motion."""
         return self.robot.move(interpolation, variant(pose), option)
 
     def run(self, result: Any, seconds: float = 30.0) -> Any:
-        """Let time pass until a promise is kept, and return what it gives."""
+        """Let time pass until a deferred result is available, and return its value."""
         if isinstance(result, Deferred):
             for _ in range(round(seconds / PERIOD)):
                 if result.done():
@@ -54,7 +54,7 @@ class Cell:
         return getattr(result, "plain", result)
 
     def code(self, result: Any, seconds: float = 30.0) -> int:
-        """Return the code that a call ends with, 0 if it succeeds."""
+        """Return the final return code of a call, 0 if it succeeds."""
         try:
             self.run(result, seconds)
         except CallError as error:
@@ -62,14 +62,14 @@ class Cell:
         return 0
 
     def code_of(self, call: Callable[[], Any]) -> int:
-        """Return the code that a call is refused with at once, or ends with; 0 if it succeeds."""
+        """Make a call and return its return code, immediate or final; 0 if it succeeds."""
         try:
             return self.code(call())
         except CallError as error:
             return error.code
 
     def trace(self, cycles: int) -> list[tuple[float, ...]]:
-        """Run cycle by cycle and return the command joints after each."""
+        """Run for a number of cycles and return the command joints after each."""
         joints = []
         for _ in range(cycles):
             self.clock.advance(PERIOD)
@@ -77,7 +77,7 @@ class Cell:
         return joints
 
     def cycles(self, result: Any, most: int = 10_000) -> int:
-        """Return after how many cycles a promise is kept; its error is raised."""
+        """Return the number of cycles until a deferred result is available; its error is raised."""
         for count in range(most):
             if result.done():
                 result.result()
@@ -90,15 +90,15 @@ class Cell:
         self.controller.get_variable(name, "").put_value(variant(value))
 
     def stand(self, *joints: float) -> Cell:
-        """Put the arm somewhere else, at once."""
+        """Place the arm at joints immediately, without a motion."""
         self.arm.place(joints)
         return self
 
     @property
     def tip(self) -> Any:
-        """The frame (4, 4) of the tool that the command is at, in the base."""
+        """The tool frame (4, 4) at the command position, in base coordinates."""
         return self.arm.space.tcp(self.arm.queue.joints)
 
     def close(self) -> None:
-        """End."""
+        """Close the controller."""
         self.rc8.close()

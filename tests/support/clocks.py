@@ -1,4 +1,4 @@
-"""A clock for virtual devices that goes on by itself and can be held, so that nothing happens while a test looks."""
+"""A clock for virtual devices that runs by itself and can be held, so that no state changes while a test inspects it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _STEP = 0.001  # s between two steps
 
 
 class HeldClock(ManualClock):
-    """A manual clock that a thread moves, in small steps, unless a test holds it.
+    """A manual clock that a thread advances in small steps unless a test holds it.
 
-    Time stands still for the device when it does for the program: no motion ends while the machine stalls.
+    The clock stalls with the program: no motion ends while the machine stalls.
 
     Args:
-        scale: how many times as fast as real time it is at most.
+        scale: highest speed, as a multiple of real time.
     """
 
     def __init__(self, scale: float = 25.0) -> None:
@@ -30,17 +30,17 @@ class HeldClock(ManualClock):
         self._thread.start()
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward; the devices that it drives do what is due before this returns."""
+        """Advance the clock; the devices that it drives have processed everything due when this returns."""
         with self._moving:
             super().advance(seconds)
 
     def pace(self, scale: float) -> None:
-        """Have it go on faster or more slowly from now on."""
+        """Set the speed, as a multiple of real time."""
         self._step = _STEP * scale
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Have the clock stand still, but for :meth:`advance`."""
+        """Hold the clock; only :meth:`advance` moves it."""
         with self._moving:
             self._free = False
         try:
@@ -55,6 +55,6 @@ class HeldClock(ManualClock):
                     super().advance(self._step)
 
     def close(self) -> None:
-        """Stand still for good; the device is to be closed before."""
+        """Stop the clock permanently; close the device first."""
         self._ended.set()
         self._thread.join()

@@ -1,7 +1,7 @@
 """Devices for tests of clients and servers.
 
-:class:`Recorder` has every function of the table. It notes each call, and its answer depends on function, object and
-arguments, so an answer that went astray is seen. :class:`Workshop` works slowly, waits, fails: whatever a handler may do.
+:class:`Recorder` implements every function of the table. It records each call, and its result depends on function, object
+and arguments, so a misrouted reply is detected. :class:`Workshop` has handlers that are slow, wait, or fail.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from support.waiting import PATIENCE
 
 
 class Call(NamedTuple):
-    """One call as the device got it: the document's name, the object's path, the arguments as plain values."""
+    """A call as received by the device: name in the document, path of the object, arguments as plain values."""
 
     function: str
     path: str
@@ -30,7 +30,7 @@ class Call(NamedTuple):
 
 
 def answer(function: Function[..., Any], path: str, arguments: Sequence[Any]) -> Any:
-    """What :class:`Recorder` answers a call with."""
+    """Return the result of a call of :class:`Recorder`."""
     text = f"{function.name}|{path}|{list(arguments)!r}"
     if function.result is VarType.I4:
         return zlib.crc32(text.encode()) - 2**31
@@ -40,7 +40,7 @@ def answer(function: Function[..., Any], path: str, arguments: Sequence[Any]) ->
 
 
 class Recorded:
-    """What the objects of a :class:`Recorder` have beside their methods."""
+    """Mixin of the objects of a :class:`Recorder`."""
 
     recorder: Recorder
     path: str
@@ -82,7 +82,7 @@ class Recorder(Provider):
     """A device with all 137 functions.
 
     Attributes:
-        calls: what was called, in order, releases too; they come also when a client has gone.
+        calls: the calls in order, including releases; objects are also released when a client disconnects.
     """
 
     provider_names = ("Test.Recorder",)
@@ -97,7 +97,7 @@ class Recorder(Provider):
             self.released.notify_all()
 
     def wait_for(self, call: Call, seconds: float = PATIENCE) -> bool:
-        """Wait until a call has been made; False if it has not been in that time."""
+        """Wait for a call; return False after a time-out."""
         with self.released:
             return self.released.wait_for(lambda: call in self.calls, seconds)
 
@@ -112,7 +112,7 @@ class Recorder(Provider):
 
 
 class WorkshopController(p.ControllerObject):
-    """Executes commands that wait; see :class:`Workshop`."""
+    """The controller object of :class:`Workshop`."""
 
     def __init__(self, workshop: Workshop) -> None:
         super().__init__("Workshop")
@@ -122,13 +122,13 @@ class WorkshopController(p.ControllerObject):
         shop = self._workshop
         if command == "Echo":
             return parameter
-        if command == "EchoLater":  # [value, how many turns of the event loop]
+        if command == "EchoLater":  # [value, number of iterations of the event loop]
             return self._later(parameter)
-        if command == "Wait":  # until the test opens the gate; the parameter comes back
+        if command == "Wait":  # until the test opens the gate; returns the parameter
             return self._wait(parameter)
         if command == "Block":  # the same in a worker thread
             return BlockingCall(lambda: shop.block(parameter))
-        if command == "Tidy":  # takes its time to be cancelled
+        if command == "Tidy":  # takes 20 ms to be cancelled
             return self._tidy()
         if command == "Fail":
             raise error_for(int(plain(parameter)) & 0xFFFFFFFF)
@@ -182,7 +182,7 @@ class WorkshopController(p.ControllerObject):
 
 
 class WorkshopVariable(p.VariableObject):
-    """A variable that keeps what is written to it."""
+    """A variable that stores the value written to it."""
 
     def __init__(self, name: str, workshop: Workshop) -> None:
         super().__init__(name)
@@ -202,14 +202,14 @@ class WorkshopVariable(p.VariableObject):
 
 
 class Workshop(Provider):
-    """A device whose commands wait until the test says go.
+    """A device whose commands wait until the test opens the gate.
 
     Attributes:
-        gate: handlers that wait go on when it is set.
-        at_work: is released once for each handler that has begun to wait.
-        cancelled: is released once for each ``async`` handler that has been cancelled.
+        gate: set to let waiting handlers continue.
+        at_work: released once for each handler that has begun to wait.
+        cancelled: released once for each ``async`` handler that has been cancelled.
         made, released: names of the objects, in order.
-        let_go: is released once for each variable that has been released.
+        let_go: released once for each variable that has been released.
     """
 
     provider_names = ("Test.Workshop",)

@@ -1,4 +1,4 @@
-"""Packages as they are when they are installed: modules, and a ``.dist-info`` directory beside them."""
+"""Installed packages: modules with a ``.dist-info`` directory beside them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ import orinkit
 
 
 def install(directory: Path, name: str, entries: str, *, group: str = "orinkit.providers", **modules: str) -> Path:
-    """Write a package with entry points of orinkit; it is installed where the directory is on the path.
+    """Write a package with entry points of orinkit; it is installed if the directory is on the path.
 
     Args:
-        directory: is made if it is not there; several packages may be in one.
-        name: of the package; its version is 1.0.
+        directory: created if it does not exist; may contain several packages.
+        name: the name of the package; its version is 1.0.
         entries: lines ``name = module:attribute``.
-        group: of the entry points.
-        modules: their sources.
+        group: the group of the entry points.
+        modules: module names and their source code.
+
+    Returns:
+        The directory.
     """
     info = directory / f"{name.replace('-', '_')}-1.0.dist-info"
     info.mkdir(parents=True)
@@ -31,7 +34,7 @@ def install(directory: Path, name: str, entries: str, *, group: str = "orinkit.p
 
 
 def device(name: str, *, width: float = 30.0, kind: str = "Gripper") -> str:
-    """Return the source of a device with a variable WIDTH."""
+    """Return the source code of a device with a variable WIDTH."""
     return f"""
 from orinkit import Device, variable
 
@@ -46,7 +49,7 @@ class {kind}(Device):
 
 @contextmanager
 def forgetting(directory: Path) -> Iterator[None]:
-    """Forget the modules of a directory that are imported meanwhile, and make sure that the path is what it was."""
+    """Remove the modules of a directory that are imported meanwhile, and check that ``sys.path`` has not changed."""
     path = list(sys.path)
     yield
     assert sys.path == path

@@ -1,4 +1,4 @@
-"""Bodies of requests as people write them, and what each asks for; the examples of section 3.5."""
+"""Request bodies in the notations that users write, and their meaning; the examples of section 3.5."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def i2(number: int) -> Variant:
 
 
 class Body(NamedTuple):
-    """A body, the id of the function that it calls, and the arguments that arrive."""
+    """A valid body, the id of the function that it calls, and the decoded arguments."""
 
     name: str
     body: bytes
@@ -35,7 +35,7 @@ class Body(NamedTuple):
 
 
 class BadBody(NamedTuple):
-    """A body that is refused, the code, and what the detail says."""
+    """An invalid body, the return code, and a part of the detail."""
 
     name: str
     body: bytes
@@ -52,7 +52,7 @@ EXAMPLES = [
     ("8,Sample,Test", bstr("Sample,Test")),
     ("8204,(8,Sample),(2,100)", Variant(VARIANT_ARRAY, [bstr("Sample"), i2(100)])),
 ]
-"""Section 3.5: text and value."""
+"""The examples of section 3.5: text and value."""
 
 _CONNECT = [bstr("b-CAP"), bstr("CaoProv.DENSO.VRC"), bstr("localhost")]
 
@@ -80,7 +80,7 @@ BODIES = [
     Body("escapes in upper case", b"Func=107,Arg1=3,Arg2=8%2Ca%2Cb%3D%26c%2F%E3%82%BF", 107, [i4(3), bstr("a,b=&c/タ")]),
     Body("escapes in lower case", b"Func=107,Arg1=3,Arg2=8%2ca%2cb%3d%26c%2f%e3%82%bf", 107, [i4(3), bstr("a,b=&c/タ")]),
     Body("an escape of a percent sign is not read twice", b"Func=9,Arg1=2,Arg2=%252C%25", 9, [i4(2), bstr("%2C%")]),
-    Body("a separator that is encoded is none", b"Func=9,Arg1=2,Arg2=a%2CArg3=b%26Arg4%3Dc", 9,
+    Body("an encoded separator is part of the value", b"Func=9,Arg1=2,Arg2=a%2CArg3=b%26Arg4%3Dc", 9,
          [i4(2), bstr("a,Arg3=b&Arg4=c")]),
     Body("UTF-8 as it is", "Func=107,Arg1=3,Arg2=8,座標,変換".encode(), 107, [i4(3), bstr("座標,変換")]),
     Body("UTF-8 encoded", b"Func=107&Arg1=3&Arg2=8%2C%E5%BA%A7%E6%A8%99", 107, [i4(3), bstr("座標")]),
@@ -127,7 +127,7 @@ BODIES = [
     Body("a NUL in a string", b"Func=9,Arg1=2,Arg2=a%00b", 9, [i4(2), bstr("a\0b")]),
     Body("backslashes", rb"Func=9,Arg1=2,Arg2=\x41\%5C\u0041%41", 9, [i4(2), bstr(r"\x41\\\u0041A")]),
 ]  # fmt: skip
-"""What is understood."""
+"""Valid bodies."""
 
 _ARG = hresult.E_INVALIDARG
 _TYPE = hresult.E_INVALIDARGTYPE
@@ -193,4 +193,4 @@ BAD_BODIES = [
     BadBody("a number by itself for a VARIANT", b"Func=102,Arg1=3,Arg2=100", _ARG, "a VARIANT is written <type>,<value>, such as 3,100 or 8,text"),
     BadBody("nested too deep", b"Func=102,Arg1=3,Arg2=" + b"12,(" * 20 + b"3,1" + b")" * 20, _ARG, "nested deeper than 16"),
 ]  # fmt: skip
-"""What is refused."""
+"""Invalid bodies."""

@@ -1,4 +1,4 @@
-"""What the tests of the gateway share: chains of gateways, waiting, and waiting less."""
+"""Helpers of the tests of gateways: chains of gateways, and time-outs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def chain(
     made: list[RemoteProvider] | None = None,
     **options: Any,
 ) -> Iterator[str]:
-    """Serve a provider behind so many gateways in a row; yields the address of the last one, which is TCP."""
+    """Serve a provider behind a chain of gateways; yields the TCP address of the last one."""
     with ExitStack() as stack:
         url = stack.enter_context(orinkit.serve(provider, between if gateways == 1 else LISTEN)).url
         for left in reversed(range(gateways)):
@@ -33,7 +33,7 @@ def chain(
 
 @contextmanager
 def gateway(url: str, listen: str = LISTEN, made: list[RemoteProvider] | None = None, **options: Any) -> Iterator[str]:
-    """Serve a gateway to an address; yields its own, and adds it to those that were made."""
+    """Serve a gateway to an address; yields the gateway's address and appends its provider to ``made``."""
     provider = RemoteProvider(Upstream(url, **options))
     if made is not None:
         made.append(provider)
@@ -42,7 +42,7 @@ def gateway(url: str, listen: str = LISTEN, made: list[RemoteProvider] | None = 
 
 
 def hurry(made: Iterable[RemoteProvider], seconds: float) -> None:
-    """Have calls from gateways wait so long for their answers from now on: opening did not depend on a short time."""
+    """Set the time-out of the calls of gateways after connecting, so that connecting does not depend on a short one."""
     for provider in made:
         for connection in list(provider._connections):
             if connection._client is not None:

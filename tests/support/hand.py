@@ -1,4 +1,4 @@
-"""Moving the clock of a virtual RC8 by hand while somebody streams to it: real time has no part in it."""
+"""Advancing the clock of a virtual RC8 step by step while a client streams to it, independent of real time."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
 
-SLOW = 5.0  # deg/s, from which an arm may stop at once
+SLOW = 5.0  # deg/s, highest velocity from which an arm may stop immediately
 
 
 class Hand:
-    """Moves the clock of a controller on, cycle by cycle, but never past a set-point that is missing: no stall makes one late.
+    """Advances the clock of a controller cycle by cycle, but never past a missing set-point: no stall makes one late.
 
-    In mode 1 a client repeats a set-point until a cycle has taken it: one that comes again is none while the arm moves.
+    In mode 1 a client repeats a set-point until a cycle has consumed it, so a repeated set-point does not count while the
+    arm moves.
 
     Args:
         device: the controller.
-        clock: its clock; nobody else moves it.
+        clock: its clock; must not be advanced by other code.
 
     Attributes:
-        between: is called by the hand between two cycles, by default to do nothing.
-        error: that it has raised.
+        between: callback invoked between two cycles; does nothing by default.
+        error: the exception that the callback has raised.
     """
 
     def __init__(self, device: VirtualRC8, clock: ManualClock) -> None:
@@ -41,12 +42,12 @@ class Hand:
             self.move()
             try:
                 self.between()
-            except BaseException as error:  # noqa: BLE001 - is raised at the end
+            except BaseException as error:  # noqa: BLE001 - raised by close()
                 self.error = error
                 self.between = lambda: None
 
     def move(self) -> None:
-        """Move the clock by a cycle, unless a set-point is missing."""
+        """Advance the clock by a cycle, unless a set-point is missing."""
         with self._cycles:
             if not self._slave.starving and not self._repeated():
                 self._clock.advance(PERIOD)
@@ -57,7 +58,7 @@ class Hand:
         return again and max(abs(b - a) for a, b in zip(queue.before, queue.joints, strict=True)) > SLOW * PERIOD
 
     def let_pass(self, seconds: float) -> bool:
-        """Let time pass if a set-point is missing, which the next cycle needs; returns whether one is."""
+        """Advance the clock if the set-point for the next cycle is missing; return True if it is."""
         with self._cycles:
             if self._slave.starving:
                 self._clock.advance(seconds)
@@ -65,7 +66,7 @@ class Hand:
         return False
 
     def close(self) -> None:
-        """Move it no more."""
+        """Stop advancing the clock and raise the error of the callback."""
         self._ending.set()
         self._thread.join()
         if self.error is not None:

@@ -1,4 +1,4 @@
-"""What goes on beside the garbage: a server, clients that behave, those who never finish; and what is left of all of them."""
+"""The environment of the garbage tests: a server, correct clients, clients that never finish, and a check for leaks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SLOW_HEADERS, SILENT, HALF_BODIES = 250, 125, 75
 
 
 class Served(NamedTuple):
-    """A server over HTTP and over TCP, and what is behind it."""
+    """A server over HTTP and TCP, and its providers."""
 
     server: Server
     rc8: VirtualRC8
@@ -44,12 +44,12 @@ class Served(NamedTuple):
 
 
 def place(server: Server) -> tuple[str, int]:
-    """Return host and port of the first address of a server."""
+    """Return the host and port of the first address of a server."""
     return "127.0.0.1", int(server.urls[0].rstrip("/").rpartition(":")[2])
 
 
 class Neighbour:
-    """A client that writes and reads its variable all the time."""
+    """A client that writes and reads its variable continuously."""
 
     def __init__(self, url: str, variable: str, cafile: str = "") -> None:
         self.turns = 0
@@ -68,9 +68,9 @@ class Neighbour:
                     variable.value = f"turn {self.turns}"
                     assert variable.value == f"turn {self.turns}"
                     self.turns += 1
-                    self._stop.wait(0.002)  # leaves the processor to the others
+                    self._stop.wait(0.002)  # yields the CPU to the others
                 assert controller.client.stray_replies == 0
-        except BaseException as error:  # noqa: BLE001 - is looked at in the test itself
+        except BaseException as error:  # noqa: BLE001 - checked by the test
             self.error = error
 
     def __enter__(self) -> Self:
@@ -83,7 +83,7 @@ class Neighbour:
 
 
 class Guest:
-    """A client by hand: gets itself handles of everything that there is. Without a cookie it is the address's client."""
+    """A raw client that gets handles of all objects. Without a cookie, its session is identified by its IP address."""
 
     def __init__(self, address: tuple[str, int], *, keeps_cookie: bool) -> None:
         self.cookie = b""
@@ -122,11 +122,11 @@ class Guest:
         return reply.read().decode()
 
 
-# --- what is left -----------------------------------------------------------------------------------------------------
+# --- leaks ------------------------------------------------------------------------------------------------------------
 
 
 def alive() -> dict[int, object]:
-    """Return every session, object and task that there is, and whatever else the server has made."""
+    """Return every session, object and task, and all other objects of the server."""
     gc.collect()
     found: dict[int, object] = {}
     for thing in gc.get_objects():
@@ -144,15 +144,15 @@ def _over(thing: Any) -> bool:
 
 
 def counted() -> tuple[int, int]:
-    """Return how many threads and descriptors there are."""
+    """Return the numbers of threads and descriptors."""
     return threading.active_count(), len(list(DESCRIPTORS.iterdir())) if DESCRIPTORS.exists() else 0
 
 
 def quiet(server: Server) -> tuple[dict[int, object], tuple[int, int]]:
-    """Wait until every client has gone and nothing changes any more; returns what there is then."""
+    """Wait until every client has disconnected and nothing changes any more; return the objects and counts of then."""
     pause = threading.Event()
     _wait_for_clients(server)
-    gc.collect()  # what earlier tests have left
+    gc.collect()  # remains of earlier tests
     same, numbers = 0, counted()
     while same < 5:
         pause.wait(0.05)
@@ -163,7 +163,7 @@ def quiet(server: Server) -> tuple[dict[int, object], tuple[int, int]]:
 def settled(
     server: Server, before: dict[int, object], numbers: tuple[int, int]
 ) -> tuple[list[object], tuple[int, int]]:
-    """Wait until every client has gone and nothing is left; returns what is left all the same."""
+    """Wait until every client has disconnected and nothing is left; return the leaked objects and the counts."""
     pause = threading.Event()
     _wait_for_clients(server)
     end = time.monotonic() + PATIENCE
@@ -171,23 +171,23 @@ def settled(
         left = [thing for key, thing in alive().items() if key not in before]
         if (not left and counted() == numbers) or time.monotonic() > end:
             return left, counted()
-        del left  # what is found keeps what it refers to
+        del left  # it would keep referenced objects alive
         pause.wait(0.05)
 
 
 def _wait_for_clients(server: Server) -> None:
-    """Wait until the server has seen every client go, and nothing is at work for any of them."""
+    """Wait until the server has noticed that every client has disconnected and has finished all calls."""
     shared = server._server._connections
     until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks), IDLE + PATIENCE)
-    THROTTLE.forget()  # it remembers what was logged, on purpose
+    THROTTLE.forget()  # it intentionally remembers what was logged
     until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))
 
 
 class Breaks(logging.Filter):
-    """Keeps what the workshop breaks out of the log; a record has a traceback, and that has all that was at work.
+    """Removes the exceptions of the workshop from the log, because their tracebacks keep objects alive.
 
     Attributes:
-        count: how often it broke.
+        count: the number of records removed.
     """
 
     def __init__(self) -> None:
@@ -202,15 +202,15 @@ class Breaks(logging.Filter):
         return not wanted
 
 
-# --- those who never finish what they have begun ------------------------------------------------------------------------
+# --- clients that never finish a request ------------------------------------------------------------------------------
 
 
 class Crowd:
-    """Connections that take up room: of each kind so many, and again when the server has closed them.
+    """Connections that occupy the server: a fixed number of each kind, opened again after the server has closed them.
 
     Attributes:
-        there: how many there are at the moment.
-        closed: how many the server has closed, by what it said before.
+        there: the number of open connections.
+        closed: the number of connections that the server has closed, by status line.
     """
 
     def __init__(self, address: tuple[str, int]) -> None:
@@ -228,7 +228,7 @@ class Crowd:
                 (self._half_body, HALF_BODIES),
             ):
                 for _ in range(count):
-                    await asyncio.sleep(0.001)  # the system keeps a few hundred for a server that is busy
+                    await asyncio.sleep(0.001)  # the backlog of the system holds a few hundred while the server is busy
                     group.create_task(self._again_and_again(kind))
 
     async def _again_and_again(self, kind: Callable[[asyncio.StreamWriter], Awaitable[None]]) -> None:
@@ -262,10 +262,10 @@ class Crowd:
             await asyncio.sleep(0.5)
 
     async def _silent(self, writer: asyncio.StreamWriter) -> None:
-        """Say nothing; a letter at the very end, for the system may keep one from the server that did not fit into its queue."""
+        """Send nothing except a letter at the very end: the system may hide a connection that did not fit into the backlog."""
         while not self._enough.is_set():  # noqa: ASYNC110 - a thread sets it
             await asyncio.sleep(0.5)
-        await asyncio.sleep(15.0)  # the server has closed it by now
+        await asyncio.sleep(15.0)  # by then, the server has closed it
         writer.write(b"P")
         await writer.drain()
 
@@ -274,7 +274,7 @@ class Crowd:
         await writer.drain()
 
     def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until something is so."""
+        """Wait until a condition is true."""
         pause = threading.Event()
         end = time.monotonic() + 60.0
         while not condition():
@@ -286,7 +286,7 @@ class Crowd:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Wait until the server has closed all of them; none is opened again."""
+        """Wait until the server has closed all connections; none is opened again."""
         self._enough.set()
         self._thread.join(60.0)
         assert not self._thread.is_alive(), self.there

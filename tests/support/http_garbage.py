@@ -1,8 +1,8 @@
-"""Requests to a server of e-CAP that are wrong in every way there is, and some that are right; the same seed makes the same.
+"""Malformed requests to an e-CAP server, and some valid ones; reproducible by seed.
 
-A :class:`Stream` is what is sent over one connection: requests one behind the other, raw bytes between them, and at the
-end most often a sound request that asks for the end of the connection. Where it is known which status a request has to
-get, its path says so: ``/405-GET-17`` wants 405, if it is a GET when it arrives.
+A :class:`Stream` contains the bytes for one connection: requests in sequence, raw bytes between them, and mostly a valid
+request with ``Connection: close`` at the end. If the expected status of a request is known, its path contains it:
+``/405-GET-17`` expects 405 if the request arrives as a GET.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ VALUES: list[Any] = [
     Variant(VarType.BSTR | 0x2000, []), "\ud83e", "🤖", "a\0b", "%41+%", "x" * 5000, list(range(3000)),
 ]  # fmt: skip
 
-# No "Motor" among them, so the arm cannot move whatever else is said to it.
+# "Motor" is missing, so the arm cannot move, regardless of the other commands.
 TEXTS = [
     "", "", "I5", "D2", "P1", "J2", "IO150", "V*", "@MODE", "@CURRENT_TIME", "@ERROR_CODE", "WDT=400", "InvokeTimeout=5000", "NEXT",
     "SPEED=50", "@IfNotMember", "ClearError", "GetCurErrorCount", "GetCurErrorInfo", "GetErrorDescription", "GetErrorLog", "SysState",
@@ -83,10 +83,10 @@ WORKS = [(b"Crash", b""), (b"CrashLater", b""), (b"CrashBlocking", b""), (b"Echo
 
 
 class Bodies:
-    """Bodies: calls of all functions with whatever arguments, and what happens to them on the way.
+    """Generates bodies: calls of all functions with random arguments, and mutations of them.
 
     Args:
-        chance: where all choices come from.
+        chance: the source of all random choices.
     """
 
     def __init__(self, chance: random.Random) -> None:
@@ -98,7 +98,7 @@ class Bodies:
         ]  # fmt: skip
 
     def sound(self, handles: Handles) -> bytes:
-        """Return a call that can be read: of any function, with arguments of the right types most of the time."""
+        """Return a well-formed call of any function, with arguments of mostly the right types."""
         function = self.chance.choice(self._functions if self.chance.random() < 0.97 else list(FUNCTIONS.values()))
         fields = [("Func", str(function.id))]
         fields += [(f"Arg{n}", self._argument(function, each, handles)) for n, each in enumerate(function.arguments, 1)]
@@ -109,14 +109,14 @@ class Bodies:
         return self._write(fields)
 
     def mutant(self, handles: Handles) -> bytes:
-        """Return a call to which something has happened."""
+        """Return a call after one to three mutations."""
         body = self.sound(handles)
         for _ in range(self.chance.choice([1, 1, 1, 2, 3])):
             body = self.chance.choice(self._mutations)(body)
         return body
 
     def large(self) -> bytes:
-        """Return a call with a text of a mebibyte, or something as long that is none."""
+        """Return a call with a text of 1 MiB, or a malformed body of that size."""
         letter = self.chance.choice(
             [
                 b"x",
@@ -141,7 +141,7 @@ class Bodies:
         return head + text
 
     def to_workshop(self, handle: int, *, may_wait: bool) -> bytes:
-        """Return a call of the device that takes its time, fails or breaks; never a mutant, as its loops are as long as told."""
+        """Return a call of the workshop that waits, fails or crashes; not for mutation, as its parameter sets the duration."""
         if may_wait and self.chance.random() < 0.1:
             return b"Func=17,Arg1=%d,Arg2=Wait,Arg3=" % handle
         command, parameter = self.chance.choice(WORKS)
@@ -161,17 +161,17 @@ class Bodies:
         return pick({VarType.I4: INTEGERS, VarType.R4: REALS, VarType.BSTR: TEXTS}[argument.vt])
 
     def _write(self, fields: list[tuple[str, str]]) -> bytes:
-        """Write fields in one of the ways in which clients do."""
+        """Encode fields in one of the formats that clients use."""
         chance = self.chance
         way = chance.choice([_escaped, _escaped, _lower_case, _as_it_is])
         mark = chance.choice([b",", b"&", b", "])
         name: Callable[[str], str] = chance.choice([str.capitalize, str.capitalize, str.lower, str.upper])
         body = mark.join(name(key).encode() + b"=" + way(value) for key, value in fields)
-        if chance.random() < 0.05:  # all of it encoded in one piece
+        if chance.random() < 0.05:  # percent-encoded as a whole
             return b"Func=" + quote(body.partition(b"=")[2], safe="").encode()
         return body + chance.choice([b"", b"", b"", b"\r\n"])
 
-    # --- what happens to them -------------------------------------------------------------------------------------
+    # --- mutations ------------------------------------------------------------------------------------------------
 
     def _place(self, body: bytes) -> int:
         return self.chance.randrange(len(body) + 1)
@@ -252,11 +252,11 @@ def _as_it_is(text: str) -> bytes:
 
 
 class Stream(NamedTuple):
-    """What is sent over one connection.
+    """The bytes for one connection.
 
     Attributes:
-        data: all of it.
-        cut: how much of it is sent before the connection is cut off, nothing being read; ``None`` to send it all and read.
+        data: all bytes.
+        cut: number of bytes sent before the connection is cut without reading replies; ``None`` to send all and read.
     """
 
     data: bytes
@@ -264,13 +264,13 @@ class Stream(NamedTuple):
 
 
 class Headers(NamedTuple):
-    """A way to write a header.
+    """A variant of the header of a request.
 
     Attributes:
-        status: that a call gets with it; 0 where that is for the server to say.
-        lines: in place of those of the same names; a value of ``None`` leaves the line out.
-        method: of the request.
-        version: of the request.
+        status: the expected status; 0 if any status is allowed.
+        lines: replacements for the lines with the same names; a value of ``None`` omits the line.
+        method: the method of the request.
+        version: the version of the request.
     """
 
     status: int = 0
@@ -312,7 +312,7 @@ OTHERS = [
     *_with(0, b"X-Long", b"x" * 31_000, b"x" * 40_000, b"\0", b"a\rb", b"a\nb", b"\n folded"),
     *(Headers(0, ((name, b"x"),)) for name in (b"", b" X", b"X Y", b"X:", b"\xff", b"(X)", b"X" * 5000)),
 ]  # fmt: skip
-"""One thing that is different from an ordinary header."""
+"""Headers with one deviation from an ordinary header."""
 
 OPENINGS = [
     b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\x12\x04\0\0\0\0\0",
@@ -329,14 +329,14 @@ OPENINGS = [
     b"x" * 50_000,
     b" POST / HTTP/1.1\r\n\r\n",
 ]
-"""What may come where a request should."""
+"""Bytes that arrive instead of a request."""
 
 
 class Garbage:
-    """Makes streams.
+    """Generates streams.
 
     Args:
-        seed: the same one makes the same streams, but for handles and cookies.
+        seed: determines the streams, except for handles and cookies.
     """
 
     def __init__(self, seed: int) -> None:
@@ -345,11 +345,11 @@ class Garbage:
         self._count = 0
 
     def stream(self, handles: Handles, cookie: bytes) -> Stream:
-        """Return what to send over a connection.
+        """Return the bytes for a connection.
 
         Args:
-            handles: that the client has, by interface.
-            cookie: that it shows, most of the time.
+            handles: the client's handles, by interface.
+            cookie: the client's cookie, which most requests contain.
         """
         chance = self.chance
         requests = chance.choice([1, 3, 8, 20])
@@ -436,6 +436,6 @@ class Garbage:
             else [b"chunked", b"chunked", b"CHUNKED", b"gzip, chunked", b"chunked, chunked", b"identity", b"x" * 900]
         )
         how = Headers(status, ((b"Content-Length", None), (b"Transfer-Encoding", chance.choice(lines))))
-        if not status and chance.random() < 0.3:  # both, as those have it who smuggle requests
+        if not status and chance.random() < 0.3:  # both headers, as in request smuggling
             how = how._replace(lines=((b"Transfer-Encoding", b"chunked"),))
         return self._header(how, b"", cookie, len(body)) + b"".join(coded) + ending

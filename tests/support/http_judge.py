@@ -1,7 +1,7 @@
-"""What a server of e-CAP must answer to a stream of bytes, and whether it did.
+"""Expected replies of an e-CAP server to a stream of bytes, and a check of the actual ones.
 
-Which requests a stream has in it is told by h11 alone, apart from the server: :func:`expected`. Answers are read by a
-reader of their own, :class:`Reader`, that takes nothing but sound HTTP/1.1; :func:`judge` compares.
+:func:`expected` determines the requests in a stream with h11 alone, independently of the server. :class:`Reader` reads
+replies and accepts only valid HTTP/1.1. :func:`judge` compares both.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ CODE = re.compile(rb"\n*0x[0-9A-F]{8}(?:,|\Z)")
 
 
 class Broken(Exception):
-    """The server has sent what is no HTTP/1.1, or not what it should."""
+    """The server has sent invalid HTTP/1.1, or a wrong reply."""
 
 
 class Answer(NamedTuple):
-    """An answer as it came; names of headers are in lower case."""
+    """A reply as received; names of headers are in lower case."""
 
     status: int
     headers: dict[bytes, bytes]
@@ -45,21 +45,21 @@ class Answer(NamedTuple):
 
     @property
     def closes(self) -> bool:
-        """Whether it says that the connection ends."""
+        """True if it announces the end of the connection."""
         return self.headers.get(b"connection") == b"close"
 
 
 @dataclass
 class Asked:
-    """A request as it stands in a stream.
+    """A request in a stream.
 
     Attributes:
-        method: of the request.
-        target: of the request.
-        body: of the request; ``None`` where it does not end in the stream.
-        length: what Content-Length says.
-        last: the connection is to end after the answer.
-        beats: it has asked for signs of life.
+        method: the method of the request.
+        target: the target of the request.
+        body: the body of the request; ``None`` if it is incomplete in the stream.
+        length: the value of Content-Length.
+        last: True if the connection must end after the reply.
+        beats: True if the request has the header Orinkit-Executing.
     """
 
     method: bytes
@@ -71,17 +71,17 @@ class Asked:
 
 
 ONCE = (b"host", b"origin", b"authorization", b"content-length", b"content-type")
-"""Headers of which a request has one."""
+"""Headers that may occur only once in a request."""
 
 
 @dataclass
 class Expected:
-    """What a stream is.
+    """The contents of a stream.
 
     Attributes:
-        asked: its requests; all but the last are whole.
-        wrong: it ends in something that is no HTTP, or that can be read in more than one way.
-        long: a header in it is longer than is taken.
+        asked: the requests; all but the last are complete.
+        wrong: True if the stream ends in invalid or ambiguous HTTP.
+        long: True if it contains a header that exceeds the limit.
     """
 
     asked: list[Asked] = field(default_factory=list)
@@ -89,7 +89,7 @@ class Expected:
     long: bool = False
 
     def answers(self, limits: PacketLimits) -> int:
-        """Return how many answers are due."""
+        """Return the number of replies due."""
         last = self.asked[-1] if self.asked else None
         if last is None or last.body is not None:
             return len(self.asked) + self.wrong
@@ -97,7 +97,7 @@ class Expected:
 
 
 def expected(stream: bytes) -> Expected:
-    """Return what a reader of HTTP/1.1 finds in a stream."""
+    """Return the contents of a stream as an HTTP/1.1 parser finds them."""
     found = Expected(long=any(len(head) > LONGEST_HEADER for head in re.split(rb"\r?\n\r?\n", stream)))
     peer = h11.Connection(h11.SERVER, max_incomplete_event_size=1 << 30)
     peer.receive_data(stream)
@@ -138,10 +138,10 @@ def expected(stream: bytes) -> Expected:
 
 
 class Reader:
-    """Reads answers.
+    """Reads replies.
 
     Args:
-        asked: the requests, for to HEAD there comes no body.
+        asked: the requests, because a reply to HEAD has no body.
     """
 
     def __init__(self, asked: list[Asked]) -> None:
@@ -150,10 +150,10 @@ class Reader:
         self._data = b""
 
     def feed(self, data: bytes, *, ended: bool = False) -> None:
-        """Take what has come.
+        """Process received bytes.
 
         Raises:
-            Broken: it is no sound HTTP/1.1.
+            Broken: If they are not valid HTTP/1.1.
         """
         self._data += data
         while self._data:
@@ -164,7 +164,7 @@ class Reader:
 
     @property
     def pending(self) -> bytes:
-        """What has come of an answer that is not whole."""
+        """The bytes received of an incomplete reply."""
         return self._data
 
     def _take(self, ended: bool) -> int:
@@ -207,7 +207,7 @@ class Reader:
 
 
 def _unchunked(data: bytes) -> tuple[bytes, int]:
-    """Return a body that was sent in chunks and how long it is with them; -1 where it is not whole."""
+    """Return the body of a chunked reply and its encoded length; -1 if it is incomplete."""
     body, place = b"", 0
     while True:
         line, mark, _ = data[place:].partition(b"\r\n")
@@ -230,14 +230,14 @@ def _unchunked(data: bytes) -> tuple[bytes, int]:
 def converse(
     address: tuple[str, int], stream: bytes, wanted: Expected, limits: PacketLimits
 ) -> tuple[list[Answer], bool]:
-    """Send a stream and read all answers that are due.
+    """Send a stream and read all replies that are due.
 
     Returns:
-        The answers, and whether the connection was reset: the system does that when a server closes one with bytes unread,
-        and throws away what the client has not received yet.
+        The replies, and True if the connection was reset: the system resets a connection that a server closes with unread
+        bytes, and discards what the client has not received yet.
 
     Raises:
-        Broken: what came is not sound, or nothing came any more.
+        Broken: If the replies are invalid, or a reply does not arrive in time.
     """
     reader = Reader(wanted.asked)
     due = wanted.answers(limits)
@@ -250,7 +250,7 @@ def converse(
         unsent = memoryview(stream)
         while len(reader.answers) < due or ends:
             if time.monotonic() > deadline:
-                raise Broken(f"hangs: {len(reader.answers)} of {due} answers have come, then {reader.pending[:200]!r}")
+                raise Broken(f"hangs after {len(reader.answers)} of {due} replies, then {reader.pending[:200]!r}")
             waited = select.poll()  # not select(), which knows descriptors up to 1,023 only
             waited.register(connection, select.POLLIN | (select.POLLOUT if unsent else 0))
             events = sum(event for _, event in waited.poll(1000))
@@ -269,7 +269,7 @@ def converse(
                 if not received:
                     break
     if reader.pending and not reset:
-        raise Broken(f"the end of an answer is missing: {reader.pending[:200]!r}")
+        raise Broken(f"the end of a reply is missing: {reader.pending[:200]!r}")
     return reader.answers, reset
 
 
@@ -281,47 +281,47 @@ def _rest(connection: socket.socket) -> bytes:
 
 
 def cut_off(address: tuple[str, int], stream: bytes, *, hard: bool) -> None:
-    """Send a stream and go, without reading; ``hard`` with a reset."""
+    """Send a stream and disconnect without reading, with a reset if ``hard``."""
     with socket.create_connection(address, PATIENCE) as connection:
         if hard:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         try:
-            connection.settimeout(0.2)  # the server stops reading where nobody takes its answers
+            connection.settimeout(0.2)  # the server stops reading if its replies are not read
             connection.sendall(stream)
         except (OSError, TimeoutError):
             pass
 
 
 def judge(wanted: Expected, answers: list[Answer], limits: PacketLimits, *, reset: bool) -> None:
-    """Compare answers with what they had to be.
+    """Compare replies with the expected ones.
 
     Args:
-        wanted: what the stream was.
-        answers: that came.
-        limits: of the server.
-        reset: some may be missing that were followed by something wrong.
+        wanted: the contents of the stream.
+        answers: the replies.
+        limits: the limits of the server.
+        reset: True if the connection was reset, so that replies before an error may be missing.
 
     Raises:
-        Broken: there is a difference.
+        Broken: If a reply is wrong or missing.
     """
     for number, answer in enumerate(answers):
         asked = wanted.asked[number] if number < len(wanted.asked) else None
         _judge(asked, answer, wanted, limits)
         if answer.closes and number + 1 < len(answers):
-            raise Broken(f"answer {number} closes the connection, and more come")
+            raise Broken(f"reply {number} closes the connection, but more replies follow")
     due = wanted.answers(limits)
     if wanted.long and answers and answers[-1].status == 431:
         return
     fewer = (bool(answers) and answers[-1].closes) or (reset and wanted.wrong)
     if len(answers) > due or (len(answers) < due and not fewer):
-        raise Broken(f"{len(answers)} answers, {due} are due; the last is {answers[-1:]!r:.300}")
+        raise Broken(f"{len(answers)} replies instead of {due}; the last one is {answers[-1:]!r:.300}")
 
 
 def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: PacketLimits) -> None:
     if answer.status not in DOCUMENTED:
         raise Broken(f"status {answer.status}: {answer!r:.300}")
     if answer.status == 431 and not wanted.long:
-        raise Broken("431 for a header that is not long")
+        raise Broken("431 for a header within the limit")
     whole = asked is not None and asked.body is not None
     if answer.status in (400, 431) or not whole:
         if (
@@ -341,7 +341,7 @@ def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: Packet
     if answer.status == 405 and answer.headers.get(b"allow") != b"POST":
         raise Broken("405 without Allow")
     if answer.headers.get(b"content-type") not in SAY_WHY:
-        raise Broken(f"type of the content: {answer!r:.300}")
+        raise Broken(f"wrong Content-Type: {answer!r:.300}")
     if answer.status == 200:
         _judge_reply(asked, answer, limits)
 
@@ -349,14 +349,14 @@ def _judge(asked: Asked | None, answer: Answer, wanted: Expected, limits: Packet
 def _judge_reply(asked: Asked, answer: Answer, limits: PacketLimits) -> None:
     assert asked.body is not None
     if not CODE.match(answer.body) or (answer.body[:1] == b"\n" and not asked.beats):
-        raise Broken(f"no e-CAP reply: {answer.body[:200]!r}")
+        raise Broken(f"not an e-CAP reply: {answer.body[:200]!r}")
     code, result = read_reply(answer.body, limits)
     if hresult.lookup(code).name.startswith("0x"):
-        raise Broken(f"no documented code: {code:#x}")
+        raise Broken(f"undocumented code: {code:#x}")
     detail = unquote(answer.headers.get(b"orinkit-detail", b"").decode("ascii"), errors="strict")
     if len(detail) > 500 or (detail and not hresult.failed(code)):
         raise Broken(f"detail {detail!r}")
-    late = answer.body[:1] == b"\n"  # the header was through: what there is to say stands behind the code
+    late = answer.body[:1] == b"\n"  # the header had already been sent, so the detail follows the code
     said = answer.body.partition(b",")[2]
     if hresult.failed(code) and said and (not late or len(said.decode()) > 500):
         raise Broken(f"an error with a result: {answer.body[:200]!r}")
@@ -372,4 +372,4 @@ def _judge_reply(asked: Asked, answer: Answer, limits: PacketLimits) -> None:
             result is None if kind is None else kind is VarType.VARIANT or (result is not None and result.type == kind)
         )
         if not right or request.function.id not in FUNCTIONS:
-            raise Broken(f"{request.function.name} is answered with {result!r:.200}")
+            raise Broken(f"{request.function.name} returned {result!r:.200}")

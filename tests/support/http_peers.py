@@ -1,4 +1,4 @@
-"""Servers of HTTP that misbehave by script, on raw sockets: :class:`HttpPeer`, beside :class:`peers.BadPeer` for b-CAP.
+"""HTTP servers on raw sockets that misbehave by script: :class:`HttpPeer`, the counterpart of :class:`peers.BadPeer` for b-CAP.
 
 ::
 
@@ -9,7 +9,7 @@
     with HttpPeer(answers_twice) as peer:
         ...  # connect to peer.address
 
-Every connection runs the next script, the last one again and again; ``peer.posts`` has all requests that came.
+Every connection runs the next script, further ones the last script; ``peer.posts`` contains all requests received.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from support.paths import DATA
 from support.peers import BadPeer, Gone, Line
 
 CERTIFICATE = DATA / "localhost.pem"
-"""Of localhost, 127.0.0.1 and ::1, signed by itself, good from 2020 to 2120."""
+"""Self-signed, for localhost, 127.0.0.1 and ::1, valid from 2020 to 2120."""
 KEY = CERTIFICATE.with_name("localhost-key.pem")
 S_OK = b"0x00000000"
 
 
 class Post(NamedTuple):
-    """A request as it came; names of headers are in lower case."""
+    """A request as received; names of headers are in lower case."""
 
     line: str
     headers: dict[str, str]
@@ -37,7 +37,7 @@ class Post(NamedTuple):
 
 
 def head(status: str = "200 OK", *headers: str, length: int | None = None) -> bytes:
-    """Return the beginning of a reply."""
+    """Return the status line and headers of a reply."""
     lines = [f"HTTP/1.1 {status}", *headers]
     if length is not None:
         lines.append(f"Content-Length: {length}")
@@ -45,12 +45,12 @@ def head(status: str = "200 OK", *headers: str, length: int | None = None) -> by
 
 
 def reply(body: bytes = S_OK, status: str = "200 OK", *headers: str) -> bytes:
-    """Return a whole reply."""
+    """Return a complete reply."""
     return head(status, *headers, length=len(body)) + body
 
 
 def chunks(*pieces: bytes, end: bool = True) -> bytes:
-    """Return pieces of a body that is sent in chunks."""
+    """Return the pieces of a body in the chunked encoding."""
     return b"".join(b"%x\r\n%b\r\n" % (len(piece), piece) for piece in pieces) + (b"0\r\n\r\n" if end else b"")
 
 
@@ -59,7 +59,7 @@ WORKING = "Orinkit-Executing: 400"
 
 
 class HttpLine:
-    """One connection, as a script sees it."""
+    """One connection, as used by a script."""
 
     def __init__(self, line: Line, peer: HttpPeer) -> None:
         self.line = line
@@ -67,7 +67,7 @@ class HttpLine:
         self._received = bytearray()
 
     def secure(self) -> None:
-        """Begin TLS."""
+        """Perform the TLS handshake."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(CERTIFICATE, KEY)
         try:
@@ -76,7 +76,7 @@ class HttpLine:
             raise Gone from error
 
     def head(self) -> tuple[str, dict[str, str]]:
-        """Return the first line and the headers of the next request."""
+        """Return the request line and headers of the next request."""
         while b"\r\n\r\n" not in self._received:
             self._received += self.line._receive()
         text, _, rest = bytes(self._received).partition(b"\r\n\r\n")
@@ -97,31 +97,31 @@ class HttpLine:
         return request
 
     def send(self, *pieces: bytes) -> None:
-        """Send bytes as they are; several so that the client most likely receives them piece by piece."""
+        """Send bytes unchanged; several pieces in such a way that the client most likely receives them separately."""
         if len(pieces) == 1:
             self.line.send(pieces[0])
         else:
             self.line.send_in_pieces(*pieces)
 
     def serve(self, answer: Callable[[Post], bytes]) -> None:
-        """Answer requests until the client leaves."""
+        """Reply to requests until the client disconnects."""
         while True:
             self.send(answer(self.post()))
 
     def wait_for_end(self) -> None:
-        """Wait until the client has closed."""
+        """Wait until the client has closed the connection."""
         self.line.wait_for_end()
 
     def shut(self) -> None:
-        """End the connection in good order while another thread may wait for something."""
+        """End the connection gracefully, even while another thread waits on it."""
         self.line.shut()
 
     def close(self) -> None:
-        """Close in good order."""
+        """Close the connection gracefully."""
         self.line.close()
 
     def reset(self) -> None:
-        """Break the connection."""
+        """Reset the connection."""
         self.line.reset()
 
 
@@ -129,7 +129,7 @@ HttpScript: TypeAlias = Callable[[HttpLine], None]
 
 
 class HttpPeer(BadPeer):
-    """A server of HTTP that runs scripts."""
+    """An HTTP server that runs scripts."""
 
     scheme = "http"
 
@@ -145,17 +145,17 @@ class HttpPeer(BadPeer):
 
     @property
     def address(self) -> HttpAddress:
-        """Where it is."""
+        """The address of the server."""
         return HttpAddress(self.scheme, "127.0.0.1", self.port)
 
     @property
     def bodies(self) -> list[bytes]:
-        """The bodies of all requests that came."""
+        """The bodies of all requests received."""
         return [post.body for post in self.posts]
 
 
 class SecurePeer(HttpPeer):
-    """The same with TLS."""
+    """An HTTPS server that runs scripts."""
 
     scheme = "https"
 
@@ -168,7 +168,7 @@ class SecurePeer(HttpPeer):
 
 
 def echo(line: HttpLine) -> None:
-    """Answer every request with its own body."""
+    """Reply to every request with its own body."""
     line.serve(lambda post: reply(post.body))
 
 
@@ -176,9 +176,9 @@ HELLO = b"hello"
 
 
 def after_hello(script: HttpScript) -> HttpScript:
-    """Return a script that answers a first request, so that the connection is there when the next one is sent.
+    """Return a script that replies to a first request, so that the connection exists when the next request is sent.
 
-    It says that it tells when it is at work: a client has no more patience with it than it wants to have.
+    The reply has the header Orinkit-Executing, so that the client applies its time-out without extension.
     """
 
     def run(line: HttpLine) -> None:
@@ -189,7 +189,7 @@ def after_hello(script: HttpScript) -> HttpScript:
 
 
 def answers(*replies: bytes) -> HttpScript:
-    """Return a script that gives these replies, each as it is, and then closes."""
+    """Return a script that sends these replies unchanged and then closes the connection."""
 
     def script(line: HttpLine) -> None:
         for each in replies:
@@ -200,7 +200,7 @@ def answers(*replies: bytes) -> HttpScript:
 
 
 def answers_and_stays(*pieces: bytes) -> HttpScript:
-    """Return a script that sends these bytes after a request, and nothing more."""
+    """Return a script that sends these bytes after a request, and keeps the connection open."""
 
     def script(line: HttpLine) -> None:
         line.post()

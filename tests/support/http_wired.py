@@ -1,11 +1,11 @@
-"""The scripted peers of :mod:`peers` as servers of e-CAP: the same scripts, in which packets are those of TCP.
+"""The scripted peers of :mod:`peers` as e-CAP servers, running the same scripts, which use packets of b-CAP over TCP.
 
-A request becomes a packet, with a serial that the peer counts. A packet that answers it becomes its reply, S_EXECUTING a line
-feed ahead of it. A second answer travels behind the first; one that answers nothing has nowhere to go. What is no packet
-goes as it is, over the connection of the request that the script took last.
+A request is translated to a packet, with a serial counted by the peer. A reply packet is translated to an HTTP reply,
+S_EXECUTING to a line feed before it. A second reply is sent after the first; a reply without a request is dropped. Bytes
+that are not a packet are sent unchanged, over the connection of the request that the script took last.
 
-One script sees all connections, as a client makes a new one after a call that it has given up. When it has ended the next
-request is for the next script.
+One script handles all connections of a client, because a client opens a new one after a call that has timed out. The first
+request after the end of a script starts the next script.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from support.wired_peers import parts
 
 
 def ecap(body: bytes) -> bytes:
-    """Return a reply with this body."""
+    """Return an HTTP reply with this body."""
     return http_peers.reply(body, "200 OK", WORKING)
 
 
 def on_the_wire(line: Line, answer: bytes) -> bytes:
-    """Return a packet as it travels on a line."""
+    """Return a reply packet in the encoding of a line."""
     return ecap(_body(packet.decode(answer, exact=True))) if isinstance(line, EcapLine) else answer
 
 
@@ -46,7 +46,7 @@ def _body(answer: Packet) -> bytes:
 
 @dataclass
 class Asked:
-    """A request: where it came from, and how far its reply is."""
+    """A request: its connection, and the progress of its reply."""
 
     connection: HttpLine
     body: bytes
@@ -54,7 +54,7 @@ class Asked:
     answered: bool = False
 
     def reply(self, answer: Packet) -> bytes:
-        """Return what a packet adds to the reply."""
+        """Return the bytes of the HTTP reply for a packet."""
         if answer.code == hresult.S_EXECUTING:
             if self.answered:
                 return b""
@@ -67,21 +67,21 @@ class Asked:
 
 
 class EcapLine(Line):
-    """All connections of one client, as a script sees them."""
+    """All connections of one client, as used by a script."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._open: list[HttpLine] = []
         self._asked: list[Asked] = []  # the first has serial 1
         self._requests: deque[Packet] = deque()
-        self._taken = 0  # requests, by the script
-        self._over = False  # the client has taken leave
+        self._taken = 0  # number of requests taken by the script
+        self._over = False  # the client has called Service_Stop
         self._closed = False
 
     # --- from the connections -----------------------------------------------------------------------------------
 
     def take(self, asked: Asked) -> bool:
-        """Take a request, unless the line has been closed."""
+        """Queue a request; return False if the line has been closed."""
         request = read_request(asked.body)
         arguments = list(request.function.bind(tuple(request.arguments), {}))
         with self._changed:
@@ -97,7 +97,7 @@ class EcapLine(Line):
             return True
 
     def left(self, connection: HttpLine) -> None:
-        """Take note of the end of a connection, if it is one of this line's."""
+        """Remove a connection that has ended, if it belongs to this line."""
         with self._changed:
             if connection in self._open:
                 self._open.remove(connection)
@@ -106,7 +106,11 @@ class EcapLine(Line):
     # --- for the script -----------------------------------------------------------------------------------------
 
     def request(self) -> Packet:
-        """Return the client's next request; it has left when it has said so and has no connection any more."""
+        """Return the client's next request.
+
+        Raises:
+            Gone: If the client has called Service_Stop and has closed all connections.
+        """
         with self._changed:
             self._wait_for(lambda: self._requests or (self._over and not self._open))
             if not self._requests:
@@ -115,7 +119,7 @@ class EcapLine(Line):
             return self._requests.popleft()
 
     def wait_for_end(self) -> None:
-        """Wait until the client has no connection any more; it is answered when it takes leave."""
+        """Wait until the client has closed all connections; reply only to Service_Stop."""
         try:
             while True:
                 with self._changed:
@@ -133,7 +137,7 @@ class EcapLine(Line):
             raise Gone
 
     def send(self, data: bytes) -> None:
-        """Send packets as what they are here; a client that has given up the call is not there any more."""
+        """Send translated packets, except on connections that the client has closed after a time-out."""
         for connection, translated in self._translated(data):
             try:
                 connection.send(translated)
@@ -141,7 +145,7 @@ class EcapLine(Line):
                 pass
 
     def send_in_pieces(self, *pieces: bytes) -> None:
-        """Send packets in as many pieces, cut at about the same places."""
+        """Send translated packets in the same number of pieces, cut at about the same positions."""
         whole = b"".join(pieces)
         for connection, translated in self._translated(whole):
             places = [place * len(translated) // len(whole) for place in accumulate(map(len, pieces))]
@@ -151,7 +155,7 @@ class EcapLine(Line):
                 pass
 
     def _translated(self, data: bytes) -> list[tuple[HttpLine, bytes]]:
-        """Return what goes over which connection, in one piece."""
+        """Return the translated bytes for each connection."""
         with self._changed:
             if self._closed:
                 raise Gone
@@ -171,14 +175,14 @@ class EcapLine(Line):
         return asked, b"" if asked is None else asked.reply(answer)
 
     def shut(self) -> None:
-        """End all connections; the peer closes them."""
+        """Shut down all connections; the peer closes them."""
         for connection in self._shut():
             connection.shut()
 
     close = shut
 
     def end(self) -> list[Asked]:
-        """End the connections that the script has seen; returns the requests that it has not taken."""
+        """End the connections of the requests that the script has taken; return the requests that it has not taken."""
         with self._changed:
             untaken = self._asked[self._taken :] if self._taken else []
             for asked in untaken:
@@ -188,16 +192,16 @@ class EcapLine(Line):
         return untaken
 
     def reset(self) -> None:
-        """Break all connections."""
+        """Reset all connections."""
         for connection in self._shut():
             broken = connection.line._socket
             try:
                 broken.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-                broken.shutdown(socket.SHUT_RD)  # who reads from it ends; the client sees nothing of that
+                broken.shutdown(socket.SHUT_RD)  # wakes the reading thread; invisible to the client
                 with self._changed:
                     self._changed.wait_for(lambda: connection not in self._open, PATIENCE)  # noqa: B023
                 connection.reset()
-            except OSError:  # the client, or the test, has gone first
+            except OSError:  # already closed by the client or the test
                 pass
 
     def _shut(self) -> list[HttpLine]:
@@ -208,7 +212,7 @@ class EcapLine(Line):
 
 
 class EcapPeer(BadPeer):
-    """Runs scripts for clients of e-CAP."""
+    """An e-CAP server that runs scripts."""
 
     def __init__(self, *scripts: Script) -> None:
         super().__init__(*scripts)
@@ -229,7 +233,7 @@ class EcapPeer(BadPeer):
             connection = HttpLine(Line(accepted), self)
             self._accepted.append(connection)
             self._start(self._read, connection)
-            if self.stopping.is_set():  # nobody ends it any more
+            if self.stopping.is_set():  # __exit__ may have missed this connection
                 connection.shut()
 
     def _read(self, connection: HttpLine) -> None:
@@ -241,7 +245,7 @@ class EcapPeer(BadPeer):
                 line.left(connection)
 
     def _take(self, asked: Asked) -> None:
-        """Give a request to the script that runs, or to the next one."""
+        """Pass a request to the running script, or start the next one."""
         with self._turn:
             if self._lines and self._lines[-1].take(asked):
                 return
@@ -257,7 +261,7 @@ class EcapPeer(BadPeer):
             script(line)
         except Gone:
             pass
-        except Exception as error:  # noqa: BLE001 - is raised in the test itself
+        except Exception as error:  # noqa: BLE001 - raised by __exit__
             self._errors.append(error)
         finally:
             untaken = line.end()
@@ -277,4 +281,4 @@ class EcapPeer(BadPeer):
 
 
 PEERS: Final[dict[str, type[BadPeer]]] = {**wired_peers.PEERS, "http": EcapPeer}
-"""By the scheme of the address that a server would listen at."""
+"""Peers by the scheme of the listen address of a server."""

@@ -1,4 +1,4 @@
-"""Arguments of packets that take long: every VARIANT type at the largest size, plain, as array, nested."""
+"""Arguments that take long to process: every VARIANT type at the largest size, as scalar, as array, and nested."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from orinkit.values.types import ARRAY, FORMATS, VarType
 from support.peers import RawClient
 
 MOST: Final = DEFAULT_LIMITS.packet - 1024
-"""Bytes of an argument that leaves room for others."""
+"""Size of the largest argument in bytes; leaves room for other arguments."""
 
 _ELEMENTS: Final = DEFAULT_LIMITS.variants
 _ARRAY_OF_VARIANTS: Final = int(VarType.VARIANT | ARRAY)
@@ -23,25 +23,25 @@ _TEXTS: Final = {
 
 
 def argument(vt: int, count: int, data: bytes) -> bytes:
-    """Return one argument as it is in a packet."""
+    """Return an argument in the format of packets."""
     return struct.pack("<IHI", len(data) + 6, vt, count) + data
 
 
 def text(sign: str, size: int = MOST) -> bytes:
-    """Return a VT_BSTR of so many bytes."""
+    """Return a VT_BSTR of about ``size`` bytes."""
     one = sign.encode("utf-16-le", "surrogatepass")
     data = one * ((size - 16) // len(one))
     return argument(VarType.BSTR, 1, struct.pack("<I", len(data)) + data)
 
 
 def texts() -> Iterator[tuple[str, bytes]]:
-    """Yield long texts, with what they are."""
+    """Yield long texts with their descriptions."""
     for name, sign in _TEXTS.items():
         yield f"text of {name}", text(sign)
 
 
 def arrays() -> Iterator[tuple[str, bytes]]:
-    """Yield arrays as long as they may be, with what they are; nested ones too."""
+    """Yield arrays of the largest size with their descriptions, including nested ones."""
     yield "VT_UI1", argument(VarType.UI1 | ARRAY, MOST, bytes(MOST))
     for vt, code in FORMATS.items():
         if vt != VarType.UI1:
@@ -60,7 +60,7 @@ def arrays() -> Iterator[tuple[str, bytes]]:
 
 
 def ask(client: RawClient, function: int, *arguments: object) -> int:
-    """Send a call and return its return code; arguments that are bytes are in the packet as they are."""
+    """Send a call and return its return code; arguments of type bytes are put into the packet unchanged."""
     body = b"".join(each if isinstance(each, bytes) else encode(each) for each in arguments)  # type: ignore[arg-type]
     client.send(packet.pack(7, function, len(arguments), body))
     return int(packet.HEADER.unpack_from(client.frame())[4])

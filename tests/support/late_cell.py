@@ -1,4 +1,4 @@
-"""A virtual RC8 in slave mode whose clock, and whose connection, a test moves."""
+"""A virtual RC8 in slave mode whose clock and connection are controlled by a test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from support.slave_cell import J0, straight
 
 
 class HandClock(Clock):
-    """A clock of limited patience that a test moves; nothing happens by itself."""
+    """A clock with limited patience that is advanced by the test only."""
 
     def __init__(self, patience: float = 0.25, scale: float = 1.0) -> None:
         super().__init__(scale)
@@ -36,14 +36,14 @@ class HandClock(Clock):
 
 class _Nobody(ClockDriver):
     def wake(self) -> None:
-        """The test calls."""
+        """Do nothing: the test drives the clock."""
 
     def close(self) -> None:
-        """The test calls."""
+        """Do nothing: the test drives the clock."""
 
 
 class Wire:
-    """What has arrived and nobody has read, and those who wait until somebody has."""
+    """A connection: data that has arrived but has not been read, and the callbacks that wait for it to be processed."""
 
     def __init__(self) -> None:
         self.asked: list[Callable[[], None]] = []
@@ -53,7 +53,7 @@ class Wire:
         self.asked.append(handled)
 
     def read(self) -> None:
-        """Handle what has arrived, then tell those who have asked."""
+        """Process the data that has arrived, then invoke the callbacks."""
         arrived, self.arrived = self.arrived, []
         for call in arrived:
             call()
@@ -63,7 +63,7 @@ class Wire:
 
 
 class LateCell(Cell):
-    """A virtual RC8 whose clock and whose connection a test moves; its client is in slave mode."""
+    """A virtual RC8 with a clock and a connection controlled by the test; its client is in slave mode."""
 
     def __init__(self, mode: int = J0, *, wired: bool = True, scale: float = 1.0, strict: bool = True) -> None:
         self.hand = HandClock(scale=scale)
@@ -86,7 +86,7 @@ class LateCell(Cell):
             return self.robot.execute("slvMove", variant([*pose, 0.0, 0.0]))
 
     def drive(self, seconds: float = 0.0) -> float | None:
-        """Let time pass and have the clock's thread look; keeps the commands that come of it."""
+        """Advance the clock and run the controller; record the resulting command."""
         self.hand.seconds += seconds
         number, joints = self.cycles_.number, self.arm.queue.joints
         pause = self.hand.driven[0]()
@@ -103,7 +103,7 @@ class LateCell(Cell):
                 self.read()
 
     def read(self) -> None:
-        """The server reads what has arrived; keeps the command that comes of it."""
+        """Let the server read the data that has arrived; record the resulting command."""
         number = self.cycles_.number
         self.wire.read()
         if self.cycles_.number != number:
@@ -129,7 +129,7 @@ MOVING = 30
 
 
 def moving(cell: LateCell) -> LateCell:
-    """It moves evenly by 1 deg in each cycle, and its buffer is empty."""
+    """Bring a cell to a constant velocity of 1 deg per cycle, with an empty buffer."""
     cell.stream(POSES[:MOVING])
     assert (cell.error, cell.arm.queue.joints) == (0, POSES[MOVING - 1])
     return cell

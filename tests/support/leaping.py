@@ -1,6 +1,6 @@
-"""Time in a test's hand: the clock of a server's event loop leaps, and a device's clock goes on while something is done.
+"""Simulated time: the clock of a server's event loop can leap, and a manual device clock can run in a thread.
 
-A silence of a minute takes no time, and no limit runs out because the machine was slow.
+A silence of a minute takes no time, and no deadline passes because the machine is slow.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from orinkit.virtual.clock import ManualClock
 from support.waiting import PATIENCE, until
 
 TURNS = 10
-"""Of an event loop, in which whatever is due is done, and what follows from it."""
+"""Iterations of an event loop that suffice to run all due callbacks and those that they schedule."""
 
 
 class LeapingLoop(asyncio.SelectorEventLoop):
     """An event loop whose time can leap.
 
     Attributes:
-        ahead: seconds by which it has.
+        ahead: the offset to real time, s.
     """
 
     ahead = 0.0
@@ -32,7 +32,7 @@ class LeapingLoop(asyncio.SelectorEventLoop):
 
 
 def leap(server: Server, seconds: float) -> None:
-    """Have the time of a server's loop leap; returns when everything that is due then has been done."""
+    """Advance the time of a server's loop; return after all callbacks due by then have run."""
     loop = server._loop
 
     async def body() -> None:
@@ -44,7 +44,7 @@ def leap(server: Server, seconds: float) -> None:
 
 
 def take_turns(server: Server) -> None:
-    """Wait until a server has done what was to be done, and what follows from it."""
+    """Wait until a server has run all due callbacks and those that they schedule."""
     asyncio.run_coroutine_threadsafe(_turn(), server._loop).result(PATIENCE)
 
 
@@ -54,21 +54,21 @@ async def _turn() -> None:
 
 
 def settle(server: Server) -> None:
-    """Wait until a server has seen every client go and has cleaned up behind all of them."""
+    """Wait until a server has noticed that every client has disconnected and has released their objects."""
     shared = server._server._connections
     until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks))
     take_turns(server)
 
 
 def see_broken(server: Server) -> None:
-    """Wait until a server has seen that the connection of a client of HTTP is gone on which a call was at work."""
+    """Wait until a server has noticed that an HTTP connection with a call in progress is broken."""
     until(lambda: any(getattr(each, "_broken", False) for each in list(server._server._connections.open)))
     take_turns(server)
 
 
 @contextmanager
 def going(clock: ManualClock, step: float = 0.016) -> Iterator[None]:
-    """Have a clock that is moved by hand go on, in a thread, while something is done that waits for the device."""
+    """Advance a manual clock in a thread while the block waits for the device."""
     ending = threading.Event()
 
     def go() -> None:

@@ -1,4 +1,4 @@
-"""CAN buses by multicast that one process of the tests has for itself: other runs on the machine do not take part."""
+"""CAN buses over UDP multicast, private to one test process: other test runs on the machine do not interfere."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _BLOCKS = range(10_000, 15_000, 50)  # below the ports of tests/test_docs.py, an
 
 
 def _hold() -> tuple[socket.socket, int]:
-    """Return the first port of a block that no other process has: who holds the TCP port of this number has the block."""
+    """Reserve a block of ports by binding the TCP port of the same number; return the socket and the first port."""
     for port in random.sample(_BLOCKS, len(_BLOCKS)):
         lock = socket.socket()
         try:
@@ -20,7 +20,7 @@ def _hold() -> tuple[socket.socket, int]:
             lock.close()
         else:
             return lock, port
-    raise AssertionError("no ports are free")
+    raise AssertionError("no free ports")
 
 
 _lock, _first = _hold()
@@ -28,10 +28,10 @@ _ports = cycle(range(_first, _first + _BLOCKS.step))
 
 
 def free_port() -> int:
-    """Return a UDP port that no other process gets here."""
+    """Return a UDP port of the block that this process has reserved."""
     return next(_ports)
 
 
 def bus(port: int | None = None) -> str:
-    """Return the URL of a bus, by default on a port of its own."""
+    """Return the URL of a bus, by default on a new port."""
     return f"can://udp_multicast/{GROUP}?port={port or free_port()}"

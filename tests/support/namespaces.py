@@ -1,6 +1,6 @@
-"""Two network namespaces with a cable between them that can be pulled (Linux, as root).
+"""Two network namespaces with a cable between them that can be unplugged (Linux, as root).
 
-A thread that has entered one stays there, and so do the threads that it begins: what is served from within
+A thread that has entered a namespace stays in it, and so do the threads that it starts: a server started from within
 :meth:`Cable.at_one_end` listens in that namespace only.
 """
 
@@ -25,7 +25,7 @@ ADDRESSES = ("10.199.7.1", "10.199.7.2")
 
 
 class Cable:
-    """A cable between two namespaces; ``names`` are those of its ends."""
+    """A cable between two namespaces, called ``names``."""
 
     def __init__(self) -> None:
         self.names = (f"orinkit-{os.getpid()}-a", f"orinkit-{os.getpid()}-b")
@@ -39,11 +39,11 @@ class Cable:
             _ip("-n", name, "link", "set", "cable", "up")
 
     def pull(self) -> None:
-        """Take the far end off."""
+        """Unplug the far end."""
         _ip("-n", self.names[1], "link", "set", "cable", "down")
 
     def at_one_end(self, make: Callable[[], T]) -> T:
-        """Return what a function makes in the near namespace."""
+        """Call a function in the near namespace and return its result."""
         outcome: list[T] = []
         failure: list[BaseException] = []
 
@@ -65,28 +65,28 @@ class Cable:
         return outcome[0]
 
     def far_program(self, program: str, *arguments: str) -> subprocess.Popen[str]:
-        """Start a Python program at the far end."""
+        """Start a Python program in the far namespace."""
         return subprocess.Popen(
             ["ip", "netns", "exec", self.names[1], sys.executable, "-c", program, *arguments],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
 
     def close(self) -> None:
-        """Remove both namespaces, and the cable with them."""
+        """Remove both namespaces and the cable."""
         for name in self.names:
             subprocess.run(["ip", "netns", "del", name], check=False, capture_output=True)
 
 
 @contextmanager
 def cable() -> Iterator[Cable]:
-    """Lay a cable, or skip the test where that cannot be done."""
+    """Provide a cable, or skip the test if that is not possible."""
     if not sys.platform.startswith("linux") or os.geteuid() != 0 or shutil.which("ip") is None:
         pytest.skip("network namespaces need Linux, root and ip (iproute2)")
     made: Cable | None = None
     try:
         made = Cable()
     except subprocess.CalledProcessError as error:
-        pytest.skip(f"no network namespaces here: {error.stderr.strip()}")
+        pytest.skip(f"network namespaces are not available: {error.stderr.strip()}")
     try:
         yield made
     finally:

@@ -1,4 +1,4 @@
-"""A controller for programs in tests: keeps variables and I/O, writes down motions, has time in its hands."""
+"""A simulated controller for programs in tests: stores variables and I/O, records motions, controls the time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BITS = {"IO": 1, "IOB": 8, "IOW": 16, "IOD": 32}
 
 @dataclass
 class FakeWorld:
-    """Every motion takes a number of polls; a poll takes 8 ms."""
+    """A simulated controller; a motion takes ``polls`` polls of 8 ms."""
 
     polls: int = 3
     seconds: float = 0.0
@@ -149,7 +149,7 @@ class FakeWorld:
 
 
 def run(source: str, world: FakeWorld | None = None, *, budget: int = 1000, slices: int = 10_000) -> Machine:
-    """Run a program to its end, 8 ms a slice."""
+    """Run a program to its end, with slices of 8 ms."""
     world = FakeWorld() if world is None else world
     machine = Machine(compile_program(source, "Pro1.pcs"), world)
     for _ in range(slices):
@@ -163,12 +163,12 @@ def run(source: str, world: FakeWorld | None = None, *, budget: int = 1000, slic
 
 
 def body(*lines: str) -> str:
-    """Return a program of these lines in Sub Main; the first is line 2."""
+    """Return a program with these lines in Sub Main; the first of them is line 2 of the program."""
     return "\n".join(["Sub Main", *lines, "End Sub", ""])
 
 
 def after(*lines: str, **how: Any) -> FakeWorld:
-    """Run lines in Sub Main to their end and return what they left."""
+    """Run lines in Sub Main to their end and return the resulting state of the controller."""
     world = FakeWorld(**how)
     machine = run(body(*lines), world)
     assert machine.state is MachineState.DONE, machine.fault or machine.line

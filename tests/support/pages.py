@@ -12,7 +12,7 @@ SAVED = re.compile(r"<!-- saved as: (\w+\.py) -->")
 
 @dataclass(frozen=True)
 class Block:
-    """One fenced block of a page."""
+    """A fenced code block of a page."""
 
     language: str
     text: str
@@ -22,7 +22,7 @@ class Block:
 
 
 def blocks(page: str) -> list[Block]:
-    """Return the fenced blocks of a page."""
+    """Return the fenced code blocks of a page."""
     found: list[Block] = []
     lines = (ROOT / page).read_text(encoding="utf-8").split("\n")
     above, start, language, skipped, saved = "", 0, "", False, ""
@@ -35,5 +35,5 @@ def blocks(page: str) -> list[Block]:
             start, above = 0, ""
         elif line.strip():
             above = line
-    assert not start, f"{page}:{start}: the block does not end"
+    assert not start, f"{page}:{start}: unclosed code block"
     return found

@@ -1,4 +1,4 @@
-"""Raw peers for the tests: :class:`RawClient`, and :class:`BadPeer`, a server that misbehaves by script.
+"""Raw peers for tests: :class:`RawClient`, and :class:`BadPeer`, a server that misbehaves by script.
 
 ::
 
@@ -9,8 +9,8 @@
     with BadPeer(answers_twice) as peer:
         ...  # connect to peer.url
 
-Every connection runs the next script (the last one again and again) in a thread of its own. Every wait of a script is
-bounded, and leaving the ``with`` block closes all sockets, so nothing is left behind whatever a script does.
+Every connection runs the next script (further ones the last script) in a separate thread. Every wait of a script is
+bounded, and leaving the ``with`` block closes all sockets, so no script can leave resources behind.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Framer, Packet
 from orinkit.core import hresult
 
-PATIENCE = 20.0  # seconds that a script waits for anything
+PATIENCE = 20.0  # s, time-out of every wait of a script
 
 
 class Gone(Exception):
-    """The client has left; a script that does not catch it ends."""
+    """The client has disconnected; ends a script that does not catch it."""
 
 
 def reply(request: Packet, *values: Any, code: int = hresult.S_OK, serial: int | None = None) -> bytes:
-    """Return the packet that answers a request, or one that pretends to."""
+    """Return the reply to a request, or one with another serial."""
     return packet.encode(Packet(request.serial if serial is None else serial, code, list(values)))
 
 
 def executing(request: Packet, serial: int | None = None) -> bytes:
-    """Return the packet that says that a request is still being executed."""
+    """Return a packet that reports that a request is still executing."""
     return reply(request, code=hresult.S_EXECUTING, serial=serial)
 
 
 class Line:
-    """One connection, as a script sees it."""
+    """One connection, as used by a script."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._socket = connection
@@ -70,7 +70,7 @@ class Line:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send bytes unchanged."""
         try:
             self._socket.sendall(data)
         except OSError as error:
@@ -80,15 +80,15 @@ class Line:
         """Send bytes so that the client most likely receives them piece by piece."""
         for piece in pieces:
             self.send(piece)
-            time.sleep(0.001)  # nothing tells when the client has taken a piece
+            time.sleep(0.001)  # there is no sign that the client has received a piece
 
     def serve(self, answer: Callable[[Packet], bytes]) -> None:
-        """Answer requests until the client leaves."""
+        """Reply to requests until the client disconnects."""
         while True:
             self.send(answer(self.request()))
 
     def wait_for_end(self) -> None:
-        """Wait until the client has closed; what it sends meanwhile is thrown away."""
+        """Wait until the client has closed the connection; discard what it sends meanwhile."""
         try:
             while True:
                 self._receive()
@@ -96,22 +96,22 @@ class Line:
             pass
 
     def shut(self) -> None:
-        """End the connection in good order while another thread may wait for something: it is woken.
+        """End the connection gracefully, and wake a thread that waits on it.
 
-        The descriptor stays: it could be another file's before the thread had come to wait.
+        The descriptor stays open: a thread that is about to wait could otherwise wait on another file with the same number.
         """
         try:
-            socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket's own goes on without TLS
+            socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket.shutdown() would continue without TLS
         except OSError:
             pass
 
     def close(self) -> None:
-        """Close in good order: the client reads an end of stream."""
+        """Close the connection gracefully: the client reads an end of stream."""
         self.shut()
         self._socket.close()
 
     def reset(self) -> None:
-        """Break the connection: the client gets ECONNRESET."""
+        """Reset the connection: the client gets ECONNRESET."""
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self._socket.close()
 
@@ -129,9 +129,9 @@ class BadPeer:
         self._lines: list[Line] = []
         self._errors: list[Exception] = []
         self.ended = threading.Semaphore(0)
-        """Is released once for every script that has ended."""
+        """Released once for every script that has ended."""
         self.stopping = threading.Event()
-        """Is set when the ``with`` block is left; for scripts that go on for ever."""
+        """Set when the ``with`` block is left; for scripts that would run forever."""
 
     @property
     def port(self) -> int:
@@ -143,7 +143,7 @@ class BadPeer:
 
     @property
     def connections(self) -> int:
-        """How many clients have connected so far."""
+        """The number of clients that have connected so far."""
         return len(self._lines)
 
     def _accept(self) -> None:
@@ -156,7 +156,7 @@ class BadPeer:
             script = self._scripts[min(len(self._lines), len(self._scripts) - 1)]
             self._lines.append(line)
             self._start(self._run, script, line)
-            if self.stopping.is_set():  # nobody ends it any more
+            if self.stopping.is_set():  # __exit__ may have missed this connection
                 line.shut()
 
     def _run(self, script: Script, line: Line) -> None:
@@ -164,7 +164,7 @@ class BadPeer:
             script(line)
         except Gone:
             pass
-        except Exception as error:  # noqa: BLE001 - is raised in the test itself
+        except Exception as error:  # noqa: BLE001 - raised by __exit__
             self._errors.append(error)
         finally:
             line.close()
@@ -186,7 +186,7 @@ class BadPeer:
         self._listener.shutdown(socket.SHUT_RDWR)
         for line in list(self._lines):
             line.shut()
-        for thread in self._threads:  # one that ends may start another one
+        for thread in self._threads:  # an ending thread may start another one
             thread.join(PATIENCE)
         self._listener.close()
         if error is None and self._errors:
@@ -194,7 +194,7 @@ class BadPeer:
 
 
 class RawClient:
-    """A client that sends what it is told and shows what comes, packet by packet."""
+    """A client that sends given bytes and returns received packets."""
 
     def __init__(self, url: str, *, receive_buffer: int = 0, source: str = "") -> None:
         host, _, port = url.rpartition("/")[2].rpartition(":")
@@ -210,17 +210,17 @@ class RawClient:
         self._serial = 0
 
     def send(self, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send bytes unchanged."""
         self.socket.sendall(data)
 
     def request(self, function: int, *arguments: Any, serial: int | None = None) -> int:
-        """Send a request; returns its serial."""
+        """Send a request and return its serial."""
         self._serial = self._serial % 0xFFFF + 1 if serial is None else serial
         self.send(packet.encode(Packet(self._serial, function, list(arguments))))
         return self._serial
 
     def frame(self) -> bytes:
-        """Return the next packet as bytes; :class:`Gone` at the end of the stream."""
+        """Return the next packet as bytes; raises :class:`Gone` at the end of the stream."""
         frame = self._framer.next_frame()
         while frame is None:
             data = self.socket.recv(65536)
@@ -234,7 +234,7 @@ class RawClient:
         return packet.decode(self.frame())
 
     def ask(self, function: int, *arguments: Any) -> Any:
-        """Send a request and return the result of its answer; the code, if that is a failure."""
+        """Send a request and return the result of the reply; the return code unless it is S_OK."""
         serial = self.request(function, *arguments)
         answer = self.packet()
         assert answer.serial == serial
@@ -243,14 +243,14 @@ class RawClient:
         return answer.arguments[0] if answer.arguments else None
 
     def ended(self) -> bool:
-        """Read to the end of the stream; False when something else than its end came."""
+        """Return True if the stream has ended, False if data has arrived."""
         try:
             return self.socket.recv(1) == b""
         except ConnectionError:
             return True
 
     def close(self) -> None:
-        """Close."""
+        """Close the connection."""
         self.socket.close()
 
     def __enter__(self) -> Self:

@@ -18,7 +18,7 @@ P0, J0, T0, P1, J1, T1, P2, J2, T2 = 0x001, 0x002, 0x003, 0x101, 0x102, 0x103, 0
 
 
 class SlaveCell(Cell):
-    """One virtual RC8 with strict time, as the document has it; its first client has the arm."""
+    """A virtual RC8 with strict time, as documented; its first client has taken the arm."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"strict_time": True, **options})
@@ -26,19 +26,19 @@ class SlaveCell(Cell):
         self.commands = [self.arm.queue.joints]
 
     def on(self, mode: int = J0) -> SlaveCell:
-        """Turn slave mode on."""
+        """Enter slave mode."""
         assert self.execute("slvChangeMode", mode) is None
         return self
 
     def send(self, pose: Sequence[float], *beside: Any) -> Any:
-        """Call slvMove; returns what the method returns: the answer, a Coded, or a Later."""
+        """Call slvMove and return its result: a value, a ResultWithCode, or a Deferred."""
         numbers = [float(value) for value in pose]
         if len(numbers) == 6:
             numbers += [0.0, 0.0]
         return self.robot.execute("slvMove", variant([numbers, *beside] if beside else numbers))
 
     def cycle(self, count: int = 1) -> None:
-        """Let cycles pass, one by one, and keep their commands."""
+        """Run cycles one by one and record their commands."""
         for _ in range(count):
             self.clock.advance(PERIOD)
             self.commands.append(self.arm.queue.joints)
@@ -50,21 +50,21 @@ class SlaveCell(Cell):
             self.cycle()
 
     def move(self, interpolation: int = 1, pose: Any = "@E J(10, 45, 90, 0, 45, 0)", option: str = "") -> Any:
-        """Begin a motion."""
+        """Start a motion."""
         return super().move(interpolation, pose, option)
 
     @property
     def mode(self) -> int:
-        """What slvGetMode answers."""
+        """The mode returned by slvGetMode."""
         return self.execute("slvGetMode")
 
     @property
     def error(self) -> int:
-        """The controller's newest error, 0 for none."""
+        """The code of the controller's latest error, 0 if there is none."""
         return self.rc8.state.faults.code
 
     def rest(self) -> list[tuple[float, ...]]:
-        """Let the arm come to rest; returns all commands until then."""
+        """Run until the arm is at standstill; return all commands."""
         for _ in range(500):
             if not self.arm.busy:
                 break
@@ -75,7 +75,7 @@ class SlaveCell(Cell):
         return self.commands
 
     def check_brake(self, since: int) -> None:
-        """From a command on, the arm slowed down evenly within the accelerations of its model, never turning back."""
+        """Check the braking from a command on: in a straight line, within the accelerations of the model, never backwards."""
         steps = np.diff(np.array(self.commands), axis=0)
         bends = np.diff(steps, axis=0)[since - 1 :] / PERIOD**2
         limits = np.array([axis.acceleration for axis in self.arm.model.axes])
@@ -84,11 +84,11 @@ class SlaveCell(Cell):
         speeds = steps[since - 1 :] @ first / (first @ first)
         assert np.all(np.diff(speeds) <= 1e-9)
         assert np.all(speeds >= -1e-9)
-        assert np.allclose(steps[since:], speeds[1:, None] * first, atol=1e-9)  # straight on
+        assert np.allclose(steps[since:], speeds[1:, None] * first, atol=1e-9)  # in a straight line
 
 
 def sine(count: int = 101, axes: Sequence[int] = (0, 1), amplitude: float = 10.0) -> list[tuple[float, ...]]:
-    """Return set-points of the sample program of RC8 4.9: one period of a sine from the home pose and back."""
+    """Return the set-points of the sample program of RC8 4.9: one period of a sine, from the home pose and back."""
     moved = []
     for index in range(count):
         off = amplitude * (1 - math.cos(2 * math.pi * index / 100))
@@ -97,7 +97,7 @@ def sine(count: int = 101, axes: Sequence[int] = (0, 1), amplitude: float = 10.0
 
 
 def straight(step: float, count: int, ramp: float = 0.12, axis: int = 0) -> Iterator[tuple[float, ...]]:
-    """Yield set-points that speed up by ``ramp`` each cycle, then go on by ``step`` deg in each."""
+    """Yield set-points of one axis whose step grows by ``ramp`` deg per cycle up to ``step`` deg."""
     place, speed = HOME[axis], 0.0
     for _ in range(count):
         speed = min(step, speed + ramp)
@@ -106,12 +106,12 @@ def straight(step: float, count: int, ramp: float = 0.12, axis: int = 0) -> Iter
 
 
 def code(result: Any) -> int:
-    """Return the success code of an answer."""
+    """Return the success code of a result."""
     return result.code if isinstance(result, ResultWithCode) else 0
 
 
 def value(result: Any) -> Any:
-    """Return an answer as plain Python."""
+    """Return a result as a plain Python value."""
     if isinstance(result, Deferred):
         result = result.result()
     if isinstance(result, ResultWithCode):

@@ -1,4 +1,4 @@
-"""Stopping another process with SIGSTOP, so that it stays stopped."""
+"""Stopping another process with SIGSTOP, and keeping it stopped."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 
 from support.waiting import until
 
-_PAUSE = 0.001  # s between two looks
+_PAUSE = 0.001  # s between two checks
 
 
 def state_of(pid: int) -> str:
-    """Return the state of a process as the system has it: T is stopped, Z has ended; Z too for one that has gone."""
+    """Return the state of a process as reported by the system: T is stopped; Z has ended or no longer exists."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except OSError:
@@ -24,9 +24,9 @@ def state_of(pid: int) -> str:
 
 @contextmanager
 def stopped(pid: int) -> Iterator[None]:
-    """Have a process stopped for the time of a block.
+    """Stop a process for the duration of a block.
 
-    It is stopped again and again: on a machine that stalls (``tools/stall.py``) something else may continue it.
+    It is stopped repeatedly, because ``tools/stall.py`` may continue it.
     """
     ending = threading.Event()
 

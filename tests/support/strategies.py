@@ -1,4 +1,4 @@
-"""Hypothesis strategies that several tests share: any VARIANT, and how to compare two of them."""
+"""Hypothesis strategies for VARIANTs, and an exact comparison of two of them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 
 def _as_utf16(text: str) -> str:
-    """A high and a low surrogate side by side are one character as soon as a packet has carried them."""
+    """Combine adjacent high and low surrogates into one character, as a packet does."""
     return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "surrogatepass")
 
 
 def strings() -> st.SearchStrategy[str]:
-    """Any text a VT_BSTR can hold: Japanese, control characters, lone surrogates, the signs of the notation."""
+    """Return a strategy for all texts of VT_BSTR: Japanese, control characters, lone surrogates, notation characters."""
     return st.one_of(
         st.text(st.sampled_from('"(),8\t\r\n あポーズ姿勢　１ａ\U0001f916'), max_size=12),
         st.text(st.characters(exclude_categories=()), max_size=20).map(_as_utf16),
@@ -31,7 +31,7 @@ def strings() -> st.SearchStrategy[str]:
 
 
 def dates() -> st.SearchStrategy[datetime | float]:
-    """What a VT_DATE is after a packet has carried it: a datetime where one fits exactly, else the days as float."""
+    """Return a strategy for decoded values of VT_DATE: a datetime if it is exact, otherwise the days as float."""
     moments = st.datetimes(datetime(1, 1, 1), datetime(9999, 12, 30)).map(lambda moment: ole_datetime(ole_days(moment)))
     return st.one_of(moments, st.floats().map(exact_date))
 
@@ -45,11 +45,11 @@ CONTENTS: dict[VarType, st.SearchStrategy[Any]] = {
     VarType.BSTR: strings(),
     VarType.BOOL: st.booleans(),
 }
-"""One value of each type that an array can hold, VT_VARIANT aside."""
+"""Strategies for the values of each element type of arrays, except VT_VARIANT."""
 
 
 def scalars() -> st.SearchStrategy[Variant]:
-    """A VARIANT that is no array."""
+    """Return a strategy for VARIANTs that are not arrays."""
     nothing = st.sampled_from([Variant(VarType.EMPTY), Variant(VarType.NULL)])
     return st.one_of(
         nothing, *(content.map(lambda value, vt=vt: Variant(vt, value)) for vt, content in CONTENTS.items())
@@ -57,7 +57,7 @@ def scalars() -> st.SearchStrategy[Variant]:
 
 
 def arrays() -> st.SearchStrategy[Variant]:
-    """An array of one type, VT_VARIANT aside; often empty."""
+    """Return a strategy for arrays of one type other than VT_VARIANT; often empty."""
     return st.one_of(
         *(
             st.lists(content, max_size=6).map(lambda values, vt=vt: Variant(ARRAY | vt, values))
@@ -67,7 +67,7 @@ def arrays() -> st.SearchStrategy[Variant]:
 
 
 def variants() -> st.SearchStrategy[Variant]:
-    """Any VARIANT of every type: scalars, arrays, VARIANT arrays nested a few deep."""
+    """Return a strategy for all VARIANTs: scalars, arrays, and nested VARIANT arrays."""
     return st.recursive(
         st.one_of(scalars(), arrays()),
         lambda inner: st.lists(inner, max_size=4).map(lambda items: Variant(VARIANT_ARRAY, items)),
@@ -76,7 +76,7 @@ def variants() -> st.SearchStrategy[Variant]:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Compare two :class:`Variant`, or their values: also their types, -0.0 and nan, which ``==`` gets wrong."""
+    """Compare two :class:`Variant` or two values exactly: including types, -0.0 and NaN, which ``==`` does not distinguish."""
     if type(one) is not type(other):
         return False
     if isinstance(one, Variant):

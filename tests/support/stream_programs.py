@@ -1,4 +1,4 @@
-"""Programs of users that stream, in processes of their own."""
+"""User programs that stream, in separate processes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ with orinkit.connect(url) as rc8:
 
 @contextmanager
 def program(url: str, feed: str, end: str = "") -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A user's program in a process of its own, which streams; yields it and the number of its streaming process."""
+    """Run a user program that streams; yields its process and the process id of its streaming process."""
     with subprocess.Popen(
         [sys.executable, "-c", PROGRAM, url, feed, end], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -77,7 +77,7 @@ def program(url: str, feed: str, end: str = "") -> Iterator[tuple[subprocess.Pop
 
 
 def gone(pid: int) -> bool:
-    """Whether a process is no more."""
+    """Return True if a process has ended."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:
@@ -85,7 +85,7 @@ def gone(pid: int) -> bool:
 
 
 def came_to_rest(arm: Arm) -> None:
-    """Check what the controller itself has seen: no error, limits kept, the last pose repeated."""
+    """Check the log of the controller: no errors, no limit violations, and standstill at the end."""
     assert arm.errors == []
     assert arm.within_limits()
     commands = arm.commands

@@ -1,4 +1,4 @@
-"""What the tests of streaming share: a virtual RC8 on the wire that keeps a log of what its arm did."""
+"""Helpers of the tests of streaming: a served virtual RC8 that logs the commands of its arm."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ ROUNDING = 1e-6
 def sine(
     seconds: float, amplitude: float = 10.0, axes: tuple[int, ...] = (0, 1), home: Any = HOME
 ) -> list[tuple[float, ...]]:
-    """A trajectory that begins and ends at rest: two sines of some joints. No set-point is the same as the one before it.
+    """Return a trajectory from standstill to standstill: two periods of a sine on some joints, without repeated set-points.
 
-    Where two are the same the arm stands, and a late set-point is no gap.
+    Repeated set-points would be a standstill, in which a late set-point is not a gap.
     """
     count = 4 * round(seconds / PERIOD / 4)
     points = []
@@ -36,7 +36,7 @@ def sine(
 
 
 class Arm:
-    """A virtual RC8 that is served, and what its own log tells."""
+    """A served virtual RC8 and an evaluation of its log."""
 
     def __init__(self, device: VirtualRC8, url: str) -> None:
         self.device = device
@@ -46,7 +46,7 @@ class Arm:
         self.record()
 
     def record(self) -> None:
-        """Forget the log and begin again."""
+        """Clear the log and start it again."""
         with self.device.state.cycles:
             self.arm.log.clear()
             self.arm.log.running = True
@@ -54,7 +54,7 @@ class Arm:
 
     @property
     def commands(self) -> np.ndarray[Any, Any]:
-        """Command joints, a row for each cycle."""
+        """The command joints, one row per cycle."""
         with self.device.state.cycles:
             log = self.arm.log
             rows = [log.record(index)[0:24:4] for index in range(len(log))]
@@ -62,18 +62,18 @@ class Arm:
 
     @property
     def errors(self) -> list[int]:
-        """Codes of all errors that have been logged, the oldest first."""
+        """The codes of all logged errors, oldest first."""
         log = self.device.state.faults.log
         return [log.at(index).code for index in reversed(range(len(log)))]
 
     @property
     def mode(self) -> int:
-        """What slvGetMode answers."""
+        """The mode returned by slvGetMode."""
         mode = self.arm.slave.mode
         return mode.number if mode is not None else 0
 
     def peaks(self) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-        """Largest velocity and acceleration of each joint, as parts of the arm's limits."""
+        """Return the largest velocity and acceleration of each joint, as fractions of the arm's limits."""
         commands = self.commands
         axes = self.model.axes[:6]
         velocity = np.abs(np.diff(commands, axis=0)).max(axis=0) / PERIOD
@@ -84,22 +84,22 @@ class Arm:
         )
 
     def within_limits(self) -> bool:
-        """Whether no joint ever was faster, or accelerated or braked more, than the arm can."""
+        """Return True if no joint has exceeded the velocity or acceleration limits of the arm."""
         velocity, acceleration = self.peaks()
         return bool((velocity <= 1 + ROUNDING).all() and (acceleration <= 1 + ROUNDING).all())
 
     def carried_out(self, points: list[tuple[float, ...]]) -> bool:
-        """Whether these commands were given, one in each cycle, without a gap."""
+        """Return True if these points were executed, one per cycle, without a gap."""
         commands = [tuple(row) for row in self.commands.tolist()]
         count = len(points)
         return any(commands[index : index + count] == points for index in range(len(commands) - count + 1))
 
     def standing(self) -> bool:
-        """Whether nothing moves and slave mode is off."""
+        """Return True if the arm is at standstill and slave mode is off."""
         return not self.arm.busy and self.mode == 0
 
     def free(self) -> bool:
-        """Whether nobody has the arm any more."""
+        """Return True if the arm is at standstill and free."""
         return self.standing() and self.arm.holder is None
 
 
@@ -115,7 +115,7 @@ def served(
 
 @contextmanager
 def by_hand(**options: Any) -> Iterator[tuple[Arm, Hand]]:
-    """Serve a virtual RC8 whose clock is moved by hand."""
+    """Serve a virtual RC8 whose clock is advanced by a :class:`Hand`."""
     clock = ManualClock()
     with served(clock=clock, **options) as arm:
         hand = Hand(arm.device, clock)

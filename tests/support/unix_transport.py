@@ -1,4 +1,4 @@
-"""A transport that orinkit does not have: ``unix:///run/controller``, Unix domain sockets. One module, one row."""
+"""An additional transport, Unix domain sockets: ``unix:///run/controller``; requires one module and one table row."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A virtual VE026A on a clock that a test moves, and clients that call the served objects themselves."""
+"""A virtual VE026A with a manual clock, and clients that call the served objects directly."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ R4 = int(VarType.R4) | ARRAY
 
 
 class Person:
-    """One client."""
+    """A client of the controller and the robot."""
 
     def __init__(self, arm: VirtualVE026A, client: ClientInfo | None = None) -> None:
         self.controller: Any = arm.connect("", "", "", client or ClientInfo("", "serial"))
         self.robot: Any = self.controller.get_robot("VE026A", "")
 
     def __call__(self, command: str, parameter: Any = None) -> Any:
-        """Execute a command of the robot; returns what the method returns."""
+        """Execute a command of the robot and return the result of the method."""
         return self.robot.execute(command, variant(parameter))
 
     def leave(self) -> None:
-        """Release what it holds."""
+        """Release the robot and the controller."""
         self.robot.release()
         self.controller.release()
 
 
 class VeCell:
-    """One virtual VE026A and its first client; the motor is on."""
+    """A virtual VE026A and its first client; the motor is on."""
 
     def __init__(self, **options: Any) -> None:
         self.clock = ManualClock()
@@ -44,28 +44,28 @@ class VeCell:
         self.path = [self.arm.joints]
 
     def run(self, result: Any, seconds: float = 10.0) -> Any:
-        """Let cycles pass until a promise is kept, and return what it gives."""
+        """Run until a deferred result is available, and return its value."""
         if isinstance(result, Deferred):
             self.cycles(result, round(seconds / PERIOD))
             result = result.result()
         return getattr(result, "plain", result)
 
-    def cycles(self, promise: Deferred[Any], most: int = 2000) -> int:
-        """Return after how many cycles a promise is done."""
+    def cycles(self, deferred: Deferred[Any], most: int = 2000) -> int:
+        """Return the number of cycles until a deferred result is available."""
         for count in range(most):
-            if promise.done():
+            if deferred.done():
                 return count
             self.cycle()
         raise AssertionError("still not done")
 
     def cycle(self, count: int = 1) -> None:
-        """Let cycles pass, one by one, and keep where the encoders are."""
+        """Run cycles one by one and record the encoder positions."""
         for _ in range(count):
             self.clock.advance(PERIOD)
             self.path.append(self.arm.joints)
 
     def code(self, call: Callable[[], Any]) -> int:
-        """Return the code that a call is refused with at once, or ends with; 0 if it succeeds."""
+        """Make a call and return its return code, immediate or final; 0 if it succeeds."""
         try:
             self.run(call())
         except CallError as error:
@@ -83,7 +83,7 @@ class VeCell:
         return self
 
     def clear(self) -> int:
-        """Call ClearError; returns its code."""
+        """Call ClearError and return its return code."""
         return self.code(lambda: self.client.controller.execute("ClearError", Variant(VarType.I2, 0)))
 
     def send(self, pose: Sequence[float]) -> Any:
@@ -97,7 +97,7 @@ class VeCell:
             self.cycle()
 
     def rest(self, most: int = 200) -> int:
-        """Let the arm come to rest; returns after how many cycles it stood."""
+        """Run until the arm is at standstill; return the number of cycles."""
         self.cycle(5)
         for count in range(most):
             if self.path[-1] == self.path[-5]:
@@ -112,5 +112,5 @@ def turned(angle: float, axis: int = 0) -> tuple[float, ...]:
 
 
 def ramp(step: float, count: int, axis: int = 0) -> list[tuple[float, ...]]:
-    """Return set-points from the home pose on, a step apart."""
+    """Return set-points that start at the home pose, with a distance of ``step`` deg."""
     return [turned(step * (number + 1), axis) for number in range(count)]

@@ -1,4 +1,4 @@
-"""Waiting for what happens in another thread or process, times that are too short, and interrupting what would wait."""
+"""Waiting for events in other threads or processes, tests of short time-outs, and interrupting calls."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from types import FrameType
 from typing import Any
 
 PATIENCE = 30.0
-"""Seconds that anything may take on a machine that does much else."""
+"""Time-out in seconds for any operation on a busy machine."""
 
 
 class TooSlow(Exception):
-    """A time-out that is meant to pass has passed before the test had come to what it is about: nothing was tested."""
+    """A time-out under test has expired too early: the test has not reached the step that it checks."""
 
 
 def with_longer_times(*times: float) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a test a short time, its argument ``short``, and run it again with the next one when it raises :class:`TooSlow`.
+    """Pass a short time to a test as argument ``short``, and repeat it with the next time if it raises :class:`TooSlow`.
 
     ::
 
         @with_longer_times(0.1, 1.0, 10.0)
         def test_a_call_times_out(short: float) -> None:
             ...
-            if not came:  # the machine stood still before the request had been sent
+            if not came:  # the machine stalled before the request had been sent
                 raise TooSlow
 
     Args:
-        times: seconds; with the last one :class:`TooSlow` is a failure.
+        times: The times, s; with the last one, :class:`TooSlow` is a failure.
     """
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
@@ -45,14 +45,14 @@ def with_longer_times(*times: float) -> Callable[[Callable[..., None]], Callable
 
         signature = inspect.signature(test)
         fixtures = [each for name, each in signature.parameters.items() if name != "short"]
-        vars(run)["__signature__"] = signature.replace(parameters=fixtures)  # what pytest is to give it
+        vars(run)["__signature__"] = signature.replace(parameters=fixtures)  # the fixtures requested from pytest
         return run
 
     return decorate
 
 
 def until(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
-    """Wait for something that happens elsewhere; fails when it does not."""
+    """Wait until a condition is true; fail after a time-out."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen"
@@ -60,14 +60,14 @@ def until(condition: Callable[[], object], seconds: float = PATIENCE) -> None:
 
 
 def interrupted_at(point: int, call: Callable[[], object], files: tuple[str, ...]) -> bool:
-    """Raise KeyboardInterrupt where Python looks for signals for the n-th time; returns whether it came to that.
+    """Raise KeyboardInterrupt at the n-th point at which Python checks for signals; return True if it was raised.
 
-    That is where a function begins, and behind each of those in C.
+    Python checks at the start of a function, and after each call of a C function.
 
     Args:
-        point: from 1.
-        call: is interrupted.
-        files: ends of the names of those in which it counts.
+        point: the number of the point, from 1.
+        call: the function to interrupt.
+        files: suffixes of the file names in which points are counted.
     """
     passed = 0
 

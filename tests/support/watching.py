@@ -1,4 +1,4 @@
-"""How long a server's event loop is held up: CPU time of its thread in one callback, so that a busy machine counts for nothing."""
+"""Measuring how long callbacks block a server's event loop, in CPU time of its thread, independent of the machine's load."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from typing import Final
 from orinkit.server.threaded import Server
 
 LONGEST: Final = 0.020
-"""Seconds of CPU that one callback of a server may take."""
+"""Longest allowed CPU time of a callback of a server, s."""
 
-_MARGIN: Final = 5.0  # other tests run beside these and take the caches away; what is caught here takes seconds
-_NOMINAL: Final = 0.010  # s that the reference takes on a machine where the bound is exact
+_MARGIN: Final = 5.0  # tests that run in parallel evict the caches; real faults take seconds
+_NOMINAL: Final = 0.010  # s, duration of the reference on the machine for which the bound was chosen
 
 
 @dataclass
 class Watch:
-    """What the callbacks of one thread have taken.
+    """CPU times of the callbacks of one thread.
 
     Attributes:
-        longest: seconds of CPU.
-        what: the callback that took them.
-        slow: all that took longer than allowed, with the label that was set then.
-        label: what is being done.
+        allowed: the limit, s.
+        longest: the longest CPU time, s.
+        what: the callback that took the longest.
+        label: the current step of the test.
+        slow: the label and CPU time of every callback that exceeded the limit.
     """
 
     allowed: float
@@ -38,12 +39,12 @@ class Watch:
     slow: list[tuple[str, float]] = field(default_factory=list)
 
     def check(self) -> None:
-        """Fail where one took longer than allowed."""
+        """Fail if a callback has exceeded the limit."""
         assert not self.slow, f"more than {self.allowed * 1000:.0f} ms: {self.slow}"
 
 
 def allowed(margin: float) -> float:
-    """Return how long a callback may take on this machine: :data:`LONGEST` on a quiet one that is not slower than most."""
+    """Return the limit for a callback in s: ``margin`` times :data:`LONGEST`, or more if this machine is slow."""
     return margin * LONGEST * max(1.0, min(_reference() for _ in range(3)) / _NOMINAL)
 
 
@@ -56,7 +57,7 @@ def _reference() -> float:
 
 @contextmanager
 def watched(server: Server, *, strict: bool = False) -> Iterator[Watch]:
-    """Watch the event loop of a server for the time of a block; strict where nothing else runs on the machine."""
+    """Measure the callbacks of a server for the duration of a block; ``strict`` if nothing else runs on the machine."""
     watch = Watch(allowed(1.0 if strict else _MARGIN))
     thread = server._thread
     run = asyncio.Handle._run
@@ -75,7 +76,7 @@ def watched(server: Server, *, strict: bool = False) -> Iterator[Watch]:
             watch.slow.append((watch.label, round(took, 4)))
 
     gc.collect()
-    gc.freeze()  # a full collection looks at what the tests have made: that is much more than a server has
+    gc.freeze()  # a full collection would visit the objects of the tests, many more than those of a server
     asyncio.Handle._run = timed  # type: ignore[method-assign]
     try:
         yield watch

@@ -1,4 +1,4 @@
-"""A client of e-CAP over HTTP that sends what a test says, byte by byte."""
+"""A raw e-CAP client over HTTP, for tests that specify every byte."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GET_VARIABLE, EXECUTE, GET, PUT = 9, 17, 101, 102
 
 
 class Answer(NamedTuple):
-    """An HTTP answer; names of headers are in lower case."""
+    """An HTTP reply; names of headers are in lower case."""
 
     status: int
     headers: dict[str, str]
@@ -33,24 +33,24 @@ class Answer(NamedTuple):
 
     @property
     def result(self) -> str:
-        """What follows the code, where that is S_OK."""
+        """The result after the return code, which must be S_OK."""
         assert self.code == 0, self
         return self.body.strip().partition(b",")[2].decode()
 
     @property
     def handle(self) -> int:
-        """The handle that it brings."""
+        """The handle in the result."""
         assert self.result.startswith("3,"), self
         return int(self.result[2:])
 
     @property
     def detail(self) -> str:
-        """What went wrong, in words."""
+        """The error description."""
         return unquote(self.headers.get("orinkit-detail", ""))
 
 
 class Web:
-    """One connection of a client that sends what it is told. All of them are closed at the end of a test."""
+    """One connection of a raw client. All of them are closed at the end of a test."""
 
     opened: ClassVar[list[Web]] = []
 
@@ -68,16 +68,16 @@ class Web:
 
     @classmethod
     def close_all(cls) -> None:
-        """Close all."""
+        """Close all connections."""
         while cls.opened:
             cls.opened.pop().close()
 
     def send(self, data: bytes) -> None:
-        """Send bytes as they are."""
+        """Send bytes unchanged."""
         self.socket.sendall(data)
 
     def head(self, body: bytes | str = b"", method: str = "POST", **headers: str) -> bytes:
-        """Return the header of a request; ``Content_Type=""`` leaves one out."""
+        """Return the header of a request; an empty value as in ``Content_Type=""`` omits a line."""
         length = str(len(body.encode() if isinstance(body, str) else body))
         given = {"Host": self.place, "Content-Type": FORM, "Content-Length": length}
         if self.cookie:
@@ -87,12 +87,12 @@ class Web:
         return ("\r\n".join(lines) + "\r\n\r\n").encode("latin-1")
 
     def ask(self, body: bytes | str, method: str = "POST", **headers: str) -> Answer:
-        """Send a request and return its answer."""
+        """Send a request and return the reply."""
         self.send(self.head(body, method, **headers) + (body.encode() if isinstance(body, str) else body))
         return self.answer(bodiless=method == "HEAD")
 
     def call(self, function: int, *arguments: Any) -> Answer:
-        """Call a function; arguments are written percent-encoded."""
+        """Call a function with percent-encoded arguments."""
         return self.ask(request(function, *arguments))
 
     def line(self) -> bytes:
@@ -103,7 +103,7 @@ class Web:
         return line.removesuffix(b"\r")
 
     def answer(self, *, bodiless: bool = False) -> Answer:
-        """Return the next answer."""
+        """Return the next reply."""
         status = int(self.line().split(b" ")[1])
         headers: dict[str, str] = {}
         while line := self.line():
@@ -116,7 +116,7 @@ class Web:
         return Answer(status, headers, b"" if bodiless else b"".join(self.pieces(headers)))
 
     def pieces(self, headers: dict[str, str]) -> Iterator[bytes]:
-        """Yield a body: in chunks as they come, as long as is said, or up to the end."""
+        """Yield a body: chunk by chunk, by Content-Length, or up to the end of the connection."""
         if headers.get("transfer-encoding") == "chunked":
             while size := int(self.line(), 16):
                 yield self.take(size)
@@ -128,14 +128,14 @@ class Web:
             yield self.rest()
 
     def take(self, count: int) -> bytes:
-        """Return so many bytes."""
+        """Return the next ``count`` bytes."""
         while len(self._rest) < count:
             self._more()
         taken, self._rest = self._rest[:count], self._rest[count:]
         return taken
 
     def rest(self) -> bytes:
-        """Return what comes up to the end of the connection."""
+        """Return all bytes up to the end of the connection."""
         while data := self.socket.recv(65536):
             self._rest += data
         taken, self._rest = self._rest, b""
@@ -148,7 +148,7 @@ class Web:
         self._rest += data
 
     def ended(self) -> bool:
-        """Read to the end of the stream; False when something else than its end came."""
+        """Return True if the stream has ended, False if data has arrived."""
         try:
             return not self._rest and self.socket.recv(1) == b""
         except ConnectionError:
@@ -158,7 +158,7 @@ class Web:
         self.socket.close()
 
     def reset(self) -> None:
-        """Break the connection."""
+        """Reset the connection."""
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
         self.socket.close()
 
@@ -177,13 +177,13 @@ def request(function: int, *arguments: Any) -> str:
 
 
 def curl(url: str, function: int, *arguments: Any) -> Answer:
-    """Call a function as ``curl`` does: a connection for each call, and no cookies."""
+    """Call a function as ``curl`` does: one connection per call, no cookies."""
     with Web(url) as web:
         return web.ask(request(function, *arguments), Connection="close")
 
 
 def connect(web: Web, provider: str = "Test.Workshop") -> int:
-    """Begin, and connect to the workshop; returns the controller's handle."""
+    """Start the service, connect to the workshop and return the handle of the controller."""
     assert web.cookie or web.call(1).body == OK
     return web.call(3, "", provider, "localhost", "").handle
 

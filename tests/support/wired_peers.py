@@ -1,7 +1,7 @@
-"""The scripted peers of :mod:`peers` on UDP and on a serial line: the same scripts, in which packets are those of TCP.
+"""The scripted peers of :mod:`peers` on UDP and on a serial line, running the same scripts, which use packets for TCP.
 
-A line makes of them what travels there: on UDP each packet is a datagram, on a serial line it gets its checksum. What is
-no packet goes as it is.
+A line converts the packets: on UDP each packet becomes a datagram, on a serial line a checksum is added. Bytes that are not
+a packet are sent unchanged.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from support.peers import PATIENCE, BadPeer, Gone, Line, Script
 
 
 def parts(data: bytes) -> Iterator[bytes]:
-    """Return the packets in some bytes, and what is between them."""
+    """Yield the packets in some bytes, and the bytes between them."""
     between = 0
     place = 0
     while place < len(data):
@@ -40,7 +40,7 @@ def parts(data: bytes) -> Iterator[bytes]:
 
 
 class WiredLine(Line):
-    """One client, as a script sees it."""
+    """One client, as used by a script."""
 
     def __init__(self, wire: BcapProfile) -> None:
         self._wire = wire
@@ -54,12 +54,12 @@ class WiredLine(Line):
         return packet.decode(frame, crc=self._wire.crc)
 
     def reset(self) -> None:
-        """Close: there is no connection that could break."""
+        """Close the line: there is no connection to reset."""
         self.close()
 
 
 class UdpLine(WiredLine):
-    """A client on UDP: whoever has sent the latest datagram."""
+    """A client on UDP: the sender of the latest datagram."""
 
     def __init__(self, connection: socket.socket) -> None:
         super().__init__(DATAGRAM)
@@ -89,12 +89,12 @@ class UdpLine(WiredLine):
             raise Gone from error
 
     def shut(self) -> None:
-        """Have nothing come any more; who waits for a datagram gets one, for a socket without another end has no end."""
+        """Stop receiving; wake a waiting thread with a datagram, because a UDP socket has no end of stream."""
         self._over = True
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as waker:
             try:
                 waker.sendto(b"\0", self._socket.getsockname())
-            except OSError:  # it is closed
+            except OSError:  # the socket is closed
                 pass
 
     def close(self) -> None:
@@ -118,7 +118,7 @@ class SerialLine(WiredLine):
         return os.read(self._descriptor, 65536)
 
     def send(self, data: bytes) -> None:
-        """Send bytes, packets with their checksums."""
+        """Send bytes; a checksum is added to each packet."""
         self._write(b"".join(map(_with_checksum, parts(data))))
 
     def _write(self, data: bytes) -> None:
@@ -132,7 +132,7 @@ class SerialLine(WiredLine):
                 continue
 
     def send_in_pieces(self, *pieces: bytes) -> None:
-        """Send bytes piece by piece; the last piece has the checksum."""
+        """Send bytes piece by piece; the last piece contains the checksum."""
         whole = b"".join(map(_with_checksum, parts(b"".join(pieces))))
         for piece in pieces[:-1]:
             self._write(whole[: len(piece)])
@@ -141,10 +141,10 @@ class SerialLine(WiredLine):
         self._write(whole)
 
     def shut(self) -> None:
-        """Do nothing: the peer wakes who waits."""
+        """Do nothing: the peer wakes a waiting thread."""
 
     def close(self) -> None:
-        """Do nothing: the line stays."""
+        """Do nothing: the peer closes the pseudo-terminal."""
 
 
 def _with_checksum(part: bytes) -> bytes:
@@ -155,7 +155,7 @@ def _with_checksum(part: bytes) -> bytes:
 
 
 class UdpPeer(BadPeer):
-    """Runs one script for whoever sends datagrams."""
+    """A UDP peer that runs one script, for the senders of datagrams."""
 
     def __init__(self, *scripts: Script) -> None:
         super().__init__(*scripts)
@@ -167,7 +167,7 @@ class UdpPeer(BadPeer):
         return f"udp://127.0.0.1:{self._datagrams.getsockname()[1]}"
 
     def _accept(self) -> None:
-        """Wait for the first datagram: a script may be told after the peer has begun."""
+        """Wait for the first datagram, because the script may be set after the peer has started."""
         self._datagrams.settimeout(PATIENCE)
         try:
             self._datagrams.recvfrom(1, socket.MSG_PEEK)
@@ -175,7 +175,7 @@ class UdpPeer(BadPeer):
             return
         line = UdpLine(self._datagrams)
         self._lines.append(line)
-        if self.stopping.is_set():  # nobody ends it any more
+        if self.stopping.is_set():  # __exit__ may have missed this line
             line.shut()
         self._run(self._scripts[0], line)
 
@@ -193,7 +193,7 @@ class UdpPeer(BadPeer):
 
 
 class SerialPeer(BadPeer):
-    """Runs one script for whoever opens the line."""
+    """A peer on a serial line that runs one script, for the client that opens the line."""
 
     def __init__(self, *scripts: Script) -> None:
         super().__init__(*scripts)
@@ -227,4 +227,4 @@ class SerialPeer(BadPeer):
 
 
 PEERS: Final[dict[str, type[BadPeer]]] = {"tcp": BadPeer, "udp": UdpPeer, "pty": SerialPeer}
-"""By the scheme of the address that a server would listen at."""
+"""Peers by the scheme of the listen address of a server."""

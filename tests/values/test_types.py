@@ -16,7 +16,7 @@ import orinkit
 from orinkit.bcap import dissect, packet
 from orinkit.cao import coerce
 from orinkit.cao.functions import variable_put_value
-from orinkit.cao.quota import size_to_keep
+from orinkit.cao.quota import stored_size
 from orinkit.core.errors import InvalidValue, LimitExceeded
 from orinkit.device.declarations import variable as declared
 from orinkit.ecap.message import read_request, write_request
@@ -65,7 +65,7 @@ def test_bytes_both_ways(row):
         data = codec.encode_variant(value)
         assert same(codec.decode(data, exact=True), (value, len(data)))
         assert same(codec.decode(data)[0], value.plain)
-        assert row.code == VarType.BSTR or value.type & ~ARRAY != row.code or size_to_keep(value) == len(data) - 4
+        assert row.code == VarType.BSTR or value.type & ~ARRAY != row.code or stored_size(value) == len(data) - 4
 
 
 @by_row

@@ -73,9 +73,9 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
         kind: ``"request"`` or ``"reply"``; by default a code of 1 to 255 is a function id and any other a return code.
         request: for a reply: the packet of its request.
     """
-    walk = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
-    walk.packet()
-    return walk.fields
+    dissector = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
+    dissector.packet()
+    return dissector.fields
 
 
 def kind_of(code: int) -> Kind:
@@ -251,13 +251,13 @@ class _Dissector:
         present = len(self.frame)
         if length > DEFAULT_LIMITS.packet:
             most = DEFAULT_LIMITS.packet
-            said = tr("{length} bytes exceed the limit of {most} bytes", length=length, most=most)
+            description = tr("{length} bytes exceed the limit of {most} bytes", length=length, most=most)
         elif length != present:
-            said = tr("{length}, but {present} are present", length=_bytes(length), present=present)
+            description = tr("{length}, but {present} are present", length=_bytes(length), present=present)
         else:
             self.take(4, name, _bytes(length))
             return
-        self.take(4, name, said, error=True)
+        self.take(4, name, description, error=True)
 
     def _arguments(self, count: int, end: int) -> None:
         for index in range(count):
@@ -364,11 +364,11 @@ class _Dissector:
         crc = self._before_crc(end)
         if self.at < crc:
             area = crc - self.at
-            said = tr("{size} after the arguments", size=_bytes(area))
+            description = tr("{size} after the arguments", size=_bytes(area))
             if area == _CRC_SIZE and crc == end:
                 right = _U16.pack(packet.checksum(self.frame[1 : self.at])).hex(" ")
-                said = tr("{said}; as a CRC, {right} would be correct", said=said, right=right)
-            self.take(area, tr("reserved area"), said)
+                description = tr("{said}; as a CRC, {right} would be correct", said=description, right=right)
+            self.take(area, tr("reserved area"), description)
         if self.at == crc < end:
             self.take(_CRC_SIZE, "CRC", tr("correct (serial line)"))
 
@@ -380,8 +380,8 @@ class _Dissector:
             self.wrong(stop, name, tr("the final EOT 04 is missing"))
         if stop < len(self.frame):
             rest = _bytes(len(self.frame) - stop)
-            said = tr("{size} after the end of the packet", size=rest)
-            self.wrong(len(self.frame), tr("not a packet"), said)
+            description = tr("{size} after the end of the packet", size=rest)
+            self.wrong(len(self.frame), tr("not a packet"), description)
 
 
 def _bytes(count: int) -> str:

@@ -115,7 +115,7 @@ DATAGRAM: Final = BcapProfile(
     lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
 )  # fmt: skip
 LINE: Final = BcapProfile(
-    "serial", framer=LineFramer, server_framer=partial(LineFramer, tells=True),
+    "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True),
     crc=True, lossy=True, shared=True, watched=False, packet=65536, timeout=0.5,
 )  # fmt: skip
 """Time-outs of 500 ms: RC8 table 5-1."""

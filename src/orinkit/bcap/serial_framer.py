@@ -28,18 +28,18 @@ class LineFramer:
 
     Args:
         limits: bounds on a packet.
-        tells: raise an exception if a request is announced that exceeds the limit, so that a server can send a reply; a
-            client treats it as noise.
+        reports_too_long: raise an exception if a request is announced that exceeds the limit, so that a server can send a
+            reply; a client treats it as noise.
 
     Attributes:
         limits: bounds on a packet.
         skipped: number of bytes received outside any packet.
     """
 
-    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, tells: bool = False) -> None:
+    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, reports_too_long: bool = False) -> None:
         self.limits = limits
         self.skipped = 0
-        self._tells = tells
+        self._reports_too_long = reports_too_long
         self._reported = False  # whether the buffered data has been reported
         self._buffer = bytearray()
         self._work = 0
@@ -146,7 +146,7 @@ class LineFramer:
         _, _, serial, _, function, count = packet.HEADER.unpack_from(self._buffer)
         request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MAX_ARGUMENTS
         self._skip(1)
-        if not (self._tells and request) or self._reported:
+        if not (self._reports_too_long and request) or self._reported:
             return
         self._reported = True
         raise LimitExceeded(

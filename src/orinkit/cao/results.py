@@ -81,11 +81,11 @@ Result: TypeAlias = T | ResultWithCode | Awaitable[T] | BlockingCall | Deferred[
 """Return type of a method: the result, alone or with a success code, an awaitable, a blocking call, a deferred result."""
 
 
-def _still_waits() -> bool:
+def _waits() -> bool:
     return False
 
 
-_WAITS_NO_MORE: Final[ContextVar[Callable[[], bool]]] = ContextVar("waits_no_more", default=_still_waits)
+_GAVE_UP: Final[ContextVar[Callable[[], bool]]] = ContextVar("gave_up", default=_waits)
 
 
 def client_gave_up() -> bool:
@@ -93,9 +93,9 @@ def client_gave_up() -> bool:
 
     An ``async`` method that has awaited something should check this before it does anything the client no longer expects.
     """
-    return _WAITS_NO_MORE.get()()
+    return _GAVE_UP.get()()
 
 
-def begin_call(waits_no_more: Callable[[], bool]) -> None:
+def begin_call(gave_up: Callable[[], bool]) -> None:
     """Set the function behind :func:`client_gave_up` for the current task; called by servers."""
-    _WAITS_NO_MORE.set(waits_no_more)
+    _GAVE_UP.set(gave_up)

@@ -29,7 +29,7 @@ from orinkit.cao.provider import (
     Provider,
     ResultWithCode,
 )
-from orinkit.cao.quota import KEPT, MOST_OF_A_CLIENT, ByteQuota, size_to_keep
+from orinkit.cao.quota import CLIENT_LIMIT, STORING_METHODS, ByteQuota, stored_size
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
@@ -196,7 +196,7 @@ class Session:
         self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
         self._entries: dict[int, _Entry] = {}  # insertion order is age
         self._handles = numbers or HandleAllocator()
-        self._kept = ByteQuota(MOST_OF_A_CLIENT, host.kept)
+        self._kept = ByteQuota(CLIENT_LIMIT, host.kept)
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
@@ -228,18 +228,18 @@ class Session:
         except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
             return self._failed(function, error)
 
-    def complete(self, pending: Pending, result: Any, *, told: bool = True) -> CallReply:
+    def complete(self, pending: Pending, result: Any, *, client_waits: bool = True) -> CallReply:
         """Return the reply to a pending call whose work has returned ``result``.
 
         Args:
             pending: the call.
             result: the result of its work.
-            told: whether the client receives the reply. If False (after a time-out or a disconnection), an object that the
-                call has created is released, because the client would never receive its handle.
+            client_waits: whether the client receives the reply. If False (after a time-out or a disconnection), an object
+                that the call has created is released, because the client would never receive its handle.
         """
         try:
             made = result.value if type(result) is ResultWithCode else result
-            if not told and isinstance(made, CaoObject):
+            if not client_waits and isinstance(made, CaoObject):
                 made.release()
                 raise error_for(hresult.E_ABORT, pending.label)
             return self._reply(pending.function, pending.handle, pending.label, result, pending.provider)
@@ -259,7 +259,7 @@ class Session:
             existing = self._existing(function.creates, handle, label, values[-1])
             if existing is not None:
                 return existing
-        if function.method in KEPT:
+        if function.method in STORING_METHODS:
             self._count_stored(entry, function.method, values[1])
         with entry.guard:
             result = getattr(entry.served, function.method)(*values[1:])
@@ -271,7 +271,7 @@ class Session:
         Raises:
             CallError: E_TOO_MUCH_DATA if the value is too large, E_OUTOFMEMORY if the client's limit would be exceeded.
         """
-        size = size_to_keep(value)
+        size = stored_size(value)
         self._kept.change(size - entry.kept.get(method, 0))
         entry.kept[method] = size
 

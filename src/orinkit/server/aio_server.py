@@ -1,4 +1,4 @@
-"""Serving providers in asyncio: :class:`AsyncServer`."""
+"""The asyncio server: :class:`AsyncServer`."""
 
 from __future__ import annotations
 

@@ -8,9 +8,9 @@ DEFAULT_CLIENTS: Final = 344
 """Maximum number of clients. Three quarters of them, 258, may have one address, so that one machine can have 256."""
 
 
-def most_of_an_address(places: int) -> int:
-    """Return the limit for one address: three quarters of all places, rounded up; the rest is reserved for others."""
-    return places - places // 4
+def default_per_address(clients: int) -> int:
+    """Return the limit for one address: three quarters of all clients, rounded up; the rest is reserved for others."""
+    return clients - clients // 4
 
 
 PARTIAL: Final = 64 * 1024 * 1024

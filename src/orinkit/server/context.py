@@ -14,7 +14,7 @@ from orinkit.cao.session import HandleAllocator, ProviderRegistry
 from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive
-from orinkit.server.capacity import IncompleteRequests, most_of_an_address
+from orinkit.server.capacity import IncompleteRequests, default_per_address
 from orinkit.server.large_values import Worker
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import PacketLimits
@@ -57,7 +57,7 @@ class Client(Closable, Protocol):
     def idle_since(self) -> float | None:
         """Return the loop time of its last request; ``None`` if it holds an object or has a call in progress."""
 
-    def give_way(self) -> None:
+    def evict(self) -> None:
         """Disconnect immediately, to make room for another client; called only if this client is idle."""
 
 
@@ -67,8 +67,8 @@ class ServerContext:
     Args:
         host: the providers.
         limits: bounds on packets; a transport may have narrower ones.
-        clients: maximum number of clients; a further one gets E_MAX_CONNECT, unless an idle client that holds no object
-            can be disconnected.
+        clients: maximum number of clients; a further one receives E_MAX_CONNECT, unless an idle client that holds no
+            object can be disconnected.
         invoke_timeout: default limit on the duration of a call, s; see :class:`~orinkit.bcap.server.ServerConversation`.
         alive: seconds that a connectionless client may be silent while its motions run.
         dead_after: seconds without a reply from a client's machine after which its TCP connection counts as lost.
@@ -108,7 +108,7 @@ class ServerContext:
         self.clients = clients
         self.invoke_timeout = invoke_timeout
         self.dead_after = check_dead_after(dead_after)
-        self.per_address = most_of_an_address(clients) if per_address is None else per_address
+        self.per_address = default_per_address(clients) if per_address is None else per_address
         self.alive = check_alive(alive)
         self.open: set[Client] = set()
         self.all: set[Closable] = set()
@@ -201,5 +201,5 @@ def _evict_idle(clients: Iterable[Client]) -> bool:
     if not idle:
         return False
     _, longest = min(idle, key=itemgetter(0))
-    longest.give_way()
+    longest.evict()
     return True

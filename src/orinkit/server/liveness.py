@@ -21,7 +21,7 @@ GONE: Final = 10.0
 
 
 class MonitoredClient(Protocol):
-    """A client that a :class:`LivenessMonitor` monitors."""
+    """A client that is monitored by a :class:`LivenessMonitor`."""
 
     @property
     def heard(self) -> float:
@@ -36,11 +36,11 @@ class MonitoredClient(Protocol):
         """True if a call is in progress."""
 
     @property
-    def promise(self) -> float | None:
+    def client_limit(self) -> float | None:
         """The client's own limit (``Alive``), s; ``None`` if it has not set one."""
 
     @property
-    def patience(self) -> float | None:
+    def server_limit(self) -> float | None:
         """The server's limit, s; ``None`` if there is no limit."""
 
     @property
@@ -65,12 +65,12 @@ class LivenessMonitor:
         self._timer: asyncio.TimerHandle | None = None
         self._stopped_at = -1.0  # client.heard when its motions were stopped
 
-    def attend(self) -> None:
+    def start(self) -> None:
         """Monitor the client from now on, until it is silent and nothing moves; called with every request."""
-        promise = self._client.promise
+        client_limit = self._client.client_limit
         if self._timer is None:
             self._check()
-        elif promise is not None and self._timer.when() > self._loop.time() + promise:
+        elif client_limit is not None and self._timer.when() > self._loop.time() + client_limit:
             self._timer.cancel()  # set before the client sent Alive
             self._check()
 
@@ -97,33 +97,33 @@ class LivenessMonitor:
     def _check_server_limit(self, session: Session, now: float) -> float | None:
         """Apply the server's limit; return the time of the next check, or ``None`` if none is due before a request."""
         client = self._client
-        patience = client.patience
-        if patience is None:
+        server_limit = client.server_limit
+        if server_limit is None:
             return None
-        until = now + patience if client.at_work else max(client.heard, client.answered) + patience
+        until = now + server_limit if client.at_work else max(client.heard, client.answered) + server_limit
         if now < until:
             return until
         if not session.is_moving():
             return None
-        client.give_up(f"nothing received for {patience:g} s while its arm moves")
+        client.give_up(f"nothing received for {server_limit:g} s while its arm moves")
         return None
 
     def _check_client_limit(self, session: Session, now: float) -> float | None:
         """Apply the client's own limit; return the time of the next check, or ``None`` if the client has no limit."""
         client = self._client
-        promise = client.promise
-        if promise is None:
+        client_limit = client.client_limit
+        if client_limit is None:
             return None
         heard = client.heard
-        if now < heard + promise:
-            return heard + promise
-        if now >= heard + max(GONE, promise):
+        if now < heard + client_limit:
+            return heard + client_limit
+        if now >= heard + max(GONE, client_limit):
             client.give_up(
-                f"nothing received for {now - heard:.3g} s; it had announced a keep-alive every {promise:g} s"
+                f"nothing received for {now - heard:.3g} s; it had announced a keep-alive every {client_limit:g} s"
             )
             return None
         if self._stopped_at != heard and session.is_moving():
             self._stopped_at = heard
-            logger.warning("a client has been silent for %g s: its arm is stopped", promise)
+            logger.warning("a client has been silent for %g s: its arm is stopped", client_limit)
             session.stop_moving()
-        return min(now + promise, heard + max(GONE, promise))
+        return min(now + client_limit, heard + max(GONE, client_limit))

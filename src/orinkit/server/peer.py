@@ -32,7 +32,7 @@ _DRAIN_TURNS: Final = 3
 class Peer(ABC):
     """A client, or a peer that may become a client.
 
-    Each transport has a subclass. It sets ``_name``, ``_host``, ``_send`` and ``_is_gone`` once it is connected, and
+    Each transport has a subclass. It sets ``_name``, ``_host``, ``_send`` and ``_is_closing`` once it is connected, and
     passes the actions for received data to :meth:`_act`.
 
     Args:
@@ -44,14 +44,14 @@ class Peer(ABC):
         _name: the client's name in the log.
         _host: the same without the port, so that it is the same client for the log limiter after it has reconnected.
         _send: sends bytes without blocking, or drops them if the peer cannot receive them.
-        _is_gone: returns True if nothing can be sent to the peer any more.
+        _is_closing: returns True if nothing can be sent to the peer any more.
         _session: the client's objects; ``None`` if the peer is not a client.
     """
 
     _name: str
     _host: str
     _send: Callable[[bytes | bytearray], None]
-    _is_gone: Callable[[], bool]
+    _is_closing: Callable[[], bool]
 
     def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile) -> None:
         self._shared = shared
@@ -115,13 +115,13 @@ class Peer(ABC):
         session = self._session
         return None if session is None or len(session) or self._task is not None else self._heard
 
-    def give_way(self) -> None:
+    def evict(self) -> None:
         """Disconnect, to make room for another client; called only if this client is idle."""
-        self._rest("idle; disconnected to make room for another client")
+        self._end_session("idle; disconnected to make room for another client")
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
-    patience: float | None = None
+    server_limit: float | None = None
 
     @property
     def heard(self) -> float:
@@ -139,7 +139,7 @@ class Peer(ABC):
         return self._conversation.busy
 
     @property
-    def promise(self) -> float | None:
+    def client_limit(self) -> float | None:
         """The client's own limit on silence (``Alive``), s."""
         return self._conversation.alive
 
@@ -156,7 +156,7 @@ class Peer(ABC):
     def _mark_alive(self) -> None:
         if self._liveness is None:
             self._liveness = LivenessMonitor(self._loop, self)
-        self._liveness.attend()
+        self._liveness.start()
 
     @abstractmethod
     def _about(self) -> ClientInfo:
@@ -194,7 +194,7 @@ class Peer(ABC):
     def _act(self, actions: Iterator[Action]) -> None:
         CLIENT.set(self._host)  # not reset: every entry point of a connection sets it
         for action in actions:
-            if self._is_gone():  # nobody reads further replies
+            if self._is_closing():  # further replies cannot be sent
                 return
             if type(action) is Execute:
                 session = self._session
@@ -215,7 +215,7 @@ class Peer(ABC):
                 self.close()
                 return
             elif type(action) is Reset:
-                self._rest(action.reason)
+                self._end_session(action.reason)
             if self._slow or self._held:
                 self._waiting = actions
                 return
@@ -224,7 +224,7 @@ class Peer(ABC):
         """Return a session for a call of a peer that is not a client, or ``None`` to refuse the call."""
         return None
 
-    def _rest(self, reason: object = None) -> None:
+    def _end_session(self, reason: object = None) -> None:
         """Close the session; the peer may become a client again."""
         self._leave(reason)
 
@@ -263,7 +263,7 @@ class Peer(ABC):
     async def _decode(self, action: Decode) -> None:
         session = self._session
         arguments = await self._shared.worker.run(action.read)
-        if self._session is not session or self._is_gone():
+        if self._session is not session or self._is_closing():
             return
         self._free()
         self._unhold()
@@ -271,7 +271,7 @@ class Peer(ABC):
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
-        if self.patience is not None or self._conversation.alive is not None:
+        if self.server_limit is not None or self._conversation.alive is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:
@@ -288,7 +288,7 @@ class Peer(ABC):
                 raise  # cancelled because the client has disconnected
             reply = session.fail(pending, error)
         else:
-            reply = session.complete(pending, result, told=not self._conversation.timed_out)
+            reply = session.complete(pending, result, client_waits=not self._conversation.timed_out)
         if self._serves(session):
             self._free()
             self._conversation.go_on(self._loop.time())
@@ -296,7 +296,7 @@ class Peer(ABC):
 
     def _serves(self, session: Session) -> bool:
         """Return True if the session is still the current one; another client may have taken its place."""
-        return self._session is session and not self._is_gone()
+        return self._session is session and not self._is_closing()
 
     def _answer(self, call: Execute, reply: CallReply) -> None:
         result = reply.result
@@ -309,7 +309,7 @@ class Peer(ABC):
     async def _encode(self, call: Execute, code: int, result: Variant) -> None:
         session = self._session
         encoded = await self._shared.worker.run(partial(self._conversation.encode, call, result))
-        if self._session is session and not self._is_gone():
+        if self._session is session and not self._is_closing():
             self._free()
             self._unhold()
             self._conversation.go_on(self._loop.time())
@@ -342,6 +342,6 @@ class ConnectionlessClient(Peer):
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
         data = self._conversation.finish(call, code, result)
         if self._conversation.stopped:
-            self._rest()
+            self._end_session()
         if data:
             self._send(data)

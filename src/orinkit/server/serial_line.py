@@ -49,7 +49,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self.patience = shared.alive
+        self.server_limit = shared.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
@@ -59,7 +59,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         self._transport = transport = cast(
             "asyncio.WriteTransport", transport
         )  # some do not derive from WriteTransport
-        self._is_gone = transport.is_closing
+        self._is_closing = transport.is_closing
         transport.set_write_buffer_limits(_MAX_UNSENT)
         self._shared.all.add(self)
         if self._shared.closing:
@@ -100,29 +100,29 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def _on_silence(self) -> None:
         """Abandon a partial packet, unless more of it has been received meanwhile."""
         self._silence = None
-        if self._is_gone() or not self._conversation.pending:
+        if self._is_closing() or not self._conversation.pending:
             return
         now = self._loop.time()
         if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
-        while self._conversation.pending and not self._is_gone():
+        while self._conversation.pending and not self._is_closing():
             # noise may be followed by several packets; all of them must be found without further bytes
             self._act(self._conversation.timeout(now))
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.drain_input)
 
-    def _rest(self, reason: object = None) -> None:
+    def _end_session(self, reason: object = None) -> None:
         """Close the session and drop unsent replies, which the next client must not receive."""
-        super()._rest(reason)
+        super()._end_session(reason)
         self._drop_unsent()
 
     def give_up(self, reason: str) -> None:
         """Close the session of an unreachable client; the line stays open."""
         logger.warning("%s: %s", self._name, reason)
         self._conversation.abandon()
-        self._rest(reason)
+        self._end_session(reason)
 
     def close(self) -> None:
         """Close the line after pending data has been sent."""

@@ -51,7 +51,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Admit or refuse a client that has connected."""
         self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
         self._send = transport.write
-        self._is_gone = transport.is_closing
+        self._is_closing = transport.is_closing
         prepare(transport.get_extra_info("socket"), self._shared.dead_after)
         host, port = (transport.get_extra_info("peername") or ("", 0))[:2]
         self._peername = (host, port)
@@ -123,7 +123,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def _count(self, incomplete: int) -> None:
         """Count the bytes of the incomplete packet; close the connection if the limit for all clients is exceeded."""
         before, self._partial = self._partial, incomplete
-        if self._shared.partial.change(before, incomplete) or self._is_gone():
+        if self._shared.partial.change(before, incomplete) or self._is_closing():
             return
         self._send(self._conversation.refuse_packet())
         level = self._shared.refusal_level(self._loop.time(), "partial")
@@ -136,7 +136,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Start the timer for the rest of a packet."""
         if not self._begun or self._conversation.packets != self._seen[0]:
             self._mark(now)
-        if self._idle_timer is None and not self._is_gone():
+        if self._idle_timer is None and not self._is_closing():
             self._idle_timer = self._loop.call_at(self._begun + PATIENCE, self._check_progress)
 
     def _mark(self, now: float) -> None:
@@ -175,9 +175,9 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         super()._refuse(call)
         self.close()
 
-    def give_way(self) -> None:
+    def evict(self) -> None:
         """Disconnect, to make room for another client; called only if this client is idle."""
-        super().give_way()
+        super().evict()
         self._transport.abort()
 
     def left_behind(self) -> Iterable[int]:

@@ -1,4 +1,4 @@
-"""Serving in a background thread: :func:`serve`. asyncio is imported only when a server is started."""
+"""A server in a background thread: :func:`serve`. asyncio is imported only when a server is started."""
 
 from __future__ import annotations
 

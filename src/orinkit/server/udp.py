@@ -24,9 +24,7 @@ logger = logging.getLogger("orinkit.server")
 FORGOTTEN_AFTER: Final = 10.0
 """Seconds of silence after which a client is disconnected (reference behaviour: docs/protocol.md)."""
 
-_MAX_SIZE_ATTRIBUTE: Final = (
-    "max_size"  # asyncio's receive size: a new block of 256 KiB per datagram, slower than all the rest
-)
+_MAX_SIZE_ATTRIBUTE: Final = "max_size"  # asyncio's receive size; its default of 256 KiB per datagram is slow
 _MAX_DATAGRAM: Final = 65536  # bytes of the longest datagram
 
 _SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host, port, and more for IPv6
@@ -39,15 +37,15 @@ class UdpClient(ConnectionlessClient):
     while no call is in progress. The reply to the last request is stored for :data:`FORGOTTEN_AFTER`, in case it was lost.
     """
 
-    def __init__(self, at: UdpSocket, place: _SocketAddress) -> None:
-        super().__init__(at.shared, at.loop, DATAGRAM)
-        self.place = place
-        self._socket = at
-        self._name = f"{place[0]}:{place[1]}/udp"
-        self._host = str(place[0])
-        self._send = partial(at.send, place)
-        self._is_gone = at.is_gone
-        self.patience = at.shared.alive
+    def __init__(self, udp_socket: UdpSocket, socket_address: _SocketAddress) -> None:
+        super().__init__(udp_socket.shared, udp_socket.loop, DATAGRAM)
+        self.socket_address = socket_address
+        self._socket = udp_socket
+        self._name = f"{socket_address[0]}:{socket_address[1]}/udp"
+        self._host = str(socket_address[0])
+        self._send = partial(udp_socket.send, socket_address)
+        self._is_closing = udp_socket.is_closing
+        self.server_limit = udp_socket.shared.alive
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:
@@ -56,7 +54,7 @@ class UdpClient(ConnectionlessClient):
         self._act(self._conversation.receive(data, now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self.place[0], DATAGRAM.name, self.place[1], self.drain_input)
+        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.drain_input)
 
     def _new_session(self) -> Session | None:
         session = super()._new_session()
@@ -64,21 +62,21 @@ class UdpClient(ConnectionlessClient):
             self._shared.all.add(self)
             self._socket.keep(self)
             if self._timer is None:
-                self._timer = self._loop.call_later(FORGOTTEN_AFTER, self._look_at_the_time)
+                self._timer = self._loop.call_later(FORGOTTEN_AFTER, self._check_idle_time)
         return session
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
         self._heard = self._loop.time()
         super()._deliver(call, code, result)
 
-    def _rest(self, reason: object = None) -> None:
+    def _end_session(self, reason: object = None) -> None:
         self._leave(reason)
-        self._socket.rest(self)
+        self._socket.keep_for_duplicates(self)
 
-    def _look_at_the_time(self) -> None:
+    def _check_idle_time(self) -> None:
         until = FORGOTTEN_AFTER if self._conversation.busy else self._heard + FORGOTTEN_AFTER - self._loop.time()
         if until > 0:
-            self._timer = self._loop.call_later(until, self._look_at_the_time)
+            self._timer = self._loop.call_later(until, self._check_idle_time)
         else:
             self._forget("nothing received")
 
@@ -116,8 +114,8 @@ class UdpSocket(asyncio.DatagramProtocol):
         self.loop = loop
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
-        self._callers: dict[_SocketAddress, UdpClient] = {}
-        self._resting: dict[_SocketAddress, UdpClient] = {}  # those of them without a session, oldest first
+        self._clients: dict[_SocketAddress, UdpClient] = {}
+        self._without_session: dict[_SocketAddress, UdpClient] = {}  # those of them without a session, oldest first
         self._closed = asyncio.Event()
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -131,10 +129,10 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: _SocketAddress) -> None:
         """Process a datagram of a client or of an unknown sender."""
-        caller = self._callers.get(addr)
-        if caller is None:
-            caller = UdpClient(self, addr)  # stored only if the datagram is a call
-        caller.received(data)
+        client = self._clients.get(addr)
+        if client is None:
+            client = UdpClient(self, addr)  # stored only if the datagram is a call
+        client.received(data)
 
     def error_received(self, exc: Exception) -> None:
         """Log that a datagram could not be sent or received; the client repeats a lost request."""
@@ -149,39 +147,39 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._full = False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Note that the socket has been closed."""
+        """Signal that the socket has been closed."""
         if exc is not None:
             logger.error("UDP: closed: %s", exc)
         self._closed.set()
 
     # --- for the clients ------------------------------------------------------------------------------------------
 
-    def is_gone(self) -> bool:
+    def is_closing(self) -> bool:
         """Return True if nothing can be sent any more."""
         return self._transport is None or self._transport.is_closing()
 
-    def send(self, place: _SocketAddress, data: bytes) -> None:
+    def send(self, socket_address: _SocketAddress, data: bytes) -> None:
         """Send a datagram, or drop it if the socket's buffer is full."""
         if not self._full and self._transport is not None and not self._transport.is_closing():
-            self._transport.sendto(data, place)
+            self._transport.sendto(data, socket_address)
 
-    def keep(self, caller: UdpClient) -> None:
+    def keep(self, client: UdpClient) -> None:
         """Store a client that has a session."""
-        self._callers[caller.place] = caller
-        self._resting.pop(caller.place, None)
+        self._clients[client.socket_address] = client
+        self._without_session.pop(client.socket_address, None)
 
-    def rest(self, caller: UdpClient) -> None:
-        """Keep a client without a session, for duplicates; no more of them than clients, because anybody can be one."""
-        if caller.place not in self._callers:
+    def keep_for_duplicates(self, client: UdpClient) -> None:
+        """Store a client without a session, to detect duplicates; at most as many as clients, as any sender may become one."""
+        if client.socket_address not in self._clients:
             return
-        self._resting[caller.place] = caller
-        if len(self._resting) > self.shared.clients:
-            next(iter(self._resting.values())).close()
+        self._without_session[client.socket_address] = client
+        if len(self._without_session) > self.shared.clients:
+            next(iter(self._without_session.values())).close()
 
-    def drop(self, caller: UdpClient) -> None:
+    def drop(self, client: UdpClient) -> None:
         """Forget a client."""
-        self._callers.pop(caller.place, None)
-        self._resting.pop(caller.place, None)
+        self._clients.pop(client.socket_address, None)
+        self._without_session.pop(client.socket_address, None)
 
     def left_behind(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
@@ -194,7 +192,7 @@ class UdpSocket(asyncio.DatagramProtocol):
             await self._closed.wait()
 
 
-def _bound(family: int, place: _SocketAddress) -> socket.socket:
+def _bound(family: int, socket_address: _SocketAddress) -> socket.socket:
     """Return a bound socket; uvloop neither closes a socket that it cannot bind nor reports why.
 
     Raises:
@@ -203,7 +201,7 @@ def _bound(family: int, place: _SocketAddress) -> socket.socket:
     bound = socket.socket(family, socket.SOCK_DGRAM)
     try:
         bound.setblocking(False)
-        bound.bind(place)
+        bound.bind(socket_address)
     except BaseException:
         bound.close()
         raise
@@ -233,10 +231,10 @@ class UdpListener:
         found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
         listener = cls()
         try:
-            places: dict[int, _SocketAddress] = {}
-            for family, *_, place in found:
-                places.setdefault(family, place)
-            for family, (host, _, *more) in places.items():
+            socket_addresses: dict[int, _SocketAddress] = {}
+            for family, *_, socket_address in found:
+                socket_addresses.setdefault(family, socket_address)
+            for family, (host, _, *more) in socket_addresses.items():
                 bound = _bound(family, (host, address.port, *more))
                 address = address._replace(port=bound.getsockname()[1])
                 _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)

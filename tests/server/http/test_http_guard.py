@@ -1,4 +1,4 @@
-"""Connections of clients that are slow, silent, greedy, or many."""
+"""Limits on the connections of slow, silent, greedy, and many clients."""
 
 from __future__ import annotations
 
@@ -48,17 +48,17 @@ def server(workshop: Workshop) -> Iterator[Server]:
 
 
 def patience(monkeypatch: pytest.MonkeyPatch, stage: Stage) -> None:
-    """Give clients more time than anything takes here; it passes when a test says so."""
+    """Set a long time limit for a stage, which elapses only when a test advances the clock."""
     monkeypatch.setattr(stage, "seconds", LONG)
 
 
 def end_of(server: Server, web: Web) -> LimitedProtocol:
-    """Return the server's end of a connection, once it has read what has come there."""
+    """Return the server's end of a connection, after it has read all bytes received."""
     name = "{}:{}/http".format(*web.socket.getsockname())
 
     def found() -> list[LimitedProtocol]:
-        all_of_them = list(server._server._connections.all)
-        return [each for each in all_of_them if isinstance(each, LimitedProtocol) and each.name == name]
+        protocols = list(server._server._connections.all)
+        return [each for each in protocols if isinstance(each, LimitedProtocol) and each.name == name]
 
     until(found)
     take_turns(server)
@@ -66,13 +66,13 @@ def end_of(server: Server, web: Web) -> LimitedProtocol:
 
 
 def forget_broken(server: Server) -> None:
-    """Have the server forget a client whose connection broke in a call, once it has seen that."""
+    """Let the server drop a client whose connection broke during a call, after it has detected that."""
     see_broken(server)
     leap(server, sessions.FORGOTTEN_AFTER)
 
 
 def still_open(web: Web) -> bool:
-    """Whether the server has not closed a connection on which nothing is to be read."""
+    """Return True if the server has not closed a connection without unread bytes."""
     web.socket.setblocking(False)
     try:
         return web.socket.recv(1) != b""
@@ -88,11 +88,11 @@ def works(web: Web, handle: int, number: int) -> bool:
     return web.call(EXECUTE, handle, "Echo", f"3,{number}").result == f"3,{number}"
 
 
-# --- many -------------------------------------------------------------------------------------------------------------
+# --- many connections -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("beginning", [b"", b"P", b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: a", "body"])
-def test_300_slow_connections_shut_nobody_out(
+def test_300_slow_connections_do_not_keep_others_out(
     server: Server, beginning: bytes | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for stage in (Stage.NEW, Stage.HEADER, Stage.BODY):
@@ -106,10 +106,10 @@ def test_300_slow_connections_shut_nobody_out(
             slow.append(one)
             if number % 10 == 0:
                 assert works(web, handle, number)  # over the same connection all the time
-        assert curl(server.url, 1).body == OK  # and over one that comes last
+        assert curl(server.url, 1).body == OK  # and over the newest connection
         for number in range(20):
             assert works(web, handle, number)
-            for one in slow[-20:]:  # a byte now and then, as slowloris does
+            for one in slow[-20:]:  # a byte from time to time, like slowloris
                 one.send(b"a")
         assert sum(map(still_open, slow)) <= 64
         assert not any(map(still_open, slow[:200]))
@@ -118,7 +118,7 @@ def test_300_slow_connections_shut_nobody_out(
         assert works(web, handle, 1)
 
 
-def test_connections_at_work_are_not_closed_for_others(workshop: Workshop, server: Server) -> None:
+def test_connections_with_calls_are_not_evicted(workshop: Workshop, server: Server) -> None:
     busy = []
     for _ in range(8):
         with Web(server.url, keeps_cookies=True) as first:
@@ -130,7 +130,7 @@ def test_connections_at_work_are_not_closed_for_others(workshop: Workshop, serve
                 web.send(web.head(body) + body.encode())
                 assert workshop.at_work.acquire(timeout=PATIENCE)
                 busy.append(web)
-    with Web(server.url) as refused:  # 64 are at work
+    with Web(server.url) as refused:  # 64 connections have calls in progress
         assert refused.ended()
     workshop.gate.set()
     assert [web.answer().result for web in busy] == [f"3,{number}" for number in range(8)] * 8
@@ -138,25 +138,25 @@ def test_connections_at_work_are_not_closed_for_others(workshop: Workshop, serve
         assert welcome.call(1).body == OK
 
 
-def test_one_that_was_used_lately_stays_longer_than_one_that_never_was(
+def test_a_recently_used_connection_is_kept_longer_than_an_unused_one(
     server: Server, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     patience(monkeypatch, Stage.NEW)
     with Web(server.url) as used:
         assert used.call(1).body == OK
-        never = [Web(server.url) for _ in range(62)]
-        assert curl(server.url, 1).body == OK  # so these have been taken
+        unused = [Web(server.url) for _ in range(62)]
+        assert curl(server.url, 1).body == OK  # so these have been accepted
         assert used.call(1).body == OK
         late = [Web(server.url) for _ in range(30)]
-        until(lambda: sum(map(still_open, [*never, *late])) == 63)
+        until(lambda: sum(map(still_open, [*unused, *late])) == 63)
         assert used.call(1).body == OK
-        assert [still_open(web) for web in never] == [False] * 29 + [True] * 33
+        assert [still_open(web) for web in unused] == [False] * 29 + [True] * 33
 
 
-# --- slow -------------------------------------------------------------------------------------------------------------
+# --- slow clients -----------------------------------------------------------------------------------------------------
 
 
-def test_a_connection_on_which_nothing_is_asked(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_without_requests(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     patience(monkeypatch, Stage.NEW)
     with Web(server.url) as web:
         end_of(server, web)
@@ -166,7 +166,7 @@ def test_a_connection_on_which_nothing_is_asked(server: Server, monkeypatch: pyt
         assert web.ended()
 
 
-def test_a_header_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_header_that_arrives_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     patience(monkeypatch, Stage.HEADER)
     with Web(server.url) as web:
         assert web.call(1).body == OK
@@ -182,7 +182,7 @@ def test_a_header_that_comes_too_slowly(server: Server, monkeypatch: pytest.Monk
         assert web.ended()
 
 
-def test_a_body_that_comes_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_body_that_arrives_too_slowly(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     patience(monkeypatch, Stage.BODY)
     with Web(server.url, keeps_cookies=True) as other, Web(server.url) as web:
         handle = connect(other)
@@ -221,7 +221,7 @@ def test_an_idle_connection_is_closed_after_a_while(server: Server) -> None:
         assert web.ended()
 
 
-def test_work_takes_as_long_as_it_takes(server: Server, workshop: Workshop) -> None:
+def test_calls_have_no_time_limit(server: Server, workshop: Workshop) -> None:
     with Web(server.url, keeps_cookies=True) as web, Web(server.url) as clock:
         body = request(EXECUTE, connect(web), "Wait", "8,done")
         web.send(web.head(body) + body.encode())
@@ -235,55 +235,55 @@ def test_work_takes_as_long_as_it_takes(server: Server, workshop: Workshop) -> N
 
 
 def greedy(server: Server, result: int) -> Web:
-    """One that asks for much and reads nothing."""
+    """Return a client that has requested a large result and does not read it."""
     web = Web(server.url, keeps_cookies=True)
     handle = connect(web)
     web.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 100_000)
     other_end = end_of(server, web).transport.get_extra_info("socket")
-    other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 100_000)  # the system does not take all of it at once
+    other_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 100_000)  # the kernel does not buffer the whole response
     body = request(EXECUTE, handle, "Large", f"3,{result}")
     web.send(web.head(body, Connection="close") + body.encode())
     return web
 
 
-def test_an_answer_that_is_not_taken(server: Server) -> None:
+def test_a_response_that_is_not_read(server: Server) -> None:
     before = len(list(DESCRIPTORS.iterdir()))
     web = greedy(server, 6_000_000)
-    select.select([web.socket], [], [], PATIENCE)  # it has begun
+    select.select([web.socket], [], [], PATIENCE)  # the response has begun
     leap(server, Stage.LEAVING.seconds / 2)
     assert len(list(DESCRIPTORS.iterdir())) == before + 2
 
     def closed() -> bool:
         leap(server, Stage.LEAVING.seconds)
-        return len(list(DESCRIPTORS.iterdir())) == before + 1  # its own end is all that is left
+        return len(list(DESCRIPTORS.iterdir())) == before + 1  # only the client's end is left
 
     until(closed)
     with pytest.raises((EOFError, ConnectionError)):
-        web.answer()  # of which it is too late to take all
+        web.answer()  # it is too late to read the whole response
 
 
-def test_an_answer_that_is_taken_slowly(server: Server) -> None:
+def test_a_response_that_is_read_slowly(server: Server) -> None:
     web = greedy(server, 6_000_000)
     taken = []
     while part := take(web, 2_000_000):
         taken.append(part)
-        leap(server, Stage.LEAVING.seconds * 0.9)  # nearly as long as a client may rest
+        leap(server, Stage.LEAVING.seconds * 0.9)  # slightly less than the time limit
     assert sum(taken) > 12_000_000
     assert len(taken) > 4
 
 
 def take(web: Web, count: int) -> int:
-    """Receive so many bytes, or what there is until the end; returns how many."""
+    """Receive at least so many bytes, or up to the end; return their number."""
     taken = 0
     while taken < count and (data := web.socket.recv(65536)):
         taken += len(data)
     return taken
 
 
-# --- gone -------------------------------------------------------------------------------------------------------------
+# --- disconnected clients ---------------------------------------------------------------------------------------------
 
 
-def test_clients_that_vanish_anywhere_leave_nothing(server: Server, workshop: Workshop) -> None:
+def test_clients_that_disconnect_at_any_point_leave_nothing_behind(server: Server, workshop: Workshop) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)
         before = len(list(DESCRIPTORS.iterdir()))
@@ -312,7 +312,7 @@ def test_clients_that_vanish_anywhere_leave_nothing(server: Server, workshop: Wo
         assert works(web, handle, 1)
 
 
-def test_a_client_that_half_closes_after_its_request_is_answered_if_that_is_quick(server: Server) -> None:
+def test_a_client_that_half_closes_after_a_quick_request_is_answered(server: Server) -> None:
     for _ in range(20):
         with Web(server.url) as web:
             web.send(web.head("Func=1") + b"Func=1")
@@ -321,7 +321,7 @@ def test_a_client_that_half_closes_after_its_request_is_answered_if_that_is_quic
             assert web.ended()
 
 
-# --- more than was asked ----------------------------------------------------------------------------------------------
+# --- bytes after a request --------------------------------------------------------------------------------------------
 
 
 def whole(web: Web, body: str) -> bytes:
@@ -333,7 +333,7 @@ def whole(web: Web, body: str) -> bytes:
 @pytest.mark.parametrize(
     "behind", ["nothing", "a line end", "a letter", "a header", "a request", "40 requests", "60 KiB"]
 )
-def test_the_end_of_a_client_is_seen_whatever_it_has_sent_behind_its_call(
+def test_a_disconnection_is_detected_regardless_of_bytes_after_the_call(
     workshop: Workshop,
     certificate: tuple[Path, Path],
     behind: str,
@@ -371,14 +371,14 @@ def test_the_end_of_a_client_is_seen_whatever_it_has_sent_behind_its_call(
         assert (workshop.made, workshop.released) == (["kept"], ["kept", "Controller"])
 
 
-def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(server: Server, workshop: Workshop) -> None:
-    """Programs in Java say so with each request, and send header and body one after the other."""
+def test_a_disconnection_is_detected_if_the_client_offers_http_2(server: Server, workshop: Workshop) -> None:
+    """Java programs offer it with each request, and send header and body separately."""
     for number in range(5):
         web = Web(server.url, keeps_cookies=True)
         body = request(EXECUTE, connect(web), "Wait")
         web.send(web.head(body, Connection="Upgrade, HTTP2-Settings", Upgrade="h2c", HTTP2_Settings="AAEAAEAA"))
         with Web(server.url) as other:
-            assert other.call(1).body == OK  # so the header has been read
+            assert other.call(1).body == OK  # so the first header has been read
         web.send(body.encode())
         assert workshop.at_work.acquire(timeout=PATIENCE)
         web.close()
@@ -387,7 +387,9 @@ def test_the_end_of_a_client_is_seen_that_would_rather_speak_http_2(server: Serv
 
 
 @pytest.mark.parametrize("behind", [b"\r\n", b"P", b"Func=1"])
-def test_bytes_behind_a_last_request_do_not_cost_its_answer(server: Server, workshop: Workshop, behind: bytes) -> None:
+def test_bytes_after_the_last_request_do_not_prevent_its_response(
+    server: Server, workshop: Workshop, behind: bytes
+) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         body = request(EXECUTE, connect(web), "Wait", "3,1")
         web.send(web.head(body, Connection="close") + body.encode())
@@ -399,7 +401,7 @@ def test_bytes_behind_a_last_request_do_not_cost_its_answer(server: Server, work
         assert web.ended()
 
 
-def test_quick_requests_are_all_answered_to_a_client_that_half_closes_behind_them(server: Server) -> None:
+def test_quick_requests_are_all_answered_if_the_client_half_closes(server: Server) -> None:
     for _ in range(20):
         with Web(server.url) as web:
             web.send(whole(web, "Func=1") * 5)
@@ -408,7 +410,7 @@ def test_quick_requests_are_all_answered_to_a_client_that_half_closes_behind_the
 
 
 def echoes(web: Web, handle: int, texts: list[str]) -> bytes:
-    """Return a request for each text, all in one."""
+    """Return the concatenated requests for all texts."""
     return b"".join(whole(web, request(EXECUTE, handle, "Echo", f"8,{text}")) for text in texts)
 
 
@@ -431,22 +433,22 @@ def test_requests_in_odd_pieces_are_answered_in_order(server: Server, workshop: 
         sender.start()
         assert workshop.at_work.acquire(timeout=PATIENCE)
         if longest < 300:
-            sender.join(PATIENCE)  # all of it comes while the first one is at work; else some of it does
+            sender.join(PATIENCE)  # all requests arrive during the first call; otherwise some of them
         workshop.gate.set()
         assert [web.answer().result for _ in range(len(texts) + 1)] == ["8,first", *(f"8,{text}" for text in texts)]
         sender.join(PATIENCE)
         assert works(web, handle, 1)
 
 
-def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
+def test_a_flood_of_requests_during_a_call_is_not_read_and_answered_afterwards(
     server: Server, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = [0]
+    buffered = [0]
 
     class Measured(HeaderCoalescer):
         def receive_data(self, data: bytes) -> None:
             super().receive_data(data)
-            kept.append(len(self.trailing_data[0]))
+            buffered.append(len(self.trailing_data[0]))
 
     monkeypatch.setattr(limits, "HeaderCoalescer", Measured)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(300)]
@@ -454,28 +456,28 @@ def test_a_flood_behind_a_call_is_left_where_it_is_and_answered_in_the_end(
         handle = connect(web)
         web.send(whole(web, request(EXECUTE, handle, "Wait", "8,first")))
         assert workshop.at_work.acquire(timeout=PATIENCE)
-        web.socket.settimeout(3 * PATIENCE)  # for all that is sent together
+        web.socket.settimeout(3 * PATIENCE)  # for all requests together
         sender = threading.Thread(target=web.send, args=(echoes(web, handle, texts),))
         sender.start()
-        until(lambda: max(kept) >= HELD)
+        until(lambda: max(buffered) >= HELD)
         assert server.clients == 1
-        with Web(server.url) as other:  # and nobody has to wait for that
+        with Web(server.url) as other:  # other clients do not wait for that
             for _ in range(20):
                 assert other.call(1).body == OK
-        assert max(kept) < HELD + 65536
+        assert max(buffered) < HELD + 65536
         workshop.gate.set()
         assert web.answer().result == "8,first"
         for text in texts:
             assert web.answer().result == f"8,{text}"
         sender.join(3 * PATIENCE)
-        assert max(kept) < HELD + 2 * 65536
+        assert max(buffered) < HELD + 2 * 65536
         assert works(web, handle, 1)
 
 
 # --- TLS --------------------------------------------------------------------------------------------------------------
 
 
-def test_handshakes_that_never_end_shut_nobody_out(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
+def test_incomplete_handshakes_do_not_keep_others_out(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
     cert, key = certificate
     trusting = ssl.create_default_context(cafile=str(cert))
     options = HttpOptions(cert=str(cert), key=str(key))
@@ -494,17 +496,17 @@ def test_handshakes_that_never_end_shut_nobody_out(workshop: Workshop, certifica
             assert sum(map(still_open, slow)) <= 64
             with Web(server.url) as one:
                 with Web(server.url, context=trusting) as later:
-                    assert later.call(1).body == OK  # so the one before it has been taken
+                    assert later.call(1).body == OK  # so the previous connection has been accepted
                 assert still_open(one)
                 leap(server, tls._HANDSHAKE_TIMEOUT)
                 assert one.ended()
             assert works(web, handle, 1)
-        one = Web(server.url)  # is in the middle of it when the server is closed
+        one = Web(server.url)  # its handshake is incomplete when the server closes
         one.send(b"\x16\x03\x01")
     assert one.ended()
 
 
-def test_tls_clients_that_vanish(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
+def test_tls_clients_that_disconnect(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
     cert, key = certificate
     trusting = ssl.create_default_context(cafile=str(cert))
     options = HttpOptions(cert=str(cert), key=str(key))
@@ -526,7 +528,7 @@ def test_tls_clients_that_vanish(workshop: Workshop, certificate: tuple[Path, Pa
 # --- logs -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_flood_of_garbage_is_no_flood_of_warnings(
+def test_a_flood_of_invalid_requests_causes_one_warning(
     server: Server, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connections, "_QUIET", LONG)
@@ -550,4 +552,4 @@ def test_calls_from_many_threads_over_connections_of_their_own(server: Server) -
     for thread in threads:
         thread.join(PATIENCE)
     assert len(codes) == 200
-    assert set(codes) <= {0, hresult.E_MAX_CONNECT}  # each of them begins: there is room for 16
+    assert set(codes) <= {0, hresult.E_MAX_CONNECT}  # each client begins a session: the limit is 16

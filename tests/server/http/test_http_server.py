@@ -1,4 +1,4 @@
-"""e-CAP over HTTP, seen from the wire: bytes in, bytes out."""
+"""The e-CAP server over HTTP, tested with raw bytes."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_bodies_as_clients_write_them(web: Web, body: str, wanted: str) -> None:
         ("Func=3,Arg2=Nobody", hresult.E_CAO_PROV_INVALID),
     ],
 )
-def test_what_is_wrong_is_told_in_code_and_words(web: Web, body: str | bytes, code: int) -> None:
+def test_invalid_requests_return_a_code_and_a_message(web: Web, body: str | bytes, code: int) -> None:
     answer = web.ask(body)
     assert (answer.code, answer.body) == (code, b"0x%08X" % code)
     assert answer.detail
@@ -132,7 +132,7 @@ def test_what_is_wrong_is_told_in_code_and_words(web: Web, body: str | bytes, co
     assert web.call(1).body == OK
 
 
-def test_the_detail_is_in_the_language_and_short(web: Web) -> None:
+def test_the_detail_is_translated_and_short(web: Web) -> None:
     assert not {"orinkit-detail", "orinkit-error"} & set(web.call(1).headers)
     assert web.ask("Func=200").headers["orinkit-error"].startswith("0x80004001 E_NOTIMPL: ")
     assert web.ask("Func=x").headers["orinkit-detail"] == "Func: 'x' is not a number. Try: Func=3"
@@ -147,7 +147,7 @@ def test_the_detail_is_in_the_language_and_short(web: Web) -> None:
 
 
 @pytest.mark.parametrize("text", ["100%", "a\r\nSet-Cookie: x=1", "\ud800", "\0\x7f"])
-def test_no_text_breaks_the_header(web: Web, text: str) -> None:
+def test_no_text_corrupts_the_header(web: Web, text: str) -> None:
     body = b"Func=3,Arg2=" + text.encode("utf-8", "surrogatepass").replace(b"%", b"%25")
     answer = web.ask(body)
     assert answer.code == hresult.E_CAO_PROV_INVALID
@@ -155,7 +155,7 @@ def test_no_text_breaks_the_header(web: Web, text: str) -> None:
     assert web.call(1).body == OK
 
 
-def test_a_device_that_crashes_is_e_fail_and_says_why(web: Web, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_exception_in_the_device_returns_e_fail_and_its_message(web: Web, caplog: pytest.LogCaptureFixture) -> None:
     handle = connect(web)
     for command in ("Crash", "CrashLater"):
         answer = web.call(EXECUTE, handle, command, "")
@@ -168,7 +168,7 @@ def test_a_device_that_crashes_is_e_fail_and_says_why(web: Web, caplog: pytest.L
     caplog.clear()
 
 
-def test_a_result_of_another_type_goes_back_as_it_came(web: Web) -> None:
+def test_results_of_other_types_are_returned_unchanged(web: Web) -> None:
     handle = connect(web)
     for text in ("4,0.1", "17,255", "8197,", "1,", "8204,(4,0.5),(8204,(8,x))", "7,2026-11-21 10:00:00"):
         assert web.call(EXECUTE, handle, "Echo", text).result == text
@@ -210,7 +210,7 @@ def test_other_methods(web: Web, method: str) -> None:
     ],
 )
 def test_content_types(web: Web, kind: str, status: int) -> None:
-    for _ in range(2):  # the second time it is known
+    for _ in range(2):  # the second time from the cache
         assert web.ask("Func=1", Content_Type=kind).status == status
     assert web.call(1).body == OK
 
@@ -270,7 +270,7 @@ def test_hosts(workshop: Workshop, host: str, status: int) -> None:
         ("http://localhost", "localhost", 200),
         ("http://localhost:80", "localhost", 200),
         ("http://localhost", "localhost:80", 200),
-        ("https://localhost", "localhost", 200),  # a proxy that does the TLS
+        ("https://localhost", "localhost", 200),  # a proxy that terminates TLS
         ("http://[::1]:8080", "[::1]:8080", 200),
         ("null", "localhost", 403),
         ("http://localhost:8081", "localhost:8080", 403),
@@ -324,7 +324,7 @@ def test_tokens(workshop: Workshop, shown: str, status: int) -> None:
         assert web.ask("Func=1", Authorization="Bearer secret").status == 200
 
 
-def test_statuses_are_one_plain_line_in_the_language(web: Web) -> None:
+def test_error_statuses_have_one_translated_line(web: Web) -> None:
     for lang in ("en", "ja"):
         i18n.use("ja" if lang == "ja" else "en")
         for answer in (
@@ -350,7 +350,7 @@ def test_bodies_of_any_length_up_to_the_limit(workshop: Workshop) -> None:
         assert web.ask(whole).code == 0
         assert web.ask(whole + "x").status == 413
         assert web.ask("x" * 9_900).status == 413
-        assert web.ask("Func=1").body == OK  # what was too long has been read
+        assert web.ask("Func=1").body == OK  # the body that was too long has been read
         assert web.ask("Func=1" + "x" * 20_000).status == 413
         assert web.ended()
 
@@ -386,12 +386,12 @@ def test_expect_100_continue(server: Server, web: Web) -> None:
     assert web.answer().status == 100
     web.send(b"Func=1")
     assert web.answer().body == OK
-    web.send(web.head("Func=1", Expect="100-continue") + b"Func=1")  # one that does not wait
+    web.send(web.head("Func=1", Expect="100-continue") + b"Func=1")  # a client that does not wait
     assert web.answer().status == 100
     assert web.answer().body == OK
     with Web(server.url) as refused:
         refused.send(refused.head("Func=1", Expect="100-continue", Content_Type="text/plain"))
-        assert refused.answer().status == 415  # before the body was sent
+        assert refused.answer().status == 415  # sent before the body
         assert refused.ended()
     with Web(server.url) as long:
         long.send(long.head(Content_Length="99999999", Expect="100-continue"))
@@ -431,7 +431,7 @@ def test_a_websocket_is_refused(web: Web) -> None:
     assert answer.status == 405
 
 
-def test_a_client_that_closes_is_answered_first(server: Server) -> None:
+def test_connection_close_is_answered_before_closing(server: Server) -> None:
     with Web(server.url) as web:
         web.send(web.head("Func=1", Connection="close") + b"Func=1")
         assert web.answer().headers["connection"] == "close"
@@ -446,7 +446,7 @@ def test_pipelined_requests_are_answered_in_order(web: Web) -> None:
 
 
 @pytest.mark.parametrize("kind", list(GARBAGE))
-def test_garbage_is_refused_and_disturbs_nobody(server: Server, web: Web, kind: str) -> None:
+def test_invalid_requests_do_not_affect_other_clients(server: Server, web: Web, kind: str) -> None:
     handle = connect(web)
     for pause in (False, True):
         with Web(server.url) as bad:
@@ -456,7 +456,7 @@ def test_garbage_is_refused_and_disturbs_nobody(server: Server, web: Web, kind: 
                     bad.send(piece)
                 bad.socket.shutdown(socket.SHUT_WR)
                 answered = bad.rest()
-            except OSError:  # it was told and shut out while it was sending
+            except OSError:  # answered and closed while it was sending
                 answered = b""
         for status in re.findall(rb"HTTP/1.1 (\d+)", answered):
             assert 100 < int(status) < 500
@@ -464,7 +464,7 @@ def test_garbage_is_refused_and_disturbs_nobody(server: Server, web: Web, kind: 
         assert web.call(EXECUTE, handle, "Echo", "3,1").result == "3,1"
 
 
-def test_statuses_of_garbage(server: Server) -> None:
+def test_statuses_of_invalid_requests(server: Server) -> None:
     for kind, status in (("no host", 400), ("noise", 400), ("a long header", 431), ("no chunk", 400), ("version", 200)):
         with Web(server.url) as bad:
             data = GARBAGE[kind]
@@ -472,7 +472,7 @@ def test_statuses_of_garbage(server: Server) -> None:
                 data = data.removesuffix(b"\r\n") + b"Content-Length: 6\r\n\r\nFunc=1"
             try:
                 bad.send(data)
-            except OSError:  # it was told and shut out while it was sending
+            except OSError:  # answered and closed while it was sending
                 pass
             answer = bad.answer()
             assert answer.status == status
@@ -481,7 +481,7 @@ def test_statuses_of_garbage(server: Server) -> None:
                 assert bad.ended()
 
 
-# --- large ------------------------------------------------------------------------------------------------------------
+# --- large bodies -----------------------------------------------------------------------------------------------------
 
 
 def test_large_bodies_and_results(web: Web) -> None:
@@ -495,7 +495,7 @@ def test_large_bodies_and_results(web: Web) -> None:
     assert web.call(EXECUTE, handle, "Large", "3,100000").result == "8209" + ",0" * 100_000
 
 
-def test_an_answer_that_is_too_long(workshop: Workshop) -> None:
+def test_a_reply_that_is_too_long(workshop: Workshop) -> None:
     with (
         orinkit.serve(workshop, "http://127.0.0.1:0", limits=PacketLimits(packet=100_000)) as server,
         Web(server.url) as web,
@@ -506,8 +506,10 @@ def test_an_answer_that_is_too_long(workshop: Workshop) -> None:
         assert web.call(EXECUTE, handle, "Large", "3,10").code == 0
 
 
-def test_a_body_that_takes_long_to_read_stops_nobody(server: Server, web: Web, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The event loop has to be free while a thread reads it: quick calls are answered meanwhile."""
+def test_a_body_that_takes_long_to_decode_does_not_block_the_server(
+    server: Server, web: Web, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A thread decodes it, so the event loop stays free: quick calls are answered meanwhile."""
     go = threading.Event()
 
     def read(body: bytes, limits: PacketLimits) -> EcapRequest:
@@ -538,14 +540,14 @@ def test_a_body_that_takes_long_to_read_stops_nobody(server: Server, web: Web, m
             go.set()
     sender.join(3 * PATIENCE)
     assert done.is_set()
-    assert count > 105  # also while it is read, which takes a second
+    assert count > 105  # also while it is decoded, which takes a second
 
 
-# --- calls that take their time ---------------------------------------------------------------------------------------
+# --- long calls -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("command", ["Wait", "Block"])
-def test_line_feeds_say_that_the_server_is_at_work(web: Web, workshop: Workshop, command: str) -> None:
+def test_line_feeds_during_a_call(web: Web, workshop: Workshop, command: str) -> None:
     handle = connect(web)
     body = request(EXECUTE, handle, command, "8,done")
     web.send(web.head(body, Orinkit_Executing="80") + body.encode())
@@ -562,7 +564,7 @@ def test_line_feeds_say_that_the_server_is_at_work(web: Web, workshop: Workshop,
     assert web.call(EXECUTE, handle, "Echo", "3,1").result == "3,1"
 
 
-def test_calls_that_are_done_at_once_have_no_line_feeds_and_their_details(web: Web) -> None:
+def test_calls_that_end_immediately_have_details_and_no_line_feeds(web: Web) -> None:
     handle = connect(web)
     for command, code in (("Echo", 0), ("EchoLater", 0), ("Nothing", hresult.E_NOTIMPL)):
         answer = web.ask(request(EXECUTE, handle, command, "8204,(3,1),(3,1)"), Orinkit_Executing="60000")
@@ -573,7 +575,7 @@ def test_calls_that_are_done_at_once_have_no_line_feeds_and_their_details(web: W
 
 
 @pytest.mark.parametrize("given", ["79", "60001", "x", "-400", "4e2", "9" * 30, "\xb2"])
-def test_line_feeds_that_make_no_sense_are_not_promised(web: Web, given: str) -> None:
+def test_invalid_intervals_of_line_feeds_are_ignored(web: Web, given: str) -> None:
     assert "orinkit-executing" not in web.ask("Func=1", Orinkit_Executing=given).headers
 
 
@@ -585,11 +587,11 @@ def test_a_call_that_takes_too_long(web: Web, workshop: Workshop) -> None:
     assert answer.detail == "not completed within 0.1 s"
     answer = web.call(GET_VARIABLE, handle, "slow one")
     assert answer.code == hresult.E_TIMEOUT
-    assert not workshop.cancelled.acquire(blocking=False)  # the work goes on
+    assert not workshop.cancelled.acquire(blocking=False)  # the call continues
     workshop.gate.set()
-    assert workshop.let_go.acquire(timeout=PATIENCE)  # nobody will ever learn its handle
+    assert workshop.let_go.acquire(timeout=PATIENCE)  # its handle was never sent
     assert (workshop.made, workshop.released) == (["slow one"], ["slow one"])
-    assert web.call(1).body == OK  # back to the server's own
+    assert web.call(1).body == OK  # back to the server's own time limit
     assert web.call(GET_VARIABLE, handle, "slow two").code == 0
 
 
@@ -597,7 +599,7 @@ def test_the_servers_time_out(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "http://127.0.0.1:0", invoke_timeout=1000.0) as server, Web(server.url) as web:
         body = request(EXECUTE, connect(web), "Wait", "")
         web.send(web.head(body, Orinkit_Executing="80") + body.encode())
-        while web.line():  # the header comes with the first line feed
+        while web.line():  # the header is sent with the first line feed
             pass
         assert [web.line() for _ in range(6)] == [b"1", b"", b""] * 2
         leap(server, 900.0)
@@ -607,7 +609,7 @@ def test_the_servers_time_out(workshop: Workshop) -> None:
         assert rest.lstrip(b"\n") == b"0x80000900,not completed within 1000 s"
 
 
-def test_eight_calls_of_a_client_at_a_time(server: Server, workshop: Workshop) -> None:
+def test_a_client_may_make_eight_calls_at_a_time(server: Server, workshop: Workshop) -> None:
     first = Web(server.url, keeps_cookies=True)
     handle = connect(first)
     others = []
@@ -621,7 +623,7 @@ def test_eight_calls_of_a_client_at_a_time(server: Server, workshop: Workshop) -
     answer = first.call(EXECUTE, handle, "Echo", "3,1")
     assert answer.code == hresult.E_BUSY_PROC
     assert "8 calls" in answer.detail
-    with Web(server.url) as another:  # another client is not concerned
+    with Web(server.url) as another:  # another client is not affected
         assert another.call(EXECUTE, connect(another), "Echo", "3,1").code == 0
     workshop.gate.set()
     assert [other.answer().result for other in others] == [f"3,{number}" for number in range(8)]
@@ -630,10 +632,10 @@ def test_eight_calls_of_a_client_at_a_time(server: Server, workshop: Workshop) -
         each.close()
 
 
-# --- starting and ending ----------------------------------------------------------------------------------------------
+# --- start and end of a server ----------------------------------------------------------------------------------------
 
 
-def test_a_server_that_closes_answers_what_is_at_work(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_closing_server_answers_the_calls_in_progress(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(aio_server, "_GRACE", PATIENCE)
     server = orinkit.serve(workshop, "http://127.0.0.1:0")
     busy, idle, half = (Web(server.url, keeps_cookies=True) for _ in range(3))
@@ -646,7 +648,7 @@ def test_a_server_that_closes_answers_what_is_at_work(workshop: Workshop, monkey
     half_known.cookie = busy.cookie
     for each in (half, half_known):
         each.send(each.head("Func=1", Expect="100-continue"))
-        assert each.answer().status == 100  # it is being read
+        assert each.answer().status == 100  # its body is being read
     closing = threading.Thread(target=server.close)
     closing.start()
     assert idle.ended()
@@ -663,7 +665,7 @@ def test_a_server_that_closes_answers_what_is_at_work(workshop: Workshop, monkey
         each.close()
 
 
-def test_a_server_that_closes_does_not_wait_for_ever(workshop: Workshop) -> None:
+def test_a_closing_server_waits_for_a_limited_time(workshop: Workshop) -> None:
     server = orinkit.serve(workshop, "http://127.0.0.1:0")
     clients = [Web(server.url, keeps_cookies=True) for _ in range(3)]
     for client, command in zip(clients, ("Wait", "Block", "Tidy"), strict=True):
@@ -679,7 +681,7 @@ def test_a_server_that_closes_does_not_wait_for_ever(workshop: Workshop) -> None
         client.close()
 
 
-def test_nothing_is_left_when_a_server_has_been_closed(workshop: Workshop) -> None:
+def test_a_closed_server_leaves_nothing_behind(workshop: Workshop) -> None:
     async def session() -> None:
         async with aio.AsyncServer(workshop, "http://127.0.0.1:0") as server:
 
@@ -704,7 +706,7 @@ def test_several_listeners_of_one_server(workshop: Workshop) -> None:
     with orinkit.serve(workshop, *urls) as server:
         assert server.urls[1].endswith("/robot")
         with Web(server.urls[0]) as one, Web(server.urls[1]) as two:
-            assert {connect(one), connect(two)} == {2, 3}  # a handle is one client's only
+            assert {connect(one), connect(two)} == {2, 3}  # a handle belongs to one client only
             assert one.call(EXECUTE, 3, "Echo", "").code == hresult.E_HANDLE
             assert server.clients == 2
             with orinkit.connect(server.urls[2], provider="Test.Workshop") as rc:
@@ -733,7 +735,7 @@ def test_an_address_that_cannot_be_opened(workshop: Workshop) -> None:
         {"hosts": "robot"},
     ],
 )
-def test_options_that_make_no_sense(options: dict[str, Any]) -> None:
+def test_invalid_options(options: dict[str, Any]) -> None:
     with pytest.raises(InvalidValue):
         HttpOptions(**options)
 
@@ -754,7 +756,7 @@ def test_https(workshop: Workshop, certificate: tuple[Path, Path]) -> None:
             assert web.call(EXECUTE, handle, "Echo", text).result == text
             for number in range(20):
                 assert web.call(EXECUTE, handle, "EchoLater", f"8204,(3,{number}),(3,1)").result == f"3,{number}"
-        with Web(server.url) as plain:  # HTTP at the door of HTTPS
+        with Web(server.url) as plain:  # HTTP on the port of HTTPS
             plain.send(plain.head("Func=1") + b"Func=1")
             assert not plain.rest().startswith(b"HTTP/1.1 200")
         with Web(server.urls[1]) as web:

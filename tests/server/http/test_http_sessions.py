@@ -1,4 +1,4 @@
-"""Who is who over HTTP: cookies, addresses, silence."""
+"""Identification of clients over HTTP: cookies, addresses, idle time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from support.waiting import PATIENCE, until
 from support.web import EXECUTE, FORM, GET, GET_VARIABLE, OK, PUT, Web, connect, curl, request
 
 EXECUTING = {"Orinkit_Executing": "400"}
-STILL = 0.25  # s in which nothing is to happen
+STILL = 0.25  # s during which nothing must happen
 IDLE = HttpOptions(idle=1000.0)
 
 
@@ -53,7 +53,7 @@ def server(workshop: Workshop) -> Iterator[Server]:
 
 
 def echo(web: Web, handle: int) -> int:
-    """Whether a handle is this client's: 0, or E_HANDLE."""
+    """Return the code of a call with a handle: 0, or E_HANDLE if it belongs to another client."""
     return web.call(EXECUTE, handle, "Echo", "3,1").code
 
 
@@ -64,7 +64,7 @@ def curl_echo(server: Server, handle: int) -> int:
 # --- cookies ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_cookie_is_given_once_and_taken_back_at_the_end(server: Server) -> None:
+def test_a_cookie_is_set_once_and_deleted_at_the_end(server: Server) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         assert "set-cookie" in web.call(1).headers
         name, _, key = web.cookie.partition("=")
@@ -80,11 +80,11 @@ def test_a_cookie_is_given_once_and_taken_back_at_the_end(server: Server) -> Non
         web.cookie = f"{name}={key}"
         again = web.call(EXECUTE, handle, "Echo", "")
         assert again.code == hresult.E_HANDLE
-        assert web.cookie != f"{name}={key}"  # what has ended is not taken up again
+        assert web.cookie != f"{name}={key}"  # an ended session is not resumed
 
 
 @pytest.mark.parametrize("value", ["x", "", '"', "a" * 3000, "\xff", "../..", "None"])
-def test_a_cookie_that_is_not_known_is_replaced(server: Server, value: str) -> None:
+def test_an_unknown_cookie_is_replaced(server: Server, value: str) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         port = web.place.rpartition(":")[2]
         web.cookie = f"other=1; orinkit-{port}={value}; orinkit-1=2"
@@ -96,7 +96,7 @@ def test_a_cookie_that_is_not_known_is_replaced(server: Server, value: str) -> N
         assert web.cookie == first
 
 
-def test_cookies_of_others_beside_ours(server: Server) -> None:
+def test_cookies_of_other_servers_are_ignored(server: Server) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)
         ours = web.cookie
@@ -132,29 +132,29 @@ def test_fifty_clients_with_cookies_begin_at_the_same_time(server: Server) -> No
 
 @pytest.mark.parametrize("first", ["cookies", "none"])
 def test_a_client_with_cookies_beside_one_without(server: Server, first: str) -> None:
-    """At one address, whoever comes first; each finds its objects, step by step."""
+    """At the same address, in either order, each client finds its objects at each step."""
     with Web(server.url, keeps_cookies=True) as web:
         mine = theirs = 0
         for step in range(4):
-            for who in ("cookies", "none") if first == "cookies" else ("none", "cookies"):
+            for name in ("cookies", "none") if first == "cookies" else ("none", "cookies"):
                 if step == 0:
-                    answer = web.call(1) if who == "cookies" else curl(server.url, 1)
+                    answer = web.call(1) if name == "cookies" else curl(server.url, 1)
                     assert answer.body == OK
                 elif step == 1:
                     call = (3, "", "Test.Workshop", "", "")
-                    if who == "cookies":
+                    if name == "cookies":
                         mine = web.call(*call).handle
                     else:
                         theirs = curl(server.url, *call).handle
                 else:
-                    code = echo(web, mine) if who == "cookies" else curl_echo(server, theirs)
-                    assert code == 0, (step, who)
+                    code = echo(web, mine) if name == "cookies" else curl_echo(server, theirs)
+                    assert code == 0, (step, name)
         assert (echo(web, theirs), curl_echo(server, mine)) == (hresult.E_HANDLE, hresult.E_HANDLE)
         assert web.call(2).body == OK
         assert curl_echo(server, theirs) == 0
 
 
-def test_a_client_with_cookies_begins_while_one_without_is_in_the_middle(server: Server) -> None:
+def test_a_client_with_cookies_begins_during_the_session_of_one_without(server: Server) -> None:
     assert curl(server.url, 1).body == OK
     theirs = curl(server.url, 3, "", "Test.Workshop", "", "").handle
     with Web(server.url, keeps_cookies=True) as web:
@@ -165,7 +165,7 @@ def test_a_client_with_cookies_begins_while_one_without_is_in_the_middle(server:
         assert (echo(web, theirs), curl_echo(server, mine)) == (hresult.E_HANDLE, hresult.E_HANDLE)
 
 
-def test_clients_of_orinkit_disturb_no_client_without_cookies(server: Server) -> None:
+def test_orinkit_clients_do_not_affect_a_client_without_cookies(server: Server) -> None:
     theirs = curl(server.url, 3, "", "Test.Workshop", "", "").handle
     with Web(server.url, keeps_cookies=True) as web:
         assert "set-cookie" in web.ask("Func=1", **EXECUTING).headers
@@ -176,7 +176,7 @@ def test_clients_of_orinkit_disturb_no_client_without_cookies(server: Server) ->
 # --- addresses --------------------------------------------------------------------------------------------------------
 
 
-def test_a_client_without_cookies_is_known_by_its_address(server: Server) -> None:
+def test_a_client_without_cookies_is_identified_by_its_address(server: Server) -> None:
     assert "set-cookie" in curl(server.url, 1).headers
     controller = curl(server.url, 3, "", "Test.Workshop", "", "").handle
     variable = curl(server.url, GET_VARIABLE, controller, "v", "").handle
@@ -188,12 +188,14 @@ def test_a_client_without_cookies_is_known_by_its_address(server: Server) -> Non
     assert curl(server.url, GET, variable).code == hresult.E_HANDLE
 
 
-def test_one_without_cookies_that_begins_again(server: Server, workshop: Workshop) -> None:
-    """It was killed: its objects are still there; Service_Stop is what lets them go."""
+def test_a_client_without_cookies_that_begins_again(server: Server, workshop: Workshop) -> None:
+    """If it was killed, its objects still exist; only Service_Stop releases them."""
     handle = connect_by_curl(server)
     assert curl(server.url, 1, "InvokeTimeout=100").body == OK
     assert curl_echo(server, handle) == 0
-    assert curl(server.url, EXECUTE, handle, "Wait", "").code == hresult.E_TIMEOUT  # it was that client that said so
+    assert (
+        curl(server.url, EXECUTE, handle, "Wait", "").code == hresult.E_TIMEOUT
+    )  # the time-out set by the same client
     workshop.gate.set()
     assert curl(server.url, 2).body == OK
     assert workshop.released == ["Controller"]
@@ -222,7 +224,7 @@ def test_other_addresses_are_other_clients(workshop: Workshop) -> None:
         assert server.clients == 2
 
 
-def test_nobody_becomes_a_client_by_nonsense_or_by_leaving(server: Server) -> None:
+def test_invalid_requests_and_service_stop_create_no_client(server: Server) -> None:
     with Web(server.url) as web:
         for body in ("", "Func=x", "Func=999"):
             assert "set-cookie" not in web.ask(body).headers
@@ -244,10 +246,10 @@ def test_a_stop_that_is_refused_ends_nothing(server: Server) -> None:
         assert echo(web, handle) == 0
 
 
-# --- how many ---------------------------------------------------------------------------------------------------------
+# --- limits on clients ------------------------------------------------------------------------------------------------
 
 
-def test_one_client_too_many_is_told(workshop: Workshop) -> None:
+def test_one_client_too_many_receives_a_code(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "http://127.0.0.1:0", "tcp://127.0.0.1:0", clients=3) as server:
         clients = [Web(server.url, keeps_cookies=True) for _ in range(3)]
         handles = [client.call(1) and connect(client) for client in clients]
@@ -269,8 +271,8 @@ def test_one_client_too_many_is_told(workshop: Workshop) -> None:
             client.close()
 
 
-def test_those_who_only_ever_begin_shut_nobody_out(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A script that says Service_Start again and again, each time with a session that nobody will ask for."""
+def test_unused_sessions_do_not_keep_clients_out(workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A script repeatedly sends Service_Start, and never uses the sessions that this creates."""
     monkeypatch.setattr(http_sessions, "_YOUNG", 0.0)
     with (
         orinkit.serve(workshop, "http://127.0.0.1:0", clients=5) as server,
@@ -287,7 +289,7 @@ def test_those_who_only_ever_begin_shut_nobody_out(workshop: Workshop, monkeypat
         assert server.clients <= 5
 
 
-def test_one_without_cookies_may_begin_again_where_there_is_no_room(workshop: Workshop) -> None:
+def test_a_client_without_cookies_may_begin_again_at_the_limit(workshop: Workshop) -> None:
     with orinkit.serve(workshop, "http://127.0.0.1:0", clients=1) as server:
         handle = connect_by_curl(server)
         answer = curl(server.url, 1)
@@ -299,7 +301,7 @@ def test_one_without_cookies_may_begin_again_where_there_is_no_room(workshop: Wo
 # --- handles ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_handle_of_a_client_that_has_gone_is_never_another_ones(server: Server) -> None:
+def test_handles_of_disconnected_clients_are_not_reused(server: Server) -> None:
     seen = set()
     for _ in range(10):
         handle = connect_by_curl(server)
@@ -312,10 +314,10 @@ def test_a_handle_of_a_client_that_has_gone_is_never_another_ones(server: Server
         assert [echo(web, handle) for handle in seen] == [hresult.E_HANDLE] * 10
 
 
-# --- silence ----------------------------------------------------------------------------------------------------------
+# --- idle time --------------------------------------------------------------------------------------------------------
 
 
-def test_objects_are_released_newest_first_after_silence() -> None:
+def test_objects_are_released_newest_first_after_the_idle_time() -> None:
     recorder = Recorder()
     with (
         orinkit.serve(recorder, "http://127.0.0.1:0") as server,
@@ -335,7 +337,7 @@ def test_objects_are_released_newest_first_after_silence() -> None:
         assert web.cookie != cookie
 
 
-def test_whoever_says_something_stays(workshop: Workshop) -> None:
+def test_clients_that_make_calls_are_not_dropped(workshop: Workshop) -> None:
     with (
         orinkit.serve(workshop, "http://127.0.0.1:0", invoke_timeout=1e6, http=IDLE) as server,
         Web(server.url, keeps_cookies=True) as first,
@@ -350,13 +352,13 @@ def test_whoever_says_something_stays(workshop: Workshop) -> None:
             with Web(server.url) as web:
                 web.cookie = first.cookie
                 assert echo(web, handle) == 0
-        assert workshop.released == []  # neither is one silent whose call is at work
+        assert workshop.released == []  # a client with a call in progress is not idle either
         assert server.clients == 2
         workshop.gate.set()
         assert waiting.answer().result == "8,done"
 
 
-def test_a_client_whose_connection_breaks_in_a_call_is_given_little_time(
+def test_a_client_whose_connection_breaks_in_a_call_is_dropped_sooner(
     workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", 100.0)
@@ -370,7 +372,7 @@ def test_a_client_whose_connection_breaks_in_a_call_is_given_little_time(
         web.reset()
         see_broken(server)
         leap(server, 100.0 - PATIENCE)
-        assert not workshop.cancelled.acquire(blocking=False)  # it may come back
+        assert not workshop.cancelled.acquire(blocking=False)  # it may reconnect
         leap(server, PATIENCE)
         assert workshop.cancelled.acquire(timeout=PATIENCE)
         assert workshop.let_go.acquire(timeout=PATIENCE)
@@ -378,7 +380,7 @@ def test_a_client_whose_connection_breaks_in_a_call_is_given_little_time(
 
 
 @pytest.mark.parametrize("how", ["close", "reset", "half closed"])
-def test_work_goes_on_when_the_connection_breaks(server: Server, workshop: Workshop, how: str) -> None:
+def test_a_call_continues_when_the_connection_breaks(server: Server, workshop: Workshop, how: str) -> None:
     web = Web(server.url, keeps_cookies=True)
     handle = connect(web)
     kept = web.call(GET_VARIABLE, handle, "kept", "").handle
@@ -395,15 +397,15 @@ def test_work_goes_on_when_the_connection_breaks(server: Server, workshop: Works
     web.close()
     with Web(server.url) as again:
         again.cookie = web.cookie
-        assert again.call(GET, kept).code == 0  # so it is back, and keeps its objects
+        assert again.call(GET, kept).code == 0  # so it has reconnected, and keeps its objects
         assert not workshop.let_go.acquire(blocking=False)
         workshop.gate.set()
-        assert workshop.let_go.acquire(timeout=PATIENCE)  # one whose handle was never told
+        assert workshop.let_go.acquire(timeout=PATIENCE)  # the object whose handle was never sent
         assert (workshop.made, workshop.released) == (["kept", "slow"], ["slow"])
         assert again.call(GET, kept).code == 0
 
 
-def test_an_async_handler_goes_on_when_the_connection_breaks_and_ends_with_the_session(
+def test_an_async_handler_continues_when_the_connection_breaks_and_ends_with_the_session(
     server: Server, workshop: Workshop
 ) -> None:
     web = Web(server.url, keeps_cookies=True)
@@ -423,7 +425,7 @@ def test_an_async_handler_goes_on_when_the_connection_breaks_and_ends_with_the_s
 
 
 @pytest.mark.parametrize("command", ["Wait", "Block"])
-def test_stopping_ends_the_calls_that_others_wait_for(server: Server, workshop: Workshop, command: str) -> None:
+def test_service_stop_ends_calls_on_other_connections(server: Server, workshop: Workshop, command: str) -> None:
     with Web(server.url, keeps_cookies=True) as web, Web(server.url) as other:
         handle = connect(web)
         other.cookie = web.cookie
@@ -436,7 +438,7 @@ def test_stopping_ends_the_calls_that_others_wait_for(server: Server, workshop: 
         workshop.gate.set()
 
 
-def test_stopping_is_possible_when_as_many_calls_as_may_be_are_at_work(server: Server, workshop: Workshop) -> None:
+def test_service_stop_during_the_maximum_number_of_calls(server: Server, workshop: Workshop) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)
         body = request(EXECUTE, handle, "Wait", "")
@@ -446,7 +448,7 @@ def test_stopping_is_possible_when_as_many_calls_as_may_be_are_at_work(server: S
             other.send(other.head(body) + body.encode())
             assert workshop.at_work.acquire(timeout=PATIENCE)
         assert echo(web, handle) == hresult.E_BUSY_PROC
-        for stop in (70, 71, 89):  # Robot_Halt, Robot_Hold, Task_Stop: the handle is no robot's, which it has looked at
+        for stop in (70, 71, 89):  # Robot_Halt, Robot_Hold, Task_Stop are accepted, but the handle is a controller's
             assert web.call(stop, handle, *([0] if stop == 89 else []), "").code == hresult.E_HANDLE
         assert web.call(2).body == OK
         assert web.call(EXECUTE, connect(web), "Echo", "").code == 0
@@ -454,7 +456,7 @@ def test_stopping_is_possible_when_as_many_calls_as_may_be_are_at_work(server: S
             other.close()
 
 
-def test_calls_that_the_client_waits_for_no_more_do_not_keep_others_out(server: Server, workshop: Workshop) -> None:
+def test_timed_out_calls_do_not_count_towards_the_limit(server: Server, workshop: Workshop) -> None:
     with Web(server.url, keeps_cookies=True) as web:
         assert web.call(1, "InvokeTimeout=80").body == OK
         handle = connect(web)
@@ -464,7 +466,7 @@ def test_calls_that_the_client_waits_for_no_more_do_not_keep_others_out(server: 
 
 
 @pytest.mark.parametrize("how", ["silence", "broken", "broken with another request begun"])
-def test_an_arm_whose_client_is_gone_stops_within_its_limits(how: str) -> None:
+def test_the_arm_of_a_disconnected_client_stops_within_its_limits(how: str) -> None:
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with (
@@ -518,7 +520,7 @@ def check_limits(device: VirtualRC8) -> None:
         assert np.abs(acceleration[:, axis]).max() <= limits.acceleration * 1.001
 
 
-def test_a_motion_outlasts_the_silence_of_one_who_waits_for_it() -> None:
+def test_a_motion_may_take_longer_than_the_idle_time() -> None:
     clock = ManualClock()
     device = VirtualRC8(clock=clock, motor=True)
     with orinkit.serve(device, "http://127.0.0.1:0", invoke_timeout=1e6) as server, Web(server.url) as web:
@@ -553,10 +555,10 @@ def test_clients_are_logged(workshop: Workshop, caplog: pytest.LogCaptureFixture
         until(lambda: server.clients == 0)
         web.call(1)
         web.call(2)
-    told = [record.getMessage() for record in caplog.records]
-    who = f"{host}:{port}/http"
-    assert [line for line in told if line.startswith(who)] == [
-        f"{who} connected", f"{who} disconnected: nothing received", f"{who} connected", f"{who} disconnected",
+    logged = [record.getMessage() for record in caplog.records]
+    name = f"{host}:{port}/http"
+    assert [line for line in logged if line.startswith(name)] == [
+        f"{name} connected", f"{name} disconnected: nothing received", f"{name} connected", f"{name} disconnected",
     ]  # fmt: skip
 
 
@@ -570,20 +572,25 @@ def test_the_secret_of_a_cookie_is_not_logged(workshop: Workshop, caplog: pytest
     assert key not in caplog.text
 
 
-def test_sessions_that_have_ended_leave_nothing() -> None:
+def test_ended_sessions_leave_nothing_behind() -> None:
     async def sessions() -> weakref.ref[Any]:
         shared = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
         table = HttpSessions(shared, 60.0)
-        made = table.beginning("192.168.0.1", 5)
+        made = table.for_service_start("192.168.0.1", 5)
         assert made is not None
-        second = table.beginning("192.168.0.1", 6)
+        second = table.for_service_start("192.168.0.1", 6)
         assert second is not made
-        assert table.at("192.168.0.1") is second
+        assert table.by_address("192.168.0.1") is second
         assert table.by_key(made.key) is made
         for each in (made, second):
             assert each is not None
             each.close()
-        assert (shared.open, shared.all, table.at("192.168.0.1"), table.by_key(made.key)) == (set(), set(), None, None)
+        assert (shared.open, shared.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
+            set(),
+            set(),
+            None,
+            None,
+        )
         return weakref.ref(made)
 
     async def run() -> None:
@@ -608,7 +615,7 @@ def test_many_clients_at_once(server: Server, workshop: Workshop) -> None:
                         value = f"8204,(3,{number * 100 + turn}),(3,{turn % 3})"
                         assert web.call(EXECUTE, handle, "EchoLater", value).result == f"3,{number * 100 + turn}"
                     assert web.call(2).body == OK
-        except BaseException as error:  # noqa: BLE001 - is looked at in the test itself
+        except BaseException as error:  # noqa: BLE001 - checked by the test
             errors.append(error)
 
     threads = [threading.Thread(target=client, args=(number,)) for number in range(20)]

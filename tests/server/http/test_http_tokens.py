@@ -1,4 +1,4 @@
-"""Guessing tokens over HTTP, and headers that can be read in two ways."""
+"""Guessed tokens over HTTP, and ambiguous headers."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def server() -> Iterator[Server]:
     Web.close_all()
 
 
-class Held:
-    """Stands for the waiting: answers are held back until the test lets them go."""
+class DelayedReplies:
+    """A replacement for ``asyncio.sleep`` that delays replies until the test opens the gate."""
 
     def __init__(self) -> None:
         self.delays: list[float] = []
@@ -44,12 +44,12 @@ class Held:
     async def sleep(self, seconds: float) -> None:
         self.delays.append(seconds)
         while not self.gate.is_set():  # noqa: ASYNC110
-            await asyncio.sleep(0.005)  # its gate is opened by another thread
+            await asyncio.sleep(0.005)  # another thread opens the gate
 
 
 @pytest.fixture
-def held(monkeypatch: pytest.MonkeyPatch) -> Held:
-    waiting = Held()
+def held(monkeypatch: pytest.MonkeyPatch) -> DelayedReplies:
+    waiting = DelayedReplies()
 
     class Asyncio:
         sleep = staticmethod(waiting.sleep)
@@ -62,14 +62,14 @@ def held(monkeypatch: pytest.MonkeyPatch) -> Held:
 
 
 def guess(server: Server) -> Web:
-    """Send a guess and do not wait for what comes."""
+    """Send a wrong token, without waiting for the reply."""
     web = Web(server.url)
     web.send(web.head("Func=1", Authorization=WRONG) + b"Func=1")
     return web
 
 
 def test_guesses_are_slowed_down_and_the_right_token_is_not(
-    server: Server, held: Held, caplog: pytest.LogCaptureFixture
+    server: Server, held: DelayedReplies, caplog: pytest.LogCaptureFixture
 ) -> None:
     shared = server._server._connections
     with Web(server.url) as web, Web(server.url, keeps_cookies=True) as client:
@@ -79,24 +79,27 @@ def test_guesses_are_slowed_down_and_the_right_token_is_not(
         waiting = [guess(server) for _ in range(_HELD - 1)]
         until(lambda: len(held.delays) == _HELD - 1)
         assert sorted(held.delays)[:4] == [0.125, 0.25, 0.5, 1.0]
-        assert web.ask("Func=1", Authorization=RIGHT).status == 200  # of the same address, meanwhile
+        assert web.ask("Func=1", Authorization=RIGHT).status == 200  # from the same address, meanwhile
         waiting.append(guess(server))
         until(lambda: len(held.delays) == _HELD)
-        for token in (WRONG, RIGHT):  # as many are held as may be: nobody learns which of them is right
+        for token in (
+            WRONG,
+            RIGHT,
+        ):  # the maximum number of replies is delayed: the status does not reveal the correct token
             with Web(server.url) as other:
                 more = other.ask("Func=1", Authorization=token)
             assert (more.status, more.headers["connection"], more.headers["retry-after"]) == (429, "close", "1")
-        assert client.ask("Func=1", Authorization=RIGHT).status == 200  # one who has come in before goes on
+        assert client.ask("Func=1", Authorization=RIGHT).status == 200  # a client with a session is not affected
         assert sum(shared.held.values()) == _HELD
         held.gate.set()
         assert [each.answer().status for each in waiting] == [401] * _HELD
     until(lambda: not shared.held)
-    told = [record.getMessage() for record in caplog.records if "wrong token" in record.getMessage()]
-    assert told == ["127.0.0.1: 5 HTTP requests with a wrong token or without one"]
+    logged = [record.getMessage() for record in caplog.records if "wrong token" in record.getMessage()]
+    assert logged == ["127.0.0.1: 5 HTTP requests with a wrong token or without one"]
 
 
-def test_guessing_takes_its_time(server: Server) -> None:
-    """The attack: one connection after the other; 1,100 in a second before."""
+def test_guessing_is_slow(server: Server) -> None:
+    """The attack: one guess after the other; without delays, there were 1,100 per second."""
     begin = time.monotonic()
     with Web(server.url) as web:
         for _ in range(FREE + 4):
@@ -105,7 +108,7 @@ def test_guessing_takes_its_time(server: Server) -> None:
 
 
 @pytest.mark.parametrize("token", ["x", "0123456789abcde"])
-def test_a_token_that_can_be_guessed_is_warned_of(token: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_weak_token_causes_a_warning(token: str, caplog: pytest.LogCaptureFixture) -> None:
     for lang, text in (("en", "can be guessed. Try: use 16 or more"), ("ja", "推測されるおそれがあります")):
         i18n.use("ja" if lang == "ja" else "en")
         with orinkit.serve(Workshop(), "http://127.0.0.1:0", http=HttpOptions(token=token)):
@@ -113,7 +116,7 @@ def test_a_token_that_can_be_guessed_is_warned_of(token: str, caplog: pytest.Log
         assert text in caplog.text
 
 
-def test_a_token_that_cannot_be_guessed_is_not(server: Server, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_strong_token_causes_no_warning(server: Server, caplog: pytest.LogCaptureFixture) -> None:
     assert "can be guessed" not in caplog.text
     assert server.url
 
@@ -122,29 +125,29 @@ def test_a_token_that_cannot_be_guessed_is_not(server: Server, caplog: pytest.Lo
 
 
 def answer_to(server: Server, *lines: str, body: str = "Func=1") -> bytes:
-    """Return all that a server says to a header and a body until it closes the connection."""
+    """Send a header and a body; return everything received until the server closes the connection."""
     host, _, port = server.url.removeprefix("http://").rpartition(":")
-    said = b""
+    received = b""
     with socket.create_connection((host, int(port)), PATIENCE) as raw:
         raw.sendall("\r\n".join(("POST / HTTP/1.1", *lines, "", body)).encode())
         try:
             while data := raw.recv(65536):
-                said += data
+                received += data
         except ConnectionError:
             pass
-    return said
+    return received
 
 
-HOST, LENGTH, SHOWN = "Host: 127.0.0.1", "Content-Length: 6", f"Authorization: {RIGHT}"
+HOST, LENGTH, TOKEN_HEADER = "Host: 127.0.0.1", "Content-Length: 6", f"Authorization: {RIGHT}"
 FORM = "Content-Type: application/x-www-form-urlencoded"
 
 
 @pytest.mark.parametrize(
     ("twice", "first"),
     [
-        (f"Authorization: {WRONG}", SHOWN),
-        (SHOWN, f"Authorization: {WRONG}"),
-        (SHOWN, SHOWN),
+        (f"Authorization: {WRONG}", TOKEN_HEADER),
+        (TOKEN_HEADER, f"Authorization: {WRONG}"),
+        (TOKEN_HEADER, TOKEN_HEADER),
         ("Origin: http://127.0.0.1", "Origin: http://evil.example"),
         ("Host: evil.example", HOST),
         (HOST, HOST),
@@ -154,24 +157,24 @@ FORM = "Content-Type: application/x-www-form-urlencoded"
         ("Transfer-Encoding: chunked", LENGTH),
     ],
 )
-def test_headers_that_can_be_read_in_two_ways(server: Server, twice: str, first: str) -> None:
-    lines = [line for line in (HOST, LENGTH, SHOWN, FORM) if line.partition(":")[0] != first.partition(":")[0]]
+def test_ambiguous_headers_are_refused(server: Server, twice: str, first: str) -> None:
+    lines = [line for line in (HOST, LENGTH, TOKEN_HEADER, FORM) if line.partition(":")[0] != first.partition(":")[0]]
     for pair in ((first, twice), (twice, first)):
         body = "6\r\nFunc=1\r\n0\r\n\r\n" if "chunked" in twice else "Func=1"
-        said = answer_to(server, *pair, *lines, body=body)
-        assert said.startswith(b"HTTP/1.1 400 ")
-        assert b"connection: close" in said.lower()
-        assert said.count(b"HTTP/1.1 400") == 1
+        received = answer_to(server, *pair, *lines, body=body)
+        assert received.startswith(b"HTTP/1.1 400 ")
+        assert b"connection: close" in received.lower()
+        assert received.count(b"HTTP/1.1 400") == 1
     assert server.clients == 0
 
 
-def test_what_is_behind_such_a_request_is_not_executed(server: Server) -> None:
-    behind = f"POST / HTTP/1.1\r\n{HOST}\r\n{LENGTH}\r\n{SHOWN}\r\n\r\nFunc=1"
-    said = answer_to(server, HOST, LENGTH, SHOWN, "Transfer-Encoding: chunked", body=f"0\r\n\r\n{behind}")
-    assert said.count(b"HTTP/1.1 4") == 1
+def test_bytes_after_an_ambiguous_request_are_not_executed(server: Server) -> None:
+    hidden = f"POST / HTTP/1.1\r\n{HOST}\r\n{LENGTH}\r\n{TOKEN_HEADER}\r\n\r\nFunc=1"
+    received = answer_to(server, HOST, LENGTH, TOKEN_HEADER, "Transfer-Encoding: chunked", body=f"0\r\n\r\n{hidden}")
+    assert received.count(b"HTTP/1.1 4") == 1
     assert server.clients == 0
 
 
 def test_the_same_request_with_each_header_once(server: Server) -> None:
-    said = answer_to(server, HOST, LENGTH, SHOWN, FORM, "Connection: close")
-    assert said.startswith(b"HTTP/1.1 200 ")
+    received = answer_to(server, HOST, LENGTH, TOKEN_HEADER, FORM, "Connection: close")
+    assert received.startswith(b"HTTP/1.1 200 ")

@@ -45,13 +45,13 @@ _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
 _DO_NOT_READ: Final = -1  # limit on the body to be read before a refusal: do not read it
 _LONGEST_DETAIL: Final = 500  # characters
 _PIECE: Final = 1024 * 1024  # bytes of a response per send
-_BEATS: Final = range(80, 60_001)  # ms
+_INTERVALS: Final = range(80, 60_001)  # ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
-_BEATING: Final = b"orinkit-executing"
+_EXECUTING: Final = b"orinkit-executing"
 
 
-class _Gone(Exception):
+class _Disconnected(Exception):
     """Raised when the client has closed its connection."""
 
 
@@ -95,10 +95,10 @@ class App:
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange)
                 await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _DO_NOT_READ)
-        except _Gone:
+        except _Disconnected:
             pass
         except asyncio.CancelledError:
-            if not exchange.connection.gone:
+            if not exchange.connection.is_closed:
                 raise
             # otherwise the server is closing and the client has disconnected
         except Exception:
@@ -170,7 +170,7 @@ class App:
             await self._answer(exchange, reply)
         finally:
             if session is not None:
-                session.leave(broken=exchange.connection.gone)
+                session.leave(broken=exchange.connection.is_closed)
         return None
 
     def _enter(self, session: HttpSession, exchange: Exchange) -> None:
@@ -191,14 +191,14 @@ class App:
     def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
         """Return the session of a request without a valid cookie, if necessary a new one; ``None`` if there is none."""
         address, port = exchange.scope["client"] or ("", 0)
-        if _BEATING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
+        if _EXECUTING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
             keeps_cookies = True
         if function_id == _SERVICE_STOP:  # never opens a session
-            return None if keeps_cookies else self._sessions.at(address)
+            return None if keeps_cookies else self._sessions.by_address(address)
         if keeps_cookies:
-            session = self._sessions.newcomer(address, port)
+            session = self._sessions.create(address, port)
         elif function_id == _SERVICE_START:
-            session = self._sessions.beginning(address, port)
+            session = self._sessions.for_service_start(address, port)
         else:
             session = self._sessions.without_cookie(address, port)
         if session is not None and not session.plain:
@@ -220,10 +220,10 @@ class App:
         function_id = request.function.id
         if session is None:
             if function_id == _SERVICE_STOP:
-                return _immediately(Session(self._shared.host), request)
+                return _call_immediately(Session(self._shared.host), request)
             return CallReply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
         if function_id == _SERVICE_STOP:
-            reply = _immediately(session.session, request)
+            reply = _call_immediately(session.session, request)
             if not hresult.failed(reply.code):
                 session.end()
             return reply
@@ -244,24 +244,24 @@ class App:
         except CallError as error:
             return CallReply(error.code, detail=error.detail)
         session.set_options(options)
-        return _immediately(session.session, request)
+        return _call_immediately(session.session, request)
 
     async def _wait(self, exchange: Exchange, session: HttpSession, call: RunningCall) -> CallReply:
         """Wait for the reply of a long-running call; meanwhile send keep-alive bytes if the client has requested them."""
         seconds = session.invoke_timeout
         timer = asyncio.get_running_loop().call_later(seconds, _time_out, call, seconds)
-        exchange.connection.when_gone = call.give_up
-        if exchange.connection.gone:  # it was closed while the request was read
+        exchange.connection.on_closed = call.give_up
+        if exchange.connection.is_closed:  # it was closed while the request was read
             call.give_up()
         try:
-            if exchange.beat:
-                await exchange.beats(call.reply)
+            if exchange.interval:
+                await exchange.send_keep_alives(call.reply)
             reply = await call.reply
         finally:
             timer.cancel()
-            exchange.connection.when_gone = None
+            exchange.connection.on_closed = None
         if reply is None:
-            raise _Gone
+            raise _Disconnected
         return reply
 
     async def _answer(self, exchange: Exchange, reply: CallReply) -> None:
@@ -299,7 +299,7 @@ class Exchange:
         scope: the ASGI scope.
         headers: headers of the request; the names are in lower case.
         connection: the connection of the request.
-        beat: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
+        interval: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
         begun: whether the response has begun.
         has_room: whether there is room for the body of the request.
     """
@@ -310,11 +310,11 @@ class Exchange:
         "_receive",
         "_send",
         "_whole",
-        "beat",
         "begun",
         "connection",
         "has_room",
         "headers",
+        "interval",
         "scope",
     )
 
@@ -322,8 +322,8 @@ class Exchange:
         self.scope = scope
         self.headers: Headers = dict(scope["headers"])
         self.connection: LimitedProtocol = scope["state"]["connection"]
-        beat = self.headers.get(_BEATING, b"")
-        self.beat = int(beat) if beat.isdigit() and len(beat) < 6 and int(beat) in _BEATS else 0
+        interval = self.headers.get(_EXECUTING, b"")
+        self.interval = int(interval) if interval.isdigit() and len(interval) < 6 and int(interval) in _INTERVALS else 0
         self.begun = False
         self._receive = receive
         self._send = send
@@ -342,7 +342,7 @@ class Exchange:
     async def _next(self) -> bytes:
         message = await self._receive()
         if message["type"] != "http.request":
-            raise _Gone
+            raise _Disconnected
         self._whole = not message["more_body"]
         body: bytes = message["body"]
         return body
@@ -389,18 +389,18 @@ class Exchange:
             limit: limit on the length of a body, bytes; negative to read no body.
         """
         count = 0
-        waited_for = b"expect" not in self.headers and self._length() <= 2 * limit
-        while waited_for and not self._whole and count <= 2 * limit:
+        reads_body = b"expect" not in self.headers and self._length() <= 2 * limit
+        while reads_body and not self._whole and count <= 2 * limit:
             count += len(await self._next())
         if not self._whole or self.scope["method"] == "CONNECT":
             refusal.headers["connection"] = "close"
         self.begun = True
         await refusal(self.scope, self._receive, self._send)
 
-    async def beats(self, reply: asyncio.Future[CallReply | None]) -> None:
+    async def send_keep_alives(self, reply: asyncio.Future[CallReply | None]) -> None:
         """Send line feeds until the reply is available."""
         while True:
-            await asyncio.wait((reply,), timeout=self.beat / 1000)
+            await asyncio.wait((reply,), timeout=self.interval / 1000)
             if reply.done():
                 return
             if not self.begun:
@@ -435,8 +435,8 @@ class Exchange:
     async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
         self.begun = True
         headers.append(_TEXT)
-        if self.beat:
-            headers.append((_BEATING, b"%d" % self.beat))
+        if self.interval:
+            headers.append((_EXECUTING, b"%d" % self.interval))
         headers += self._more
         message: Message = {"type": "http.response.start", "status": 200, "headers": headers}
         await self._send(message)
@@ -454,7 +454,7 @@ def _too_many(clients: int) -> str:
     return tr("{clients} clients are connected", clients=clients)
 
 
-def _immediately(session: Session, request: EcapRequest) -> CallReply:
+def _call_immediately(session: Session, request: EcapRequest) -> CallReply:
     """Call a function of the session itself, which always returns immediately."""
     outcome = session.invoke(request.function.id, request.arguments)
     assert isinstance(outcome, CallReply)

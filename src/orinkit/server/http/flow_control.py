@@ -36,7 +36,7 @@ class BoundedFlowControl(FlowControl):
         if not self._refused:
             super().resume_reading()
 
-    def look(self) -> None:
-        """Resume reading if that was refused before and there is room now."""
+    def resume_if_possible(self) -> None:
+        """Resume reading if that was refused before and the buffer has room now."""
         if self._refused:
             self.resume_reading()

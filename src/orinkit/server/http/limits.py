@@ -22,7 +22,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from orinkit.core.i18n import tr
-from orinkit.server.capacity import most_of_an_address
+from orinkit.server.capacity import default_per_address
 from orinkit.server.context import ServerContext
 from orinkit.server.http.flow_control import HELD, BoundedFlowControl
 from orinkit.server.log_limiter import CLIENT
@@ -94,15 +94,15 @@ class ConnectionLimiter:
 
     Attributes:
         shared: the state shared by all clients of the server.
-        most: limit on connections; above the limit on clients, because a client that opens a connection for each call
+        limit: limit on connections; above the limit on clients, because a client that opens a connection for each call
             may have several at times.
         per_address: limit on connections of one address.
     """
 
     def __init__(self, shared: ServerContext) -> None:
         self.shared = shared
-        self.most = max(_MIN_CONNECTIONS, shared.clients + shared.clients // 2)
-        self.per_address = max(most_of_an_address(self.most), shared.per_address)
+        self.limit = max(_MIN_CONNECTIONS, shared.clients + shared.clients // 2)
+        self.per_address = max(default_per_address(self.limit), shared.per_address)
         self._unproven: dict[LimitedConnection, None] = {}  # without a response so far; oldest first
         self._proven: dict[LimitedConnection, None] = {}  # oldest last response first
 
@@ -114,9 +114,9 @@ class ConnectionLimiter:
         """Count a new connection; return False if the limit is reached and no connection is idle."""
         of_address = [each for each in chain(self._unproven, self._proven) if each.network == connection.network]
         full = len(of_address) >= self.per_address
-        if full or len(self) >= self.most:
-            places = of_address if full else chain(self._unproven, self._proven)
-            oldest = next((each for each in places if not each.at_work), None)
+        if full or len(self) >= self.limit:
+            candidates = of_address if full else chain(self._unproven, self._proven)
+            oldest = next((each for each in candidates if not each.at_work), None)
             if oldest is None:
                 return False
             self.discard(oldest)
@@ -166,7 +166,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         state: server state of uvicorn.
 
     Attributes:
-        gone: whether the connection has been closed.
+        is_closed: whether the connection has been closed.
         carried: the clients with requests on this connection; they are notified when it ends.
     """
 
@@ -175,14 +175,14 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.conn = HeaderCoalescer()
         self.logger = _own
         self.access_log = False
-        self._when_gone: Callable[[], None] | None = None
+        self._on_closed: Callable[[], None] | None = None
         self._guard = guard
         self._shared = guard.shared
         self._stage = Stage.NEW
         self._until = self._armed = math.inf
         self._timer: asyncio.TimerHandle | None = None
         self._unsent = 0
-        self.gone = False
+        self.is_closed = False
         self._half_closed = False  # the client has closed its side
         self.carried: set[HttpClientState] = set()
         self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
@@ -213,14 +213,14 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return self.cycle  # uvicorn's annotation omits None
 
     @property
-    def when_gone(self) -> Callable[[], None] | None:
+    def on_closed(self) -> Callable[[], None] | None:
         """Callback invoked when the connection is closed during a long-running call; ``None`` if there is no such call."""
-        return self._when_gone
+        return self._on_closed
 
-    @when_gone.setter
-    def when_gone(self, callback: Callable[[], None] | None) -> None:
-        self._when_gone = callback
-        if callback is not None and not self.gone:
+    @on_closed.setter
+    def on_closed(self, callback: Callable[[], None] | None) -> None:
+        self._on_closed = callback
+        if callback is not None and not self.is_closed:
             self.handle_events()
             if self._half_closed:  # cannot be distinguished from a client that has disconnected
                 self.transport.close()
@@ -234,7 +234,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Admit or refuse a client that has connected."""
-        if self.gone:
+        if self.is_closed:
             return
         super().connection_made(cast("asyncio.Transport", transport))
         self.flow = self._flow = BoundedFlowControl(self.transport, self._held)
@@ -275,9 +275,9 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             return
         try:
             super().data_received(data[:_PIECE])
-            for place in range(_PIECE, len(data), _PIECE):  # in pieces, so that h11 checks the length of the header
+            for start in range(_PIECE, len(data), _PIECE):  # in pieces, so that h11 checks the length of the header
                 if not self.transport.is_closing():
-                    super().data_received(data[place : place + _PIECE])
+                    super().data_received(data[start : start + _PIECE])
         except Exception:
             logger.exception("%s: error while reading a request", self.name)
             self.transport.abort()
@@ -285,12 +285,12 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn always closes
         """Handle the end of the client's data; without TLS, a short call in progress is completed before the close."""
-        self._half_closed = self._early is None and self.scheme == "http" and self._whole and self._when_gone is None
+        self._half_closed = self._early is None and self.scheme == "http" and self._whole and self._on_closed is None
         return self._half_closed
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Notify the clients of this connection."""
-        self.gone = True
+        self.is_closed = True
         if self._early is not None:  # closed before connection_made
             return
         self._guard.discard(self)
@@ -298,8 +298,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             self._timer.cancel()
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
-        if self._when_gone is not None:
-            self._when_gone()
+        if self._on_closed is not None:
+            self._on_closed()
         carried, self.carried = self.carried, set()
         for client in carried:
             client.disconnected(self)
@@ -322,8 +322,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if not self._whole:
             super().handle_events()
         if not self._whole:
-            self._flow.look()
-        elif self._when_gone is not None and self._held() < HELD:
+            self._flow.resume_if_possible()
+        elif self._on_closed is not None and self._held() < HELD:
             self.flow.resume_reading()  # the end of the connection is detected only while reading
         elif self._held():
             self.flow.pause_reading()

@@ -49,17 +49,17 @@ class RunningCall:
     Attributes:
         reply: future of the reply; its result is ``None`` if the client has disconnected.
         task: the task that executes the call.
-        told: whether the client receives the result; False after a time-out or a disconnection.
+        client_waits: whether the client receives the result; False after a time-out or a disconnection.
     """
 
-    __slots__ = ("cancellable", "reply", "task", "told")
+    __slots__ = ("cancellable", "client_waits", "reply", "task")
 
     task: asyncio.Task[None]
 
     def __init__(self, loop: asyncio.AbstractEventLoop, *, cancellable: bool) -> None:
         self.reply: asyncio.Future[CallReply | None] = loop.create_future()
         self.cancellable = cancellable
-        self.told = True
+        self.client_waits = True
 
     def answer(self, reply: CallReply | None) -> None:
         """Set the reply, unless it has been set already."""
@@ -72,7 +72,7 @@ class RunningCall:
         Args:
             reply: the reply to send instead; ``None`` if the client has disconnected.
         """
-        self.told = False
+        self.client_waits = False
         self.answer(reply)
 
 
@@ -93,8 +93,8 @@ class HttpSession:
         known: whether the client has sent the cookie back.
         plain: whether the session has been used without a cookie.
         ended: whether the session has ended.
-        behind: the session of the client's address, to which the Service_Start of this session may also belong.
-        promise: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
+        address_session: the session of the client's address, to which the Service_Start of this session may also belong.
+        client_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
         heard: loop time of the last request, s.
     """
 
@@ -106,7 +106,7 @@ class HttpSession:
         self.invoke_timeout = shared.invoke_timeout
         self.known = False
         self.plain = False
-        self.behind: HttpSession | None = None
+        self.address_session: HttpSession | None = None
         self._sessions = sessions
         self._shared = shared
         self._loop = sessions.loop
@@ -116,13 +116,13 @@ class HttpSession:
         self._broken = False
         self._closing = False
         self.ended = False
-        self.promise: float | None = None
+        self.client_limit: float | None = None
         self.heard = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
         ] = {}  # open connections; the value: whether it has carried several requests
         self._liveness = LivenessMonitor(self._loop, self)
-        self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
+        self._timer = self._loop.call_at(self._heard + self._idle_limit(), self._check_idle_time)
         logger.info("%s connected", self._name)
 
     # --- requests -------------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ class HttpSession:
         self.heard = self._loop.time()
         if connection is not None:
             self._connections[connection] = connection in self._connections
-        self._liveness.attend()
+        self._liveness.start()
 
     def disconnected(self, connection: Hashable) -> None:
         """End the session if its last persistent connection has been closed while its arm moves."""
@@ -163,7 +163,7 @@ class HttpSession:
         return self._waiting > 0
 
     @property
-    def patience(self) -> float | None:
+    def server_limit(self) -> float | None:
         """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
         return None if self._has_persistent and not self.plain else self._shared.alive
 
@@ -189,8 +189,8 @@ class HttpSession:
     @property
     def busy(self) -> bool:
         """True if the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
-        waited_for = sum(call.told for call in self._calls)
-        return waited_for >= CALLS or len(self._calls) >= _MAX_CALLS
+        awaited = sum(call.client_waits for call in self._calls)
+        return awaited >= CALLS or len(self._calls) >= _MAX_CALLS
 
     @property
     def network(self) -> str:
@@ -201,7 +201,7 @@ class HttpSession:
         """Return the time of the last response; ``None`` if the client has objects or a request in progress."""
         return self._heard if self.idle else None
 
-    def give_way(self) -> None:
+    def evict(self) -> None:
         """End the session, to make room for another client; called only if this client is idle."""
         self.end("idle; disconnected to make room for another client")
 
@@ -213,10 +213,10 @@ class HttpSession:
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
         default = self._shared.invoke_timeout
-        self.promise = options.alive
+        self.client_limit = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
-        if self.behind is not None:
-            self.behind.set_options(options)
+        if self.address_session is not None:
+            self.address_session.set_options(options)
 
     def begin(self, pending: Pending) -> RunningCall:
         """Start a long-running call. It continues if the connection breaks, until the session ends."""
@@ -234,7 +234,7 @@ class HttpSession:
         return call
 
     async def _finish(self, pending: Pending, call: RunningCall) -> None:
-        begin_call(lambda: not call.told)
+        begin_call(lambda: not call.client_waits)
         try:
             result = await result_of(pending.work)
         except BaseException as error:
@@ -242,7 +242,7 @@ class HttpSession:
                 raise  # cancelled because the session has ended
             reply = self.session.fail(pending, error)
         else:
-            reply = self.session.complete(pending, result, told=call.told)
+            reply = self.session.complete(pending, result, client_waits=call.client_waits)
         finally:
             self._calls.discard(call)
         call.answer(reply)
@@ -253,28 +253,28 @@ class HttpSession:
         """Restart the idle timer: from now on the session can be reached only by its cookie."""
         self._restart_timer()
 
-    def _patience(self) -> float:
+    def _idle_limit(self) -> float:
         idle = self._sessions.idle
-        fleeting = self._broken or not (self.known or self._sessions.is_at_its_address(self))
-        return min(idle, FORGOTTEN_AFTER) if fleeting else idle
+        short_lived = self._broken or not (self.known or self._sessions.is_reachable_by_address(self))
+        return min(idle, FORGOTTEN_AFTER) if short_lived else idle
 
     def _restart_timer(self) -> None:
         self._timer.cancel()
-        self._timer = self._loop.call_at(self._heard + self._patience(), self._look_at_the_time)
+        self._timer = self._loop.call_at(self._heard + self._idle_limit(), self._check_idle_time)
 
-    def _look_at_the_time(self) -> None:
+    def _check_idle_time(self) -> None:
         now = self._loop.time()
         if self._waiting:
             self._heard = now
-        if now < self._heard + self._patience():
+        if now < self._heard + self._idle_limit():
             self._restart_timer()
         else:
             self.end("nothing received")
 
-    def seems_lost(self) -> bool:
+    def is_abandoned(self) -> bool:
         """Return True if the client is idle and has not sent its cookie back in time."""
-        fleeting = self.idle and not self.known and not self._sessions.is_at_its_address(self)
-        return fleeting and self._loop.time() >= self._heard + _YOUNG
+        short_lived = self.idle and not self.known and not self._sessions.is_reachable_by_address(self)
+        return short_lived and self._loop.time() >= self._heard + _YOUNG
 
     def end(self, reason: object = None) -> None:
         """End the session: release the client's objects and cancel its calls.
@@ -328,21 +328,21 @@ class HttpSessions:
         found = self._by_key.get(key)
         if found is not None and not found.known:
             found.known = True
-            found.behind = None
-            if self.is_at_its_address(found):
+            found.address_session = None
+            if self.is_reachable_by_address(found):
                 del self._by_address[found.address]
         return found
 
-    def at(self, address: str) -> HttpSession | None:
+    def by_address(self, address: str) -> HttpSession | None:
         """Return the session of an address, for clients without cookies."""
         return self._by_address.get(address)
 
-    def is_at_its_address(self, session: HttpSession) -> bool:
+    def is_reachable_by_address(self, session: HttpSession) -> bool:
         """Return True if a session can be reached by its address."""
         return self._by_address.get(session.address) is session
 
-    def newcomer(self, address: str, port: int) -> HttpSession | None:
-        """Create a session that can be reached only by its cookie; return ``None`` if there is no room."""
+    def create(self, address: str, port: int) -> HttpSession | None:
+        """Create a session that can be reached only by its cookie; return ``None`` if the limit is reached."""
         shared = self.shared
         if not shared.closing and len(shared.open) >= shared.clients:
             self._make_room()
@@ -356,36 +356,36 @@ class HttpSessions:
         shared.all.add(made)
         return made
 
-    def beginning(self, address: str, port: int) -> HttpSession | None:
-        """Return the session for a Service_Start without a cookie; ``None`` if there is no room.
+    def for_service_start(self, address: str, port: int) -> HttpSession | None:
+        """Return the session for a Service_Start without a cookie; ``None`` if the limit is reached.
 
         The session is a new one, because the client may support cookies and have none yet. As the client may also be one
         without cookies, the new session becomes that of its address, unless the present session of the address has
         already been used without a cookie. In that case Service_Start applies to both sessions.
         """
-        there = self._by_address.get(address)
-        made = self.newcomer(address, port)
+        current = self._by_address.get(address)
+        made = self.create(address, port)
         if made is None:
-            return None if there is None else self._mark_plain(there)
-        if there is None or not there.plain:
+            return None if current is None else self._mark_plain(current)
+        if current is None or not current.plain:
             self._by_address[address] = made
-            if there is not None:
-                there.replaced()
+            if current is not None:
+                current.replaced()
         else:
-            there.enter()
-            there.leave()
-            made.behind = there
+            current.enter()
+            current.leave()
+            made.address_session = current
         return made
 
     def without_cookie(self, address: str, port: int) -> HttpSession | None:
-        """Return the session for any other request without a cookie; ``None`` if there is no room."""
-        there = self._by_address.get(address)
-        if there is None:
-            there = self.newcomer(address, port)
-            if there is None:
+        """Return the session for any other request without a cookie; ``None`` if the limit is reached."""
+        current = self._by_address.get(address)
+        if current is None:
+            current = self.create(address, port)
+            if current is None:
                 return None
-            self._by_address[address] = there
-        return self._mark_plain(there)
+            self._by_address[address] = current
+        return self._mark_plain(current)
 
     def _mark_plain(self, session: HttpSession) -> HttpSession:
         session.plain = True
@@ -393,12 +393,12 @@ class HttpSessions:
         return session
 
     def _make_room(self) -> None:
-        lost = next((each for each in self._by_key.values() if each.seems_lost()), None)
-        if lost is not None:
-            lost.end("its cookie was never sent back")
+        abandoned = next((each for each in self._by_key.values() if each.is_abandoned()), None)
+        if abandoned is not None:
+            abandoned.end("its cookie was never sent back")
 
     def forget(self, session: HttpSession) -> None:
         """Remove a session."""
         self._by_key.pop(session.key, None)
-        if self.is_at_its_address(session):
+        if self.is_reachable_by_address(session):
             del self._by_address[session.address]
