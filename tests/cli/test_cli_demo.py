@@ -147,7 +147,7 @@ def test_as_json(run):
 
 def test_field_by_field_in_japanese(japanese):
     assert " 1. この接続のサービスを開始する  [RC8 3.1.1]" in japanese
-    for words in ("関数 ID", "リターンコード", "アンダーフロー"):
+    for words in ("関数 ID", "リターンコード", "バッファ枯渇"):
         assert words in japanese
     assert japanese.splitlines()[-1] == f"{ANSWERS} 件の応答はすべて仕様書のとおりでした。"
 

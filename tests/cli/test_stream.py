@@ -250,7 +250,7 @@ def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
 def test_in_japanese(run, refused, url, file, tmp_path):
     i18n.use("ja")
     out = run("stream", url, file).out
-    for words in ("位置指令", "送信間隔", "アンダーフロー", "最大偏差", "51 個"):
+    for words in ("目標値", "送信間隔", "バッファ枯渇", "最大偏差", "51 個"):
         assert words in out
     assert "--move" in refused("stream", url, write(tmp_path / "a.csv", wave(home=(3.0, *HOME[1:]))), code=2)
 
@@ -276,7 +276,7 @@ def late_file(tmp_path, monkeypatch) -> str:
     ("lang", "told"),
     [
         ("en", ("late 2 late set-points, by up to 48 ms", "(a real controller would have stopped the arm)")),
-        ("ja", ("遅延 遅延した位置指令 2 個 (最大 48 ms)", "(実機ではアームが停止していました)")),
+        ("ja", ("遅延 遅延した目標値 2 個 (最大 48 ms)", "(実機ではアームが停止していました)")),
     ],
 )
 def test_late_set_points_are_told(run, url, late_file, lang, told):

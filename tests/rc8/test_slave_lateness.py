@@ -31,9 +31,9 @@ def test_another_answer_is_that_of_a_controller_without_the_command(answer):
 @pytest.mark.parametrize(
     ("late", "en", "ja"),
     [
-        (Lateness(), "no late set-points", "位置指令の遅延なし"),
-        (Lateness(1, 0.0634, 0.0634), "1 late set-point, by 63 ms", "遅延した位置指令 1 個 (63 ms)"),
-        (Lateness(3, 0.1004, 0.17), "3 late set-points, by up to 100 ms", "遅延した位置指令 3 個 (最大 100 ms)"),
+        (Lateness(), "no late set-points", "目標値の遅延なし"),
+        (Lateness(1, 0.0634, 0.0634), "1 late set-point, by 63 ms", "遅延した目標値 1 個 (63 ms)"),
+        (Lateness(3, 0.1004, 0.17), "3 late set-points, by up to 100 ms", "遅延した目標値 3 個 (最大 100 ms)"),
     ],
 )
 def test_messages_in_both_languages(late, en, ja):

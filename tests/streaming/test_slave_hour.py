@@ -92,7 +92,7 @@ def stream(arm: Arm, seconds: float) -> Monitor:
 def check(arm: Arm, monitor: Monitor, seconds: float) -> None:
     assert monitor.bad == []
     assert arm.errors == []
-    assert monitor.cycles >= seconds / PERIOD
+    assert monitor.cycles > seconds / PERIOD - 2  # the first and the last may be cut short
     assert (monitor.moved > 10).all()
 
 

@@ -25,6 +25,8 @@ from support.stopping import stopped
 from support.streams import HOME, PERIOD, Arm, by_hand, sine
 from support.waiting import until
 
+pytestmark = pytest.mark.longest_wait
+
 POINTS = sine(0.8, 5.0)
 
 

@@ -117,7 +117,10 @@ def test_limits_do_not_change() -> None:
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: replace(TWO, lower=(10.0, -20.0)), "制限値: J1: lower (10) は upper (10) より小さくなければなりません"),
+        (
+            lambda: replace(TWO, lower=(10.0, -20.0)),
+            "制限値: J1: lower (10) は upper (10) より小さくなければなりません",
+        ),
         (lambda: replace(TWO, jerk=(1.0,)), "制限値: jerk は 1 個ですが lower は 2 個です"),
         (lambda: replace(PATH, speed=0.0), "制限値: speed は 0 より大きい値でなければなりません (0)"),
         (lambda: PATH.scaled(velocity=2.0), "制限値: velocity の割合 2 は 0 より大きく 1 以下でなければなりません"),

@@ -28,7 +28,7 @@ from support.stream_programs import came_to_rest, gone, program
 from support.streams import HOME, PATIENCE, Arm, served
 from support.waiting import until
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("patient")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture

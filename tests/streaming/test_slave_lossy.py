@@ -14,8 +14,6 @@ from orinkit.virtual.rc8 import VirtualRC8
 from support.both import Both
 from support.streams import HOME, Arm, sine
 
-pytestmark = pytest.mark.usefixtures("patient")
-
 
 class Relay:
     """A relay of datagrams between a client and a server that drops some of them."""

@@ -26,6 +26,8 @@ from support.late_cell import LateCell, moving
 from support.slave_cell import HOME, J0, J1, J2, P0, SlaveCell, straight
 from support.ve_cell import ASYNC, SYNC, VeCell, turned
 
+pytestmark = pytest.mark.longest_wait
+
 AXIS = load_model("VS-050").axes[0]
 POSES = list(straight(1.0, 150))
 MOVING = 30
