@@ -231,7 +231,7 @@ class UdpListener:
         found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
         listener = cls()
         try:
-            socket_addresses: dict[int, _SocketAddress] = {}
+            socket_addresses: dict[socket.AddressFamily, _SocketAddress] = {}
             for family, *_, socket_address in found:
                 socket_addresses.setdefault(family, socket_address)
             for family, (host, _, *more) in socket_addresses.items():
