@@ -70,7 +70,7 @@ PATIENTLY = ("--timeout", f"{PATIENCE:g}")
 @pytest.fixture
 def _patient(monkeypatch) -> None:
     """Set the usual time-out for error descriptions, because over UDP they are requested only once."""
-    monkeypatch.setattr(connection, "_ASKING", PATIENCE)
+    monkeypatch.setattr(connection, "_DESCRIPTION_TIMEOUT", PATIENCE)
 
 
 @pytest.mark.usefixtures("_patient")
@@ -147,7 +147,7 @@ def test_a_device_without_descriptions(refused, answer):
 
 def test_a_device_that_does_not_reply_with_a_description(refused, monkeypatch):
     """The description is requested once, without retries; the first error is reported."""
-    monkeypatch.setattr(connection, "_ASKING", 0.05)
+    monkeypatch.setattr(connection, "_DESCRIPTION_TIMEOUT", 0.05)
     device = Silent(None)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         try:

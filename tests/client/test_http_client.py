@@ -185,7 +185,7 @@ def test_closing_with_an_unresponsive_server_takes_one_second_at_most(both: Both
 
 
 def test_a_cancelled_close_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.ecap.client._FAREWELL", PATIENCE)
+    monkeypatch.setattr("orinkit.ecap.client._STOP_TIMEOUT", PATIENCE)
 
     def script(line: Line) -> None:
         line.send(reply(line.request()))
