@@ -257,7 +257,7 @@ def test_any_call_of_a_forgotten_client_reports_it(both: Both) -> None:
         with pytest.raises((CallTimeout, ConnectionLost)):
             both.run(controller.client.request(f.controller_get_name, controller.handle, timeout=0.0001))
         contact = controller.client._link._contact
-        while both.loop is not None and not contact._forgotten:
+        while both.loop is not None and not contact._session_ended:
             both.run(asyncio.sleep(0.002))  # the reply is dropped
         with pytest.raises((ConnectionLost, ConnectionClosed)):
             both.run(controller.get_name())
