@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cli._shared.control_secret import find_secret, left_for
+from orinkit.cli._shared.control_secret import find_secret, stored_secret
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli.commands.pendant import ACTIONS, PROVIDER
 from orinkit.core import i18n
@@ -44,7 +44,7 @@ def runtime(tmp_path, monkeypatch) -> Path:
 def buttons(rc8) -> Iterator[str]:
     """Serve the buttons as the command does; yields their address."""
     provider = ControlProvider(rc8)
-    with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, left_for(provider.secret, port_of(server.url)):
+    with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, stored_secret(provider.secret, port_of(server.url)):
         yield server.url
 
 
@@ -353,7 +353,7 @@ def test_no_secret_is_stored_in_an_unsafe_directory(refused, runtime, tmp_path, 
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
     with (
         pytest.raises(CommandError, match="not a directory that only this account can access"),
-        left_for("0" * 16, 5008),
+        stored_secret("0" * 16, 5008),
     ):
         pass
     if os.getuid() == 0:
@@ -361,7 +361,7 @@ def test_no_secret_is_stored_in_an_unsafe_directory(refused, runtime, tmp_path, 
         os.chown(runtime, 65534, 65534)
         with (
             pytest.raises(CommandError, match="not a directory that only this account can access"),
-            left_for("0" * 16, 5008),
+            stored_secret("0" * 16, 5008),
         ):
             pass
 
@@ -373,7 +373,7 @@ def test_without_a_runtime_directory(given, tmp_path, monkeypatch):
     if given is not None:
         monkeypatch.setenv("XDG_RUNTIME_DIR", given)
     directory = tmp_path / f"orinkit-{os.getuid()}"
-    with left_for("0" * 16, 5008):
+    with stored_secret("0" * 16, 5008):
         assert stat.S_IMODE(directory.stat().st_mode) == 0o700
         assert find_secret(Address("tcp", "127.0.0.1", 5008)) == "0" * 16
         assert find_secret(Address("tcp", "127.0.0.1", 5009)) == ""
@@ -381,10 +381,10 @@ def test_without_a_runtime_directory(given, tmp_path, monkeypatch):
 
 
 def test_the_secret_of_a_killed_server_is_replaced(runtime):
-    with left_for("0" * 16, 5008), left_for("1" * 16, 5008):
+    with stored_secret("0" * 16, 5008), stored_secret("1" * 16, 5008):
         assert find_secret(Address("tcp", "localhost", 5008)) == "1" * 16
     assert list(runtime.iterdir()) == []
-    with left_for("0" * 16, 5008):
+    with stored_secret("0" * 16, 5008):
         (runtime / "control-5008").write_text("1" * 16)
     assert (runtime / "control-5008").read_text() == "1" * 16  # belongs to a server that was started later
 

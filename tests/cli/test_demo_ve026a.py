@@ -101,8 +101,8 @@ def test_the_log_does_not_repeat_it():
     """Python writes warnings to stderr if logging is not configured."""
     script = """
 import logging
-from orinkit.cli.demo.rc8 import late_told_here
-with late_told_here():
+from orinkit.cli.demo.rc8 import quiet_logs
+with quiet_logs():
     logging.getLogger("orinkit.rc8").warning("unheard")
     logging.getLogger("orinkit.ve026a").warning("unheard")
 logging.getLogger("orinkit.rc8").warning("heard")
