@@ -130,7 +130,7 @@ def bare_exchange(url: str) -> Iterator[Callable[[], object]]:
             while (message := receive(1.0)) is not None:
                 if message.arbitration_id == FEEDBACK_ID:  # udp_multicast also returns the frames sent
                     return
-            raise TimeoutError("no answer")
+            raise TimeoutError("no reply")
 
         yield exchange
 

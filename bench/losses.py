@@ -67,7 +67,7 @@ class Loss:
         lose: Called with the process of the client to lose it.
         program: Source of the client program.
         more: Further arguments of the client program.
-        gateway: The client is behind a gateway.
+        gateway: True if the client is behind a gateway.
     """
 
     text: str
@@ -213,13 +213,13 @@ def pulled() -> tuple[float | None, float]:
 def row(text: str, result: tuple[float | None, float]) -> None:
     """Print a row of the table."""
     seconds, degrees = result
-    said = "nothing: all motions are carried out" if seconds is None else f"{seconds:.2f} s"
-    print(f"| {text} | {said} | {degrees:.1f} |", flush=True)
+    standstill = "never: all motions are completed" if seconds is None else f"{seconds:.2f} s"
+    print(f"| {text} | {standstill} | {degrees:.1f} |", flush=True)
 
 
 def main() -> None:
     """Measure all losses and print the table."""
-    print("| client lost | arm stands after | J1 went on by (deg, at 5 % speed) |\n|---|---|---|")
+    print("| client lost | standstill after | J1 moved on by (deg, at 5 % speed) |\n|---|---|---|")
     with TemporaryDirectory() as folder:
         os.chdir(Path(folder))
         for loss in LOSSES:

@@ -25,9 +25,9 @@ class Rule(NamedTuple):
     """A forbidden pattern.
 
     Attributes:
-        pattern: what is forbidden.
-        remedy: what to write instead.
-        summary: The pattern applies to the beginning of a docstring only.
+        pattern: The forbidden wording.
+        remedy: The wording to use instead.
+        summary: True if the pattern applies to the beginning of a docstring only.
     """
 
     pattern: re.Pattern[str]
@@ -60,7 +60,7 @@ RULES: Final = (
 
 
 class Finding(NamedTuple):
-    """A forbidden wording and where it is."""
+    """An occurrence of a forbidden wording."""
 
     place: str
     found: str
@@ -71,7 +71,7 @@ class Finding(NamedTuple):
 
 
 def check_text(text: str, place: str, line: int, *, summary: bool = False) -> Iterator[Finding]:
-    """Yield what is forbidden in a text that begins at a line."""
+    """Yield the findings in a text that begins at a line."""
     flat = re.sub(r"``[^`]*``|`[^`]*`", lambda match: " " * len(match[0]), text)
     for rule in RULES:
         if rule.summary and not summary:
@@ -82,14 +82,14 @@ def check_text(text: str, place: str, line: int, *, summary: bool = False) -> It
 
 
 def check_document(path: Path, place: str) -> Iterator[Finding]:
-    """Yield what is forbidden in a Markdown file, outside its code blocks."""
+    """Yield the findings in a Markdown file, outside its code blocks."""
     text = path.read_text(encoding="utf-8")
     prose = re.sub(r"(?ms)^```.*?^```", lambda match: "\n" * match[0].count("\n"), text)
     yield from check_text(prose, place, 1)
 
 
 def check_code(path: Path, place: str) -> Iterator[Finding]:
-    """Yield what is forbidden in the docstrings, comments and other texts of a Python file."""
+    """Yield the findings in the docstrings, comments and other strings of a Python file."""
     source = path.read_text(encoding="utf-8")
     docstrings = set()
     for node in ast.walk(ast.parse(source)):
@@ -107,7 +107,7 @@ def check_code(path: Path, place: str) -> Iterator[Finding]:
 
 
 def findings(paths: Iterator[Path]) -> Iterator[Finding]:
-    """Yield what is forbidden in files."""
+    """Yield the findings in files."""
     for path in paths:
         place = path.resolve().relative_to(ROOT).as_posix() if path.resolve().is_relative_to(ROOT) else str(path)
         if place in EXEMPT or any(part in place for part in GENERATED) or place == "tools/prose.py":
@@ -122,7 +122,7 @@ def every_file() -> Iterator[Path]:
 
 
 def main(arguments: list[str]) -> int:
-    """Check files and report; return 1 if something is forbidden."""
+    """Check files and print the findings; return 1 if there are any."""
     paths = (Path(argument) for argument in arguments) if arguments else every_file()
     found = sorted(findings(iter(paths)))
     for finding in found:

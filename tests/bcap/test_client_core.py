@@ -125,7 +125,11 @@ def test_serials_count_from_1_and_start_again_after_65535(conversation):
         (f.robot_move, (3, 1, "P1", 5), "Robot_Move, argument 4 (option): 5 is not a valid value for VT_BSTR"),
         (f.robot_move, ("3", 1, "P1", ""), "Robot_Move, argument 1 (handle): '3' is not a valid value for VT_I4"),
         (f.robot_move, ([3], 1, "P1", ""), "Robot_Move, argument 1 (handle): [3] is not a valid value for VT_I4"),
-        (f.robot_move, (np.array([3, 4]), 1, "P1", ""), "Robot_Move, argument 1 (handle): array([3, 4]) is no value"),
+        (
+            f.robot_move,
+            (np.array([3, 4]), 1, "P1", ""),
+            "Robot_Move, argument 1 (handle): array([3, 4]) is not a valid value",
+        ),
         (f.robot_move, (10**5000, 1, "P1", ""), "Robot_Move, argument 1 (handle): <int> does not fit VT_I4"),
         (f.robot_speed, (3, 1, "fast"), "Robot_Speed, argument 3 (speed): 'fast' is not a valid value for VT_R4"),
         (f.robot_speed, (3, 1, 1e39), "Robot_Speed, argument 3 (speed): 1e+39 is not a valid value for VT_R4"),
@@ -141,7 +145,7 @@ def test_a_bad_argument_is_named_and_nothing_is_sent(conversation, function, arg
     i18n.use("ja")
     with pytest.raises(InvalidValue, match=f"{function.name} の第 . 引数"):
         next(conversation.call(function, arguments, 3.0))
-    assert Call(conversation, f.service_stop).sent.code == 2, "the conversation goes on"
+    assert Call(conversation, f.service_stop).sent.code == 2, "the conversation stays usable"
 
 
 def test_a_value_whose_own_code_fails_is_reported_with_the_function():
@@ -184,7 +188,7 @@ def test_a_request_beyond_the_limit_is_refused_here(conversation):
         (f.variable_get_value, (3,), ["first", "second"], "first"),
         (f.robot_move, (3, 1, "P1", ""), [], None),
         (f.robot_move, (3, 1, "P1", ""), [None], None),
-        (f.robot_move, (3, 1, "P1", ""), ["nobody wants it"], None),
+        (f.robot_move, (3, 1, "P1", ""), ["not expected"], None),
     ],
 )
 def test_results_plain_and_exact(conversation, function, arguments, answered, value):
@@ -218,14 +222,14 @@ def test_success_codes_come_with_the_result(conversation, code):
     ("function", "arguments", "answered", "match"),
     [
         (f.controller_connect, ("", "x", "", ""), [], "Controller_Connect returned None, expected VT_I4"),
-        (f.controller_connect, ("", "x", "", ""), [None], "answered with None, VT_I4"),
-        (f.controller_connect, ("", "x", "", ""), ["2"], "answered with '2', VT_I4"),
-        (f.controller_connect, ("", "x", "", ""), [2.0], "answered with 2.0, VT_I4"),
-        (f.controller_connect, ("", "x", "", ""), [True], "answered with True, VT_I4"),
-        (f.controller_connect, ("", "x", "", ""), [[2]], r"answered with \[2\], VT_I4"),
+        (f.controller_connect, ("", "x", "", ""), [None], "returned None, expected VT_I4"),
+        (f.controller_connect, ("", "x", "", ""), ["2"], "returned '2', expected VT_I4"),
+        (f.controller_connect, ("", "x", "", ""), [2.0], "returned 2.0, expected VT_I4"),
+        (f.controller_connect, ("", "x", "", ""), [True], "returned True, expected VT_I4"),
+        (f.controller_connect, ("", "x", "", ""), [[2]], r"returned \[2\], expected VT_I4"),
         (f.robot_get_attribute, (3,), [], "Robot_GetAttribute returned None, expected VT_I4"),
         (f.robot_get_name, (3,), [5], "Robot_GetName returned 5, expected VT_BSTR"),
-        (f.robot_get_name, (3,), [["a" * 1000]], "VT_BSTR was expected"),
+        (f.robot_get_name, (3,), [["a" * 1000]], "expected VT_BSTR"),
     ],
 )
 @pytest.mark.parametrize("exact", [False, True])
@@ -239,7 +243,7 @@ def test_results_of_the_wrong_type(conversation, function, arguments, answered, 
     call.error(ProtocolError, reply(call.serial, *answered), "の応答が VT_")
 
 
-def test_a_result_that_cannot_be_read_leaves_the_stream_in_step(conversation):
+def test_the_connection_stays_usable_after_an_invalid_result(conversation):
     call = Call(conversation, f.variable_get_value, 3)
     body = bytes.fromhex("0a000000 6300 01000000 00000000")
     error = call.error(ProtocolError, packet.pack(call.serial, 0, 1, body), "unknown type VT_99")
@@ -267,7 +271,7 @@ def test_a_time_out(conversation):
     assert (error.function, error.seconds) == ("Robot_Move", 0.5)
 
 
-def test_the_other_side_closes(conversation):
+def test_the_peer_closes_the_connection(conversation):
     call = Call(conversation, f.robot_move, 3, 1, "P1", "")
     call.error(ConnectionLost, b"", "Robot_Move: the peer closed the connection before a reply was received")
     i18n.use("ja")
@@ -276,7 +280,7 @@ def test_the_other_side_closes(conversation):
     call.error(ConnectionLost, b"", "応答の前に相手が接続を閉じました")
 
 
-def test_executing_starts_the_time_out_anew(conversation):
+def test_executing_restarts_the_time_out(conversation):
     call = Call(conversation, f.robot_move, 3, 1, "P1", "", seconds=0.5)
     for _ in range(3):
         assert call.feed(executing(call.serial)) == (b"", 0.5)
@@ -286,7 +290,7 @@ def test_executing_starts_the_time_out_anew(conversation):
     assert conversation.stray_replies == 0
 
 
-def test_anything_else_lets_the_time_run_on(conversation):
+def test_other_packets_do_not_restart_the_time_out(conversation):
     call = Call(conversation, f.variable_get_value, 3)
     answer = reply(call.serial, 5)
     assert call.feed(reply(call.serial + 1, 6)) == (b"", None)
@@ -298,17 +302,17 @@ def test_anything_else_lets_the_time_run_on(conversation):
 
 
 @pytest.mark.parametrize("junk", [b"\0", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
-def test_junk_before_the_answer_ends_the_call(conversation, junk):
+def test_invalid_bytes_before_the_reply_end_the_call(conversation, junk):
     call = Call(conversation, f.variable_get_value, 3)
     with pytest.raises(ProtocolError, match="is not b-CAP") as caught:
         call.feed(junk + reply(call.serial, 5))
     assert caught.value.fatal
 
 
-# --- answers that are not for this call -------------------------------------------------------------------------------
+# --- replies to other calls -------------------------------------------------------------------------------------------
 
 
-def test_a_late_answer_never_answers_the_next_call(conversation):
+def test_a_late_reply_is_not_assigned_to_the_next_call(conversation):
     first = Call(conversation, f.variable_get_value, 3)
     first.error(CallTimeout, None)
     second = Call(conversation, f.variable_get_value, 4)
@@ -317,7 +321,7 @@ def test_a_late_answer_never_answers_the_next_call(conversation):
     assert conversation.stray_replies == 1
 
 
-def test_a_late_answer_and_the_right_one_in_one_piece(conversation):
+def test_a_late_reply_and_the_expected_one_together(conversation):
     first = Call(conversation, f.variable_get_value, 3)
     first.error(CallTimeout, None)
     second = Call(conversation, f.variable_get_value, 4)
@@ -325,11 +329,11 @@ def test_a_late_answer_and_the_right_one_in_one_piece(conversation):
     assert conversation.stray_replies == 1
 
 
-def test_an_answer_that_comes_twice(conversation):
+def test_a_duplicate_reply(conversation):
     first = Call(conversation, f.variable_get_value, 3)
     answer = reply(first.serial, "one")
     assert first.result(answer * 2 + answer[:5]) == (0, "one")
-    assert conversation.stray_replies == 0, "the second is not looked at before the next call"
+    assert conversation.stray_replies == 0, "the second reply is not processed before the next call"
     second = Call(conversation, f.variable_get_value, 4)
     assert second.result(answer[5:] + reply(second.serial, "two")) == (0, "two")
     assert conversation.stray_replies == 2
@@ -344,7 +348,7 @@ def test_a_late_error_is_not_raised(conversation):
     assert second.result(reply(second.serial, 5)) == (0, 5)
 
 
-def test_a_call_that_was_cancelled_half_way_through_its_answer(conversation):
+def test_a_call_that_was_cancelled_during_its_reply(conversation):
     first = Call(conversation, f.variable_get_value, 3)
     answer = reply(first.serial, "late")
     first.feed(answer[:20])
@@ -357,13 +361,15 @@ def test_a_call_that_was_cancelled_half_way_through_its_answer(conversation):
 
 def test_what_is_not_b_cap_is_fatal(conversation):
     call = Call(conversation, f.variable_get_value, 3)
-    error = call.error(ProtocolError, b"\1\0\0\0\0HTTP/1.1 400 Bad Request", "a packet cannot be 0 bytes long")
+    error = call.error(
+        ProtocolError, b"\1\0\0\0\0HTTP/1.1 400 Bad Request", "packet of 0 bytes is below the minimum of 16 bytes"
+    )
     assert error.fatal
     again = Call(conversation, f.variable_get_value, 3)
     assert again.error(ProtocolError, reply(again.serial, 5)).fatal
 
 
-def test_limits_hold_for_what_is_received():
+def test_limits_on_received_packets():
     conversation = BcapConversation(PacketLimits(packet=100, depth=1))
     call = Call(conversation, f.variable_get_value, 3)
     error = call.error(LimitExceeded, reply(call.serial, "x" * 100), "packet of 230 bytes exceeds the limit of 100")
@@ -373,7 +379,7 @@ def test_limits_hold_for_what_is_received():
     assert not call.error(LimitExceeded, reply(call.serial, [[None]])).fatal
 
 
-def test_every_packet_is_told_to_trace():
+def test_every_packet_is_passed_to_trace():
     seen = []
     conversation = BcapConversation(trace=lambda way, data: seen.append((way, data)))
     call = Call(conversation, f.variable_get_value, 3)
@@ -387,7 +393,7 @@ SCRIPT = st.lists(st.sampled_from(["late", "executing", "foreign executing", "er
 
 
 @given(st.lists(st.tuples(SCRIPT, st.integers(1, 40)), min_size=1, max_size=6))
-def test_whatever_comes_before_each_call_gets_its_own_answer(scripts):
+def test_each_call_receives_its_own_reply(scripts):
     """Calls whose replies are split into pieces of any size, between packets that are not the reply."""
     conversation, last = BcapConversation(), 0
     for number, (script, size) in enumerate(scripts):
@@ -409,12 +415,12 @@ def test_whatever_comes_before_each_call_gets_its_own_answer(scripts):
         last = call.serial
 
 
-def test_the_encoders_of_a_function_are_kept():
+def test_the_encoders_of_a_function_are_cached():
     encode_request(f.robot_unhold, (3, ""), 1)
     assert core._ENCODERS[f.robot_unhold.id]
 
 
-def test_serial_numbers_go_on_where_another_process_ended():
+def test_serials_continue_after_those_of_another_process():
     conversation = BcapConversation()
     conversation.serial = 0xFFFF
     assert Call(conversation, f.controller_get_name, 1).serial == 0xFFFF

@@ -24,7 +24,7 @@ WIRES = {"tcp": STREAM, "udp": DATAGRAM, "serial": LINE, "http": None}
 SECONDS = 3.0
 
 
-class Told:
+class TimedConversation:
     """A conversation with a manual clock."""
 
     def __init__(self, wire: BcapProfile | None) -> None:
@@ -55,18 +55,18 @@ class Told:
 
 
 @pytest.fixture(params=WIRES)
-def told(request: pytest.FixtureRequest) -> Told:
-    return Told(WIRES[request.param])
+def timed(request: pytest.FixtureRequest) -> TimedConversation:
+    return TimedConversation(WIRES[request.param])
 
 
-def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
-    operation, seconds = told.call(deadline=10.0)
+def test_s_executing_does_not_extend_a_deadline(timed: TimedConversation) -> None:
+    operation, seconds = timed.call(deadline=10.0)
     assert seconds == SECONDS
     for passed, wait in ((2.0, 3.0), (4.0, 3.0), (8.0, 2.0), (9.5, 0.5)):
-        told.now = 100.0 + passed
-        assert operation.send(told.executing) == (b"", pytest.approx(wait))
-    told.now = 110.5
-    assert operation.send(told.executing) == (b"", 0.0)
+        timed.now = 100.0 + passed
+        assert operation.send(timed.executing) == (b"", pytest.approx(wait))
+    timed.now = 110.5
+    assert operation.send(timed.executing) == (b"", 0.0)
     with pytest.raises(
         CallTimeout, match=r"deadline of 10 s; the controller reported that it was still executing"
     ) as late:
@@ -78,89 +78,89 @@ def test_s_executing_does_not_extend_a_deadline(told: Told) -> None:
     assert "期限の 10 秒以内" in str(late.value)
 
 
-def test_a_deadline_before_the_time_out(told: Told) -> None:
-    operation, seconds = told.call(deadline=1.0)
+def test_a_deadline_before_the_time_out(timed: TimedConversation) -> None:
+    operation, seconds = timed.call(deadline=1.0)
     assert seconds == 1.0
     with pytest.raises(CallTimeout, match="no reply within 1 s") as late:
         operation.send(None)
     assert not late.value.executing
 
 
-def test_a_time_out_before_the_deadline(told: Told) -> None:
-    operation, seconds = told.call(deadline=100.0, tries=1)
+def test_a_time_out_before_the_deadline(timed: TimedConversation) -> None:
+    operation, seconds = timed.call(deadline=100.0, tries=1)
     assert seconds == SECONDS
     with pytest.raises(CallTimeout, match="no reply within 3 s"):
         operation.send(None)
 
 
-def test_the_end_of_the_connection_before_the_deadline(told: Told) -> None:
-    operation, _ = told.call(deadline=1.0)
+def test_the_end_of_the_connection_before_the_deadline(timed: TimedConversation) -> None:
+    operation, _ = timed.call(deadline=1.0)
     with pytest.raises(ConnectionLost):
         operation.send(b"")
 
 
 @pytest.mark.parametrize("kind", ["udp", "serial"])
-def test_a_deadline_ends_the_tries(kind: str) -> None:
-    told = Told(WIRES[kind])
-    operation, _ = told.call(deadline=4.0, tries=7)
-    told.now += 3.0
+def test_a_deadline_ends_the_attempts(kind: str) -> None:
+    timed = TimedConversation(WIRES[kind])
+    operation, _ = timed.call(deadline=4.0, tries=7)
+    timed.now += 3.0
     data, seconds = operation.send(None)
     assert data
     assert seconds == pytest.approx(1.0)
-    told.now += 1.0
+    timed.now += 1.0
     with pytest.raises(CallTimeout, match="sent 2 times"):
         operation.send(None)
 
 
-def test_a_busy_controller_is_said_at_the_deadline() -> None:
-    told = Told(DATAGRAM)
-    told.conversation.dialect = VE026A
-    operation, _ = told.call(deadline=4.0, tries=7)
-    told.now += 3.0
+def test_a_busy_controller_is_reported_at_the_deadline() -> None:
+    timed = TimedConversation(DATAGRAM)
+    timed.conversation.dialect = VE026A
+    operation, _ = timed.call(deadline=4.0, tries=7)
+    timed.now += 3.0
     data, _ = operation.send(None)
     serial = int.from_bytes(data[5:7], "little")
-    operation.send(told.packet(serial, VE026A.busy))
-    told.now += 1.0
+    operation.send(timed.packet(serial, VE026A.busy))
+    timed.now += 1.0
     with pytest.raises(CallError):
         operation.send(None)
 
 
-def flood(told: Told, operation: Any, data: bytes, count: int) -> None:
+def flood(timed: TimedConversation, operation: Any, data: bytes, count: int) -> None:
     for _ in range(count):
         operation.send(data)
 
 
 @pytest.mark.parametrize("what", ["executing", "foreign"])
-def test_a_flood_ends_the_call_and_the_connection(told: Told, what: str) -> None:
-    if what == "foreign" and told.wire is None:
-        return  # HTTP has none
-    operation, _ = told.call(deadline=None)
-    flood(told, operation, getattr(told, what), AT_ONCE)
+def test_a_flood_ends_the_call_and_the_connection(timed: TimedConversation, what: str) -> None:
+    if what == "foreign" and timed.wire is None:
+        return  # HTTP has no foreign packets
+    operation, _ = timed.call(deadline=None)
+    flood(timed, operation, getattr(timed, what), AT_ONCE)
     with pytest.raises(ProtocolError, match="floods the connection") as error:
-        operation.send(getattr(told, what))
+        operation.send(getattr(timed, what))
     assert error.value.fatal
     i18n.use("ja")
     with pytest.raises(ProtocolError, match="接続を閉じました"):
-        operation, _ = told.call(deadline=None)
-        flood(told, operation, getattr(told, what), AT_ONCE + 1)
+        operation, _ = timed.call(deadline=None)
+        flood(timed, operation, getattr(timed, what), AT_ONCE + 1)
 
 
-def test_what_comes_at_a_bearable_rate_goes_on(told: Told) -> None:
-    operation, _ = told.call(deadline=None)
+def test_a_moderate_rate_is_accepted(timed: TimedConversation) -> None:
+    operation, _ = timed.call(deadline=None)
     for _ in range(20):
-        flood(told, operation, told.executing, PER_SECOND)
-        told.now += 1.0
-    flood(told, operation, told.executing, AT_ONCE)  # the program was suspended
+        flood(timed, operation, timed.executing, PER_SECOND)
+        timed.now += 1.0
+    flood(timed, operation, timed.executing, AT_ONCE)  # the program was suspended
     operation.close()
 
 
-def test_junk_on_udp_is_counted_and_bytes_of_a_serial_line_are_not() -> None:
+def test_invalid_datagrams_are_counted_and_bytes_on_a_serial_line_are_not() -> None:
     for wire, floods in ((DATAGRAM, True), (LINE, False)):
-        told = Told(wire)
-        operation, _ = told.call(deadline=None)
+        timed = TimedConversation(wire)
+        operation, _ = timed.call(deadline=None)
         if floods:
             with pytest.raises(ProtocolError, match="floods the connection"):
-                flood(told, operation, b"junk", AT_ONCE + 1)
+                flood(timed, operation, b"junk", AT_ONCE + 1)
         else:
-            flood(told, operation, b"j", 2 * AT_ONCE)
+            flood(timed, operation, b"j", 2 * AT_ONCE)
             operation.close()

@@ -50,15 +50,15 @@ def test_a_packet_of_the_documents_is_explained_as_printed(vector):
     fields = explain(frame)
     assert joined(fields) == frame
     assert first_error(fields) is None
-    said = {field.name: field.meaning for field in fields}
-    assert said["serial"] == str(vector["serial"])
-    assert said["reserved"].partition(":")[0] == str(vector["reserved"])
-    assert said["arguments"] == str(len(vector["arguments"]))
+    meaning = {field.name: field.meaning for field in fields}
+    assert meaning["serial"] == str(vector["serial"])
+    assert meaning["reserved"].partition(":")[0] == str(vector["reserved"])
+    assert meaning["arguments"] == str(len(vector["arguments"]))
     if vector["kind"] == "request":
-        assert said["function id"].startswith(f"{vector['function_id']} {FUNCTIONS[vector['function_id']].name}")
+        assert meaning["function id"].startswith(f"{vector['function_id']} {FUNCTIONS[vector['function_id']].name}")
     else:
-        assert said["return code"].startswith(f"0x{vector['return_code']:08X}")
-    assert ("CRC" in said) == (vector["transport"] == "com")
+        assert meaning["return code"].startswith(f"0x{vector['return_code']:08X}")
+    assert ("CRC" in meaning) == (vector["transport"] == "com")
     types = [field.meaning for field in fields if field.level == 1 and field.name.endswith(": data type")]
     assert [text.partition(" ")[0] for text in types] == [argument["type"] for argument in vector["arguments"]]
 
@@ -73,7 +73,7 @@ def test_every_value_of_the_documents_is_shown_in_notation(vector):
 
 
 @pytest.mark.parametrize("vector", [vector for vector in VECTORS if "printed" in vector], ids=ids)
-def test_a_packet_printed_with_missing_or_doubled_bytes_is_explained_as_far_as_it_goes(vector):
+def test_a_misprinted_packet_is_explained_as_far_as_possible(vector):
     frame = bytes.fromhex(vector["printed"])
     fields = explain(frame)
     assert joined(fields) == frame
@@ -96,29 +96,29 @@ def test_one_line_of_each_kind():
 
 
 def test_arguments_have_the_names_of_the_table():
-    said = meanings(request(72, 3, 1, "P1", "NEXT"))
-    assert said["function id"].startswith("72 Robot_Move: ")
-    assert said["handle"] == "3,3"
-    assert said["interpolation"] == "3,1"
-    assert said["pose"] == "8,P1"
-    assert said["option: string length"] == "8 bytes"
-    assert said["option"] == "8,NEXT"
+    meaning = meanings(request(72, 3, 1, "P1", "NEXT"))
+    assert meaning["function id"].startswith("72 Robot_Move: ")
+    assert meaning["handle"] == "3,3"
+    assert meaning["interpolation"] == "3,1"
+    assert meaning["pose"] == "8,P1"
+    assert meaning["option: string length"] == "8 bytes"
+    assert meaning["option"] == "8,NEXT"
 
 
 def test_more_arguments_than_the_function_has_are_numbered():
-    said = meanings(request(2, 7, 8))
-    assert said["argument 1"] == "3,7"
-    assert said["argument 2"] == "3,8"
+    meaning = meanings(request(2, 7, 8))
+    assert meaning["argument 1"] == "3,7"
+    assert meaning["argument 2"] == "3,8"
 
 
-def test_an_unknown_function_is_no_wrong_packet():
+def test_an_unknown_function_is_not_an_error_of_the_packet():
     frame = request(200, 1)
     assert meanings(frame)["function id"] == "200 unknown function; a server returns E_NOTIMPL"
     assert first_error(explain(frame)) is None
     assert one_line(frame) == "function 200?(1)"
 
 
-def test_a_reply_says_what_its_request_asked_for():
+def test_a_reply_is_explained_with_its_request():
     asked = request(7, 2, "Arm", "")
     reply = packet.pack(1, 0, 1, bytes.fromhex("0a000000030001000000") + b"\x05\0\0\0")
     assert meanings(reply)["result"] == "3,5"
@@ -127,22 +127,22 @@ def test_a_reply_says_what_its_request_asked_for():
 
 
 def test_several_results_are_numbered():
-    said = meanings(packet.encode(packet.Packet(1, 0, [1, 2])))
-    assert said["result"] == "3,1"
-    assert said["result 2"] == "3,2"
+    meaning = meanings(packet.encode(packet.Packet(1, 0, [1, 2])))
+    assert meaning["result"] == "3,1"
+    assert meaning["result 2"] == "3,2"
 
 
 @pytest.mark.parametrize(
     ("code", "kind"),
     [(0, "reply"), (1, "request"), (137, "request"), (255, "request"), (256, "reply"), (0x900, "reply"), (0x80004001, "reply")],
 )  # fmt: skip
-def test_a_code_tells_requests_from_replies(code, kind):
+def test_a_code_distinguishes_requests_and_replies(code, kind):
     assert kind_of(code) == kind
     names = [field.name for field in explain(packet.pack(1, code, 0, b""))]
     assert ("function id" in names) == (kind == "request")
 
 
-def test_the_kind_can_be_told():
+def test_the_kind_can_be_given():
     frame = packet.pack(1, 1, 0, b"")
     assert meanings(frame, kind="reply")["return code"].startswith("0x00000001 S_FALSE")
     assert meanings(packet.pack(1, 0, 0, b""), kind="request")["function id"].startswith("0 unknown function")
@@ -156,20 +156,20 @@ def test_an_error_reply_has_name_number_and_text():
     assert one_line(packet.pack(9, 0x8F123456, 0, b"")).startswith("0x8F123456: ")
 
 
-def test_the_elements_of_arrays_are_fields_of_their_own():
+def test_the_elements_of_arrays_are_separate_fields():
     value = [1, "ab", [True, None], ["x", "y"]]
     fields = explain(request(64, 3, "Do", value))
-    said = {field.name: (field.meaning, field.level) for field in fields}
-    assert said["parameter: data type"] == ("VT_VARIANT|VT_ARRAY (8204)", 1)
-    assert said["parameter: element count"] == ("4", 1)
-    assert said["parameter[0]"] == ("3,1", 2)
-    assert said["parameter[1]"] == ("8,ab", 2)
-    assert said["parameter[2][0]"] == ("11,-1", 3)
-    assert said["parameter[2][1]: data type"] == ("VT_EMPTY (0)", 3)
-    assert said["parameter[3][1]"] == ("8,y", 3)
+    meaning = {field.name: (field.meaning, field.level) for field in fields}
+    assert meaning["parameter: data type"] == ("VT_VARIANT|VT_ARRAY (8204)", 1)
+    assert meaning["parameter: element count"] == ("4", 1)
+    assert meaning["parameter[0]"] == ("3,1", 2)
+    assert meaning["parameter[1]"] == ("8,ab", 2)
+    assert meaning["parameter[2][0]"] == ("11,-1", 3)
+    assert meaning["parameter[2][1]: data type"] == ("VT_EMPTY (0)", 3)
+    assert meaning["parameter[3][1]"] == ("8,y", 3)
 
 
-def test_a_long_value_is_shortened_but_its_bytes_are_whole():
+def test_a_long_value_is_shortened_but_its_bytes_are_complete():
     frame = request(102, 3, [1.5] * 1000)
     (value,) = [field for field in explain(frame) if field.name == "value"]
     assert len(value.meaning) == 400
@@ -178,7 +178,7 @@ def test_a_long_value_is_shortened_but_its_bytes_are_whole():
     assert len(one_line(frame)) < 120
 
 
-def test_control_characters_cannot_steer_the_terminal():
+def test_control_characters_are_escaped():
     frame = request(102, 3, "\x1b[2J\r\nP1\ud800")
     assert meanings(frame)["value"] == r"8,\x1b[2J\r\nP1\ud800"
     assert one_line(frame) == r'Variable_PutValue(3, "\x1b[2J\r\nP1\ud800")'
@@ -197,7 +197,7 @@ def test_control_characters_cannot_steer_the_terminal():
         ("x" * 200, '"' + "x" * 78 + "…"),
     ],
 )
-def test_values_in_short(value, expected):
+def test_short_texts_of_values(value, expected):
     assert show(variant(value)) == expected
 
 
@@ -210,7 +210,7 @@ def test_the_crc_of_a_serial_line_is_recognised():
     assert (last.name, last.raw, last.meaning) == ("CRC", frame[-3:-1], "correct (serial line)")
 
 
-def test_two_bytes_that_are_no_crc_are_the_reserved_area_with_what_would_be_right():
+def test_two_bytes_that_are_not_the_crc_are_the_reserved_area():
     good = packet.pack(3, 2, 0, b"", crc=True)
     bad = good[:-3] + b"\xab\xcd\x04"
     area = explain(bad)[-2]
@@ -227,7 +227,7 @@ def test_a_reserved_area_before_a_crc():
     ]
 
 
-# --- wrong packets ----------------------------------------------------------------------------------------------------
+# --- invalid packets --------------------------------------------------------------------------------------------------
 
 
 def error_of(frame: bytes) -> PacketField:
@@ -242,7 +242,7 @@ GOOD = request(9, 2, "IO150", "")
 
 
 @pytest.mark.parametrize(
-    ("frame", "offset", "name", "said"),
+    ("frame", "offset", "name", "meaning"),
     [
         (b"", 0, "not a packet", "a packet must begin with SOH 01"),
         (b"\x02" + GOOD[1:], 0, "not a packet", "a packet must begin with SOH 01"),
@@ -264,19 +264,19 @@ GOOD = request(9, 2, "IO150", "")
         (GOOD[:39] + b"\x09" + GOOD[40:], 39, "name", "string of 9 bytes at offset 39, 10 are present"),
     ],
 )  # fmt: skip
-def test_a_wrong_packet_is_told_where_it_is_wrong(frame, offset, name, said):
+def test_the_position_of_an_error(frame, offset, name, meaning):
     error = error_of(frame)
-    assert (error.offset, error.name, error.meaning) == (offset, name, said)
+    assert (error.offset, error.name, error.meaning) == (offset, name, meaning)
 
 
-def test_the_arguments_behind_a_wrong_one_are_explained_all_the_same():
+def test_the_arguments_after_an_invalid_one_are_explained():
     frame = GOOD[:19] + b"\x63" + GOOD[20:]
-    said = meanings(frame)
-    assert said["name"] == "8,IO150"
-    assert said["end (EOT)"] == ""
+    meaning = meanings(frame)
+    assert meaning["name"] == "8,IO150"
+    assert meaning["end (EOT)"] == ""
 
 
-def test_an_element_deep_inside_is_where_the_error_is():
+def test_an_error_in_a_nested_element():
     frame = bytearray(request(64, 3, "Do", [1, [2, "ab"]]))
     at = frame.index("ab".encode("utf-16-le")) - 4
     frame[at] = 0x7F
@@ -295,19 +295,19 @@ def test_nesting_deeper_than_allowed_is_an_error_at_that_depth():
     assert error.level == 1
 
 
-def test_bytes_behind_a_packet_are_said_to_be_so():
+def test_bytes_after_a_packet():
     last = explain(GOOD + b"\xff\xff")[-1]
     assert (last.name, last.raw, last.meaning) == ("not a packet", b"\xff\xff", "2 bytes after the end of the packet")
 
 
-def test_a_crc_stays_apart_from_wrong_arguments():
+def test_a_crc_is_separate_from_invalid_arguments():
     frame = packet.pack(3, 9, 1, b"\xff\0\0\0\x03\0\x01\0\0\0\x02\0\0\0", crc=True)
     names = [field.name for field in explain(frame)]
     assert names[-2:] == ["CRC", "end (EOT)"]
     assert joined(explain(frame)) == frame
 
 
-def test_a_crc_is_not_seen_inside_an_argument():
+def test_the_bytes_of_an_argument_are_not_a_crc():
     """The last two bytes happen to be the CRC of the bytes before them, and one of them belongs to the last argument."""
     frame = bytes.fromhex(
         "0155000000070000004800000004000a000000030001000c00030000000a000000030001000000010000000e00000008000100000004"
@@ -321,14 +321,14 @@ def test_a_crc_is_not_seen_inside_an_argument():
 
 
 @given(st.binary(max_size=80))
-def test_any_bytes_are_explained_without_losing_one(data):
+def test_any_bytes_are_explained_completely(data):
     assert joined(explain(data)) == data
     assert isinstance(one_line(data), str)
     assert b"".join(split(data)) == data
 
 
 @given(st.lists(variants(), max_size=4), st.booleans(), st.sampled_from([0, 9, 64, 0x80004001]))
-def test_every_packet_that_can_be_made_is_right_and_loses_no_byte(arguments, crc, code):
+def test_every_valid_packet_is_explained_completely(arguments, crc, code):
     frame = packet.encode(packet.Packet(7, code, list(arguments)), crc=crc)
     fields = explain(frame)
     assert joined(fields) == frame
@@ -356,12 +356,12 @@ def test_a_mutated_packet_has_an_error_exactly_when_the_decoder_refuses_it(argum
 # --- several packets --------------------------------------------------------------------------------------------------
 
 
-def test_packets_in_a_row_are_cut_apart():
+def test_successive_packets_are_split():
     frames = [bytes.fromhex(vector["hex"]) for vector in VECTORS]
     assert split(b"".join(frames)) == frames
 
 
-def test_what_lies_between_packets_is_a_piece_of_its_own():
+def test_bytes_between_packets_are_separate_pieces():
     assert split(b"\x01\xff" + GOOD + b"\x01noise" + GOOD + b"\x04") == [b"\x01\xff", GOOD, b"\x01noise", GOOD, b"\x04"]
     assert split(b"") == []
     assert split(GOOD[:-1]) == [GOOD[:-1]]
@@ -370,24 +370,24 @@ def test_what_lies_between_packets_is_a_piece_of_its_own():
 # --- in Japanese ------------------------------------------------------------------------------------------------------
 
 
-def test_everything_is_there_in_japanese():
+def test_everything_is_translated_to_japanese():
     i18n.use("ja")
-    said = meanings(GOOD)
-    assert said["関数 ID"].startswith("9 Controller_GetVariable: ")
-    assert said["name: 文字列長"] == "10 バイト"
+    meaning = meanings(GOOD)
+    assert meaning["関数 ID"].startswith("9 Controller_GetVariable: ")
+    assert meaning["name: 文字列長"] == "10 バイト"
     assert error_of(GOOD[:-1] + b"\x05").meaning == "末尾に EOT 04 がありません"
     assert error_of(GOOD + b"\xff").meaning == "68 バイト (実際は 69 バイト)"
     assert one_line(b"\x02").startswith("不正なパケット: ")
 
 
 @pytest.mark.parametrize("vt", [2, 3, 5, 11, 16, 17])
-def test_a_value_that_is_cut_short_by_its_own_length_is_where_it_is_wrong(vt):
+def test_a_value_longer_than_its_declared_length(vt):
     """The declared length of the argument ends before its value does."""
     argument = struct.pack("<IHI", 6, vt, 1)
     assert "does not agree with its 0 bytes of data" in error_of(packet.pack(1, 101, 1, argument)).meaning
 
 
-def test_a_list_that_says_it_has_more_than_it_has():
+def test_a_list_with_too_few_elements():
     frame = bytearray(packet.encode(packet.Packet(1, 64, [Variant(0x200C, [Variant(VarType.I4, 5)])])))
     count = frame.index(b"\x0c\x20") + 2
     assert frame[count] == 1

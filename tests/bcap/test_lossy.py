@@ -63,7 +63,7 @@ def conversation(request):
     return BcapConversation(profile=request.param)
 
 
-def test_a_try_has_a_new_serial_and_the_first_ones_in_the_reserved_field(conversation):
+def test_an_attempt_has_a_new_serial_and_the_first_one_in_the_reserved_field(conversation):
     call = Call(conversation)
     tries = [(call.sent.serial, call.sent.reserved)]
     for _ in range(TRIES - 1):
@@ -77,7 +77,7 @@ def test_a_try_has_a_new_serial_and_the_first_ones_in_the_reserved_field(convers
     assert Call(conversation).sent.serial == 6
 
 
-def test_an_answer_to_any_try_counts(conversation):
+def test_a_reply_to_any_attempt_is_accepted(conversation):
     call = Call(conversation)
     call.feed(None)
     call.feed(None)
@@ -92,7 +92,7 @@ def test_an_answer_to_any_try_counts(conversation):
     assert again.result(again.reply(4, 43)) == 43
 
 
-def test_executing_allows_as_many_tries_again(conversation):
+def test_executing_restarts_the_count_of_attempts(conversation):
     call = Call(conversation, tries=2)
     call.feed(None)
     call.feed(call.reply(2, code=hresult.S_EXECUTING))
@@ -103,7 +103,7 @@ def test_executing_allows_as_many_tries_again(conversation):
         call.operation.send(None)
 
 
-def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
+def test_a_ve026a_may_report_that_it_is_busy_with_the_first_attempt():
     """Table 3-5 of the VE026A: "wait for a while"; a busy reply to a first attempt has another reason."""
     conversation = BcapConversation(profile=LINE, dialect=VE026A)
     call = Call(conversation, tries=2)
@@ -116,7 +116,7 @@ def test_a_ve026a_may_say_that_it_is_busy_with_the_first_try():
     assert caught.value.code == hresult.E_ROBOTISBUSY
 
 
-def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
+def test_a_ve026a_that_stays_busy_is_reported():
     conversation = BcapConversation(profile=LINE, dialect=VE026A)
     call = Call(conversation, tries=3)
     for serial in (2, 3):
@@ -127,7 +127,7 @@ def test_a_ve026a_that_goes_on_being_busy_is_told_of_in_time():
     assert caught.value.code == hresult.E_ROBOTISBUSY
 
 
-def test_a_line_that_gives_back_what_is_sent(conversation):
+def test_a_line_that_echoes_the_requests(conversation):
     """A loopback plug or an RS-485 converter: the echo of a request is not a reply."""
     call = Call(conversation)
     call.feed(packet.encode(call.sent, crc=conversation.profile.crc))
@@ -136,13 +136,13 @@ def test_a_line_that_gives_back_what_is_sent(conversation):
     assert call.result(call.reply(1, 42)) == 42
 
 
-def test_an_answer_tells_whether_it_echoes(conversation):
+def test_a_reply_shows_whether_the_reserved_field_is_echoed(conversation):
     call = Call(conversation)
     assert call.result(packet.encode(Packet(1, 0, [42], 1), crc=conversation.profile.crc)) == 42
     assert conversation.echoes_reserved
 
 
-def test_silence_that_brings_nothing_costs_one_try_only():
+def test_a_foreign_packet_after_noise_costs_one_attempt():
     """Noise before a foreign packet: the end of that packet ends one attempt."""
     conversation = BcapConversation(profile=LINE)
     call = Call(conversation, tries=3)
@@ -156,13 +156,13 @@ def test_silence_that_brings_nothing_costs_one_try_only():
     assert call.seconds == TRY
 
 
-def test_later_tries_may_wait_longer(conversation):
+def test_later_attempts_may_wait_longer(conversation):
     operation = conversation.call(f.variable_get_value, (3,), TRY, tries=3, later=2.0)
     assert next(operation)[1] == TRY
     assert operation.send(None)[1] == 2.0
 
 
-def test_rubbish_and_ends(conversation):
+def test_invalid_bytes_and_the_end_of_the_connection(conversation):
     call = Call(conversation)
     call.feed(b"rubbish")
     call.feed(call.reply(1, 42)[:-1] + b"\x05")
@@ -171,20 +171,20 @@ def test_rubbish_and_ends(conversation):
         call.operation.send(b"")
 
 
-def test_an_answer_behind_noise_is_found_when_the_line_is_silent():
+def test_a_reply_after_noise_is_found_when_the_line_is_silent():
     conversation = BcapConversation(profile=LINE)
     call = Call(conversation)
     call.feed(b"\x01\xf0\x00\x00\x00" + call.reply(1, 42))
     assert call.result(None) == 42
 
 
-def test_a_long_answer_over_a_slow_line_is_waited_for():
+def test_a_long_reply_over_a_slow_line_is_waited_for():
     conversation = BcapConversation(profile=LINE)
     call = Call(conversation)
     answer = call.reply(1, "x" * 500)
     call.feed(answer[:10])
     call.feed(None)
-    assert call.sent.serial == 2, "too little to tell"
+    assert call.sent.serial == 2, "the serial has not been received"
     answer = call.reply(2, "x" * 500)
     call.feed(answer[:100])
     for begin in range(100, 1000, 100):
@@ -197,33 +197,35 @@ def test_a_long_answer_over_a_slow_line_is_waited_for():
     again.feed(again.reply(3, "x" * 500)[:100])
     again.feed(None)
     again.feed(None)
-    assert again.sent.serial == 4, "it does not go on"
+    assert again.sent.serial == 4, "no more bytes arrive"
     again.feed(again.reply(9, "x" * 500)[:100])
     again.feed(None)
-    assert again.sent.serial == 5, "it is not ours"
+    assert again.sent.serial == 5, "the serial is not that of the call"
 
 
-def test_every_try_is_told(conversation):
-    told = []
-    conversation.trace = lambda way, data: told.append((way, packet.decode(data, crc=conversation.profile.crc).serial))
+def test_every_attempt_is_traced(conversation):
+    traced = []
+    conversation.trace = lambda sign, data: traced.append(
+        (sign, packet.decode(data, crc=conversation.profile.crc).serial)
+    )
     call = Call(conversation)
     call.feed(None)
     call.result(call.reply(2, 42))
-    assert told == [(">", 1), (">", 2), ("<", 2)]
+    assert traced == [(">", 1), (">", 2), ("<", 2)]
 
 
-def test_serials_begin_anew(conversation):
+def test_serials_wrap_around(conversation):
     conversation.serial = 0xFFFF
     call = Call(conversation)
     call.feed(None)
     assert (call.sent.serial, call.sent.reserved) == (1, 0xFFFF)
 
 
-def test_what_does_not_fit_a_datagram_is_not_sent():
+def test_a_packet_too_long_for_a_datagram_is_not_sent():
     conversation = BcapConversation(profile=DATAGRAM)
     text = "x" * ((488 - 14 - 14) // 2)
     assert Call(conversation, 3, text, function=f.variable_put_value).sent.arguments == [3, text]
-    with pytest.raises(InvalidValue, match="at most 504"):
+    with pytest.raises(InvalidValue, match="exceeds the limit of 504"):
         Call(conversation, 3, text + "x", function=f.variable_put_value)
 
 
@@ -387,49 +389,49 @@ class World:
 
 
 def check(world, calls):
-    told = {"done": 0, "timeout": 0, "busy": 0}
+    outcomes = {"done": 0, "timeout": 0, "busy": 0}
     for number in range(calls):
         outcome = world.call(number)
         times = world.executed.count(number) if number < 50 else world.executed[-50:].count(number)
         if outcome == "done":
             assert times == 1
-            told["done"] += 1
+            outcomes["done"] += 1
         else:
             assert isinstance(outcome, CallTimeout) or outcome == hresult.E_BUSY_PROC
-            told["timeout" if isinstance(outcome, CallTimeout) else "busy"] += 1
+            outcomes["timeout" if isinstance(outcome, CallTimeout) else "busy"] += 1
             assert times <= (1 if isinstance(outcome, CallTimeout) else 0)
     assert len(world.executed) == len(set(world.executed))
-    assert world.executed == sorted(world.executed), "nothing is carried out after a later call"
-    return told
+    assert world.executed == sorted(world.executed), "no call is executed after a later one"
+    return outcomes
 
 
 @pytest.mark.parametrize(("wire", "link", "calls"), [(DATAGRAM, Link, 10_000), (LINE, NoisyLine, 2_000)])
-def test_every_call_is_carried_out_once(wire, link, calls):
-    told = check(World(wire, link, 1), calls)
-    assert told["timeout"] < calls / 50
-    assert told["busy"] == 0
+def test_every_call_is_executed_once(wire, link, calls):
+    outcomes = check(World(wire, link, 1), calls)
+    assert outcomes["timeout"] < calls / 50
+    assert outcomes["busy"] == 0
 
 
 @pytest.mark.parametrize(("wire", "link"), [(DATAGRAM, Link), (LINE, NoisyLine)])
 @pytest.mark.parametrize("seed", range(2))
-def test_calls_that_take_longer_than_a_try(wire, link, seed):
+def test_calls_that_take_longer_than_an_attempt(wire, link, seed):
     """A call in progress is reported; a call of 1.2 s finally succeeds."""
-    told = check(World(wire, link, seed, slow=1.2), 300)
-    assert told["done"] > 250
+    outcomes = check(World(wire, link, seed, slow=1.2), 300)
+    assert outcomes["done"] > 250
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_datagrams_that_come_very_late(seed):
+def test_datagrams_that_arrive_very_late(seed):
     """They arrive after the time-out of an attempt, during the following calls."""
-    told = check(World(DATAGRAM, lambda rng: Link(rng, delay=1.5, loss=0.1), seed), 1000)
-    assert told["done"] > 900
+    outcomes = check(World(DATAGRAM, lambda rng: Link(rng, delay=1.5, loss=0.1), seed), 1000)
+    assert outcomes["done"] > 900
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_calls_that_take_longer_than_the_memory(seed):
     """The lifetime of a stored reply begins when it is sent."""
-    told = check(World(DATAGRAM, Link, seed, slow=MEMORY + 1.5), 60)
-    assert told["done"] > 30
+    outcomes = check(World(DATAGRAM, Link, seed, slow=MEMORY + 1.5), 60)
+    assert outcomes["done"] > 30
 
 
 def test_a_link_that_carries_nothing():
@@ -439,20 +441,20 @@ def test_a_link_that_carries_nothing():
     assert world.executed == []
 
 
-def test_a_farewell(conversation):
+def test_the_close_sequence(conversation):
     """Service_Stop is sent three times, because there is no reply."""
-    assert conversation.close_sequence() == [], "the controller knows nothing of it"
+    assert conversation.close_sequence() == [], "no request has been sent"
     Call(conversation)
     packets = [packet.decode(data, crc=conversation.profile.crc) for data, _ in conversation.close_sequence()]
     assert packets == [Packet(2, 2, [], 2), Packet(3, 2, [], 2), Packet(4, 2, [], 2)]
     assert conversation.close_sequence() == []
     stop = Call(conversation, function=f.service_stop, nothing=True)
     assert stop.result(stop.reply(5)) is None
-    assert conversation.close_sequence() == [], "it has been said already"
+    assert conversation.close_sequence() == [], "Service_Stop has been sent already"
     assert BcapConversation().close_sequence() == []
 
 
-def test_a_farewell_ends_what_is_at_work():
+def test_the_close_sequence_ends_the_call_in_progress():
     client, server = BcapConversation(profile=DATAGRAM), ServerConversation(profile=DATAGRAM)
     operation = client.call(f.controller_execute, (2, "x", 0), TRY)
     (call,) = server.receive(next(operation)[0], 0.0)

@@ -40,7 +40,7 @@ def test_all_packets_of_both_documents_are_here():
 
 
 @EACH
-def test_a_printed_packet_means_what_is_printed_beside_it(row):
+def test_the_meaning_of_a_printed_packet(row):
     data, crc = bytes.fromhex(row["hex"]), row["transport"] == "com"
     read = decode(data, exact=True, crc=crc)
     assert (read.serial, read.reserved, read.trailer) == (row["serial"], row["reserved"], b"")
@@ -54,7 +54,7 @@ def test_a_printed_packet_means_what_is_printed_beside_it(row):
 
 
 @EACH
-def test_a_printed_packet_is_written_again_byte_by_byte(row):
+def test_a_printed_packet_is_encoded_byte_by_byte(row):
     data, crc = bytes.fromhex(row["hex"]), row["transport"] == "com"
     assert encode(decode(data, exact=True, crc=crc), crc=crc) == data
     written = encode(
@@ -75,10 +75,10 @@ def test_the_crc_of_a_serial_line(row):
     data = bytes.fromhex(row["hex"])
     assert struct.unpack_from("<H", data, len(data) - 3)[0] == checksum(data[1:-3])
     for position in range(1, len(data) - 1):
-        spoilt = bytearray(data)
-        spoilt[position] ^= 0x40
+        corrupted = bytearray(data)
+        corrupted[position] ^= 0x40
         with pytest.raises(ProtocolError):
-            check_frame(bytes(spoilt), crc=True)
+            check_frame(bytes(corrupted), crc=True)
 
 
 def test_the_crc_is_ccitt():
@@ -130,18 +130,18 @@ GOOD = encode(Packet(1, 9, [2, "IO150", ""]))
 
 
 @pytest.mark.parametrize(
-    "spoilt",
+    "corrupted",
     [b"", b"\1", GOOD[:-1], GOOD + b"\4", b"\2" + GOOD[1:], GOOD[:-1] + b"\5", GOOD[1:], GOOD * 2, b"\0" * 16,
      GOOD[:1] + b"\x43" + GOOD[2:]],
 )  # fmt: skip
-def test_what_is_no_packet(spoilt):
+def test_invalid_packets(corrupted):
     for check in (check_frame, decode):
-        with pytest.raises(ProtocolError, match=rf"{len(spoilt)} bytes .* are not a packet") as caught:
-            check(spoilt)
+        with pytest.raises(ProtocolError, match=rf"{len(corrupted)} bytes .* are not a packet") as caught:
+            check(corrupted)
         assert (caught.value.code, caught.value.fatal) == (hresult.E_INVALIDRCVPACKET, True)
     i18n.use("ja")
     with pytest.raises(ProtocolError, match="パケットではありません"):
-        decode(spoilt)
+        decode(corrupted)
 
 
 def test_with_crc_a_packet_is_two_bytes_longer():
@@ -151,7 +151,7 @@ def test_with_crc_a_packet_is_two_bytes_longer():
     check_frame(encode(Packet(1, 2), crc=True), crc=True)
 
 
-def test_a_wrong_crc_says_which_is_right_and_is_not_fatal():
+def test_the_error_of_a_wrong_crc_contains_the_correct_one():
     data = bytearray(encode(Packet(1, 2), crc=True))
     right = data[-3:-1].hex()
     data[-2] ^= 1
@@ -185,7 +185,7 @@ def test_a_count_that_is_too_small_leaves_a_trailer():
     assert read.trailer == GOOD[29:-1]
 
 
-def test_a_broken_argument_says_where():
+def test_the_position_of_an_invalid_argument():
     data = bytearray(GOOD)
     struct.pack_into("<I", data, 29, 999)
     with pytest.raises(ProtocolError, match="argument length 999 at offset 29"):
@@ -222,7 +222,7 @@ def frames(framer: Framer, data: bytes, found: list[bytes] | None = None) -> lis
     return found
 
 
-def test_one_whole_packet_is_given_as_it_is():
+def test_one_complete_packet_is_returned_without_a_copy():
     framer = Framer()
     for data in STREAM:
         assert framer.feed(data) is data
@@ -246,7 +246,7 @@ def test_many_packets_at_once():
     assert (framer.pending, framer.skipped) == (0, 0)
 
 
-def test_a_packet_and_the_beginning_of_the_next():
+def test_a_packet_and_the_start_of_the_next():
     framer = Framer()
     for one, other in pairwise(STREAM):
         assert frames(framer, one + other[:7]) == [one]
@@ -275,7 +275,7 @@ def chunks(stream: bytes, data: st.DataObject) -> list[bytes]:
 
 
 @given(st.lists(st.sampled_from(STREAM), max_size=6), st.binary(min_size=1, max_size=12), st.data())
-def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
+def test_anything_but_soh_after_a_packet_is_refused(packets, junk, data):
     """No packet after it is accepted, regardless of when the error is detected."""
     if junk[0] == SOH:
         junk = b"\0" + junk
@@ -304,13 +304,13 @@ def test_anything_but_soh_behind_a_packet_is_refused(packets, junk, data):
         (b"OPTIONS * HTTP/1.1\r\n", "not 4f. This is HTTP. Try: use an http:// address"),
     ],
 )
-def test_what_is_no_packet_is_shown_in_short(junk, shown):
+def test_invalid_bytes_are_quoted_in_short(junk, shown):
     lost(Framer(), junk, re.escape(shown))
     i18n.use("ja")
     lost(Framer(), junk, "は b-CAP ではありません")
 
 
-def test_junk_is_not_kept():
+def test_invalid_bytes_are_not_buffered():
     framer = Framer()
     for _ in range(100):
         lost(framer, b"\xff" * 10_000, "is not b-CAP")
@@ -327,13 +327,13 @@ def lost(framer: Framer, data: bytes, match: str, code: int = hresult.E_INVALIDR
 def test_a_length_that_no_packet_can_have(length):
     data = b"\1" + struct.pack("<I", length) + GOOD[5:]
     lost(Framer(), data, f"packet of {length} bytes is below the minimum of 16 bytes")
-    lost(Framer(), data[:5], f"a packet cannot be {length} bytes long")
+    lost(Framer(), data[:5], f"packet of {length} bytes is below the minimum of 16 bytes")
     i18n.use("ja")
     lost(Framer(), data, f"パケット長 {length} は不正です")
 
 
 @pytest.mark.parametrize("length", [2**24 + 1, 2**31, 2**32 - 1])
-def test_a_length_beyond_the_limit_is_refused_before_its_bytes_come(length):
+def test_a_length_beyond_the_limit_is_refused_immediately(length):
     """VE026A table 3-5: 16 MBytes."""
     framer = Framer()
     lost(
@@ -345,7 +345,7 @@ def test_a_length_beyond_the_limit_is_refused_before_its_bytes_come(length):
     assert framer.pending == 0
 
 
-def test_a_packet_of_16_mib_is_taken():
+def test_a_packet_of_16_mib_is_accepted():
     body = argument_of(2**24 - 16)
     data = pack(1, 102, 1, body)
     assert len(data) == 2**24
@@ -373,32 +373,32 @@ def test_a_packet_of_16_mib_byte_by_byte_at_its_end():
     assert framer.feed(data[-1:]) == data
 
 
-def test_a_terminator_that_is_none():
+def test_a_wrong_terminator():
     data = GOOD[:-1] + b"\5"
     lost(Framer(), data, f"a packet of {len(data)} bytes must end with EOT 04, not 05")
-    lost(Framer(), GOOD + data + GOOD, "ends with 05")
+    lost(Framer(), GOOD + data + GOOD, "must end with EOT 04, not 05")
     i18n.use("ja")
     lost(Framer(), data, "末尾が EOT 04 ではなく 05")
 
 
 @pytest.mark.parametrize(
-    ("spoilt", "code"),
+    ("corrupted", "code"),
     [
         (GOOD[:-1] + b"\5", hresult.E_INVALIDRCVPACKET),
         (b"\1\0\0\0\0", hresult.E_INVALIDRCVPACKET),
         (b"\1\xff\xff\xff\xff", hresult.E_PACKETSIZEOVER),
     ],
 )
-def test_a_lost_stream_stays_lost_and_keeps_nothing(spoilt, code):
+def test_a_stream_with_an_error_stays_unusable(corrupted, code):
     framer = Framer()
-    for data in (spoilt, GOOD, b"", b"\0" * 1000, GOOD * 100):
+    for data in (corrupted, GOOD, b"", b"\0" * 1000, GOOD * 100):
         lost(framer, data, "packet", code)
         assert framer.pending == 0
     with pytest.raises(ProtocolError):
         framer.next_frame()
 
 
-def test_packets_before_the_broken_one_are_given():
+def test_packets_before_an_invalid_one_are_returned():
     framer = Framer()
     assert framer.feed(GOOD + GOOD + b"\1\0\0\0\0") == GOOD
     assert framer.next_frame() == GOOD

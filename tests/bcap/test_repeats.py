@@ -1,4 +1,4 @@
-"""Unreliable transports: a duplicate request gets the same reply and is not executed again."""
+"""Unreliable transports: a duplicate request receives the same reply and is not executed again."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class Line:
         assert isinstance(action, Execute)
         return action
 
-    def done(self, serial, reserved=0, function=CALL, *arguments, result=42):
+    def executed(self, serial, reserved=0, function=CALL, *arguments, result=42):
         """Execute the call and return the reply."""
         call = self.execute(serial, reserved, function, *arguments)
         return self.read(self.server.finish(call, 0, None if result is None else variant(result)))
 
-    def told(self, serial, reserved=0, function=CALL, *arguments):
+    def reply(self, serial, reserved=0, function=CALL, *arguments):
         """Return the only action: a reply."""
         (action,) = self.ask(serial, reserved, function, *arguments)
         assert isinstance(action, Send)
@@ -62,232 +62,236 @@ def line(request):
     return Line(request.param)
 
 
-# --- repeated ---------------------------------------------------------------------------------------------------------
+# --- duplicates -------------------------------------------------------------------------------------------------------
 
 
-def test_a_retry_is_answered_from_memory(line):
-    assert line.done(5, 5, CALL, 3) == Packet(5, 0, [42])
-    assert line.told(6, 5, CALL, 3) == Packet(6, 0, [42])
-    assert line.told(7, 5, CALL, 3) == Packet(7, 0, [42])
-    assert line.told(5, 5, CALL, 3) == Packet(5, 0, [42])
-    assert line.done(8, 8, CALL, 3, result=43).arguments == [43]
+def test_a_retry_receives_the_stored_reply(line):
+    assert line.executed(5, 5, CALL, 3) == Packet(5, 0, [42])
+    assert line.reply(6, 5, CALL, 3) == Packet(6, 0, [42])
+    assert line.reply(7, 5, CALL, 3) == Packet(7, 0, [42])
+    assert line.reply(5, 5, CALL, 3) == Packet(5, 0, [42])
+    assert line.executed(8, 8, CALL, 3, result=43).arguments == [43]
 
 
-def test_a_retry_of_an_old_client_that_leaves_the_field_0(line):
+def test_a_retry_of_an_old_client_with_reserved_field_0(line):
     """The serial is the number in that case; the same packet again is the same request."""
-    assert line.done(5, 0, CALL, 3) == Packet(5, 0, [42])
-    assert line.told(5, 0, CALL, 3) == Packet(5, 0, [42])
-    assert line.done(7, 0, CALL, 3, result=43) == Packet(7, 0, [43])
-    assert line.done(5, 0, CALL, 3, result=44).arguments == [44], "not the last one: as good as new"
+    assert line.executed(5, 0, CALL, 3) == Packet(5, 0, [42])
+    assert line.reply(5, 0, CALL, 3) == Packet(5, 0, [42])
+    assert line.executed(7, 0, CALL, 3, result=43) == Packet(7, 0, [43])
+    assert line.executed(5, 0, CALL, 3, result=44).arguments == [44], "not the newest request, so it is executed"
 
 
-def test_serial_0_is_a_number_as_any(line):
+def test_serial_0_is_a_valid_number(line):
     """RC8 3.1 prints packets with serial 0 and the reserved field 0."""
-    assert line.done(0, 0, CALL, 3) == Packet(0, 0, [42])
-    assert line.told(0, 0, CALL, 3) == Packet(0, 0, [42])
-    assert line.done(1, 0, CALL, 3, result=43) == Packet(1, 0, [43])
+    assert line.executed(0, 0, CALL, 3) == Packet(0, 0, [42])
+    assert line.reply(0, 0, CALL, 3) == Packet(0, 0, [42])
+    assert line.executed(1, 0, CALL, 3, result=43) == Packet(1, 0, [43])
     call = line.execute(0, 0, CALL, 4)
-    assert line.told(0, 0, CALL, 4) == Packet(0, hresult.S_EXECUTING)
-    assert line.told(1, 1, CALL, 5) == Packet(1, hresult.E_BUSY_PROC)
+    assert line.reply(0, 0, CALL, 4) == Packet(0, hresult.S_EXECUTING)
+    assert line.reply(1, 1, CALL, 5) == Packet(1, hresult.E_BUSY_PROC)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(0, 0, [1])
 
 
 def test_the_first_service_start_has_serial_0(line):
-    assert line.done(0, 0, 1, result=None) == Packet(0, 0)
-    assert line.told(0, 0, 1) == Packet(0, 0)
-    assert line.told(0, 0, 1) == Packet(0, 0)
+    assert line.executed(0, 0, 1, result=None) == Packet(0, 0)
+    assert line.reply(0, 0, 1) == Packet(0, 0)
+    assert line.reply(0, 0, 1) == Packet(0, 0)
 
 
-def test_a_retry_while_the_call_is_at_work(line):
+def test_a_retry_during_the_call(line):
     call = line.execute(5, 5, CALL, 3)
-    assert line.told(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
-    assert line.told(9, 9, CALL, 4) == Packet(9, hresult.E_BUSY_PROC)
-    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1]), "what it waits for now"
-    assert line.told(10, 9, CALL, 4) == Packet(10, hresult.E_BUSY_PROC), "its client was told, or will be"
-    assert line.done(11, 11, CALL, 4, result=2) == Packet(11, 0, [2])
+    assert line.reply(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
+    assert line.reply(9, 9, CALL, 4) == Packet(9, hresult.E_BUSY_PROC)
+    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1]), (
+        "the reply has the serial of the latest attempt"
+    )
+    assert line.reply(10, 9, CALL, 4) == Packet(10, hresult.E_BUSY_PROC), "the same reply as to its first attempt"
+    assert line.executed(11, 11, CALL, 4, result=2) == Packet(11, 0, [2])
 
 
 @pytest.mark.parametrize("number", [5, 0])
-def test_another_request_with_the_number_of_the_one_at_work(line, number):
+def test_another_request_with_the_number_of_the_call_in_progress(line, number):
     """It is refused, and not confused with the request in progress."""
     call = line.execute(number, number, CALL, 3)
-    assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
-    assert line.told(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
-    assert line.told(number, number, CALL, 3) == Packet(number, hresult.S_EXECUTING)
+    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
+    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
+    assert line.reply(number, number, CALL, 3) == Packet(number, hresult.S_EXECUTING)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(number, 0, [1])
-    assert line.told(number, number, CALL, 3) == Packet(number, 0, [1])
-    assert line.done(number, number, CALL, 4, result=2) == Packet(number, 0, [2]), "it may be asked again"
-    assert line.told(number, number, CALL, 4) == Packet(number, 0, [2])
+    assert line.reply(number, number, CALL, 3) == Packet(number, 0, [1])
+    assert line.executed(number, number, CALL, 4, result=2) == Packet(number, 0, [2]), (
+        "it may be repeated after the call"
+    )
+    assert line.reply(number, number, CALL, 4) == Packet(number, 0, [2])
 
 
-def test_an_error_is_an_answer_too(line):
+def test_an_error_reply_is_stored_too(line):
     call = line.execute(5, 5, CALL, 3)
     line.server.finish(call, 0x80070006, None)
-    assert line.told(6, 5, CALL, 3) == Packet(6, 0x80070006)
+    assert line.reply(6, 5, CALL, 3) == Packet(6, 0x80070006)
 
 
 @pytest.mark.parametrize("body", [{"function": 7}, {"arguments": (4,)}])
 def test_the_same_number_with_another_content_is_another_request(line, body):
-    line.done(5, 5, CALL, 3)
-    assert line.done(5, 5, body.get("function", CALL), *body.get("arguments", (3,)), result=7).arguments == [7]
+    line.executed(5, 5, CALL, 3)
+    assert line.executed(5, 5, body.get("function", CALL), *body.get("arguments", (3,)), result=7).arguments == [7]
 
 
-def test_what_is_long_ago_is_forgotten(line):
-    line.done(5, 5, CALL, 3)
+def test_old_requests_are_dropped(line):
+    line.executed(5, 5, CALL, 3)
     line.now += MEMORY
-    assert line.done(5, 5, CALL, 3, result=43).arguments == [43]
+    assert line.executed(5, 5, CALL, 3, result=43).arguments == [43]
 
 
-def test_the_age_of_an_answer_counts_from_when_it_was_given(line):
+def test_the_age_of_a_reply_counts_from_its_time(line):
     """The lifetime does not begin with the last packet received before."""
     call = line.execute(5, 0, CALL, 3)
     line.now += MEMORY
     line.server.go_on(line.now)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(5, 0, [1])
     line.now += MEMORY - 1
-    assert line.told(5, 0, CALL, 3) == Packet(5, 0, [1])
+    assert line.reply(5, 0, CALL, 3) == Packet(5, 0, [1])
     line.now += 1
-    assert line.done(5, 0, CALL, 3, result=2) == Packet(5, 0, [2])
+    assert line.executed(5, 0, CALL, 3, result=2) == Packet(5, 0, [2])
 
 
-def test_the_age_of_a_time_out_counts_from_when_it_was_told(line):
+def test_the_age_of_a_time_out_counts_from_its_reply(line):
     line = Line(line.wire, invoke_timeout=MEMORY)
     call = line.execute(5, 0, CALL, 3)
     line.now += MEMORY
     assert line.read(line.server.tick(line.now)) == Packet(5, hresult.E_TIMEOUT)
     assert line.server.finish(call, 0, variant(1)) == b""
     line.now += MEMORY - 1
-    assert line.told(5, 0, CALL, 3) == Packet(5, hresult.E_TIMEOUT)
+    assert line.reply(5, 0, CALL, 3) == Packet(5, hresult.E_TIMEOUT)
 
 
 def test_a_retry_after_a_time_out_of_the_server():
     line = Line(invoke_timeout=1.0)
     line.execute(5, 5, CALL, 3)
     assert line.read(line.server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
-    assert line.told(6, 5, CALL, 3).code == hresult.E_TIMEOUT
-    assert line.told(7, 7, CALL, 3).code == hresult.E_BUSY_PROC
+    assert line.reply(6, 5, CALL, 3).code == hresult.E_TIMEOUT
+    assert line.reply(7, 7, CALL, 3).code == hresult.E_BUSY_PROC
 
 
-def test_the_watchdog_speaks_to_the_latest_try(line):
-    line.done(1, 1, 1, "WDT=100", result=None)
+def test_the_watchdog_uses_the_latest_serial(line):
+    line.executed(1, 1, 1, "WDT=100", result=None)
     line.execute(5, 5, CALL, 3)
-    line.told(6, 5, CALL, 3)
+    line.reply(6, 5, CALL, 3)
     assert line.read(line.server.tick(NOW + 0.1)) == Packet(6, hresult.S_EXECUTING)
 
 
 def test_a_refused_request_is_refused_again(line):
-    assert line.told(5, 5, CALL, *[1] * 9).code == hresult.E_INVALIDARG
-    assert line.told(6, 5, CALL, *[1] * 9) == Packet(6, hresult.E_INVALIDARG)
-    assert line.told(7, 7, 200, *[1] * 9).code == hresult.E_NOTIMPL
+    assert line.reply(5, 5, CALL, *[1] * 9).code == hresult.E_INVALIDARG
+    assert line.reply(6, 5, CALL, *[1] * 9) == Packet(6, hresult.E_INVALIDARG)
+    assert line.reply(7, 7, 200, *[1] * 9).code == hresult.E_NOTIMPL
 
 
-# --- late -------------------------------------------------------------------------------------------------------------
+# --- late packets -----------------------------------------------------------------------------------------------------
 
 
-def test_a_datagram_that_comes_late_is_not_carried_out_again(line):
-    line.done(5, 5, CALL, 3)
-    line.done(6, 6, CALL, 3, result=43)
-    assert line.told(5, 5, CALL, 3) == Packet(5, 0, [42]), "what it was answered; nobody waits for it"
-    assert line.done(7, 7, CALL, 3, result=44).arguments == [44]
+def test_a_late_datagram_is_not_executed_again(line):
+    line.executed(5, 5, CALL, 3)
+    line.executed(6, 6, CALL, 3, result=43)
+    assert line.reply(5, 5, CALL, 3) == Packet(5, 0, [42]), "the stored reply, which no client waits for"
+    assert line.executed(7, 7, CALL, 3, result=44).arguments == [44]
 
 
-def test_a_request_that_comes_after_its_client_gave_it_up(line):
-    line.done(5, 5, CALL, 3)
-    line.done(9, 9, CALL, 3)
+def test_a_request_that_arrives_after_its_client_gave_it_up(line):
+    line.executed(5, 5, CALL, 3)
+    line.executed(9, 9, CALL, 3)
     assert line.ask(7, 6, CALL, 3) == []
     assert line.ask(6, 6, CALL, 3) == []
 
 
-def test_a_late_one_while_another_is_at_work(line):
-    line.done(5, 5, CALL, 3)
+def test_a_late_request_during_a_call(line):
+    line.executed(5, 5, CALL, 3)
     call = line.execute(9, 9, CALL, 3)
     assert line.ask(7, 6, CALL, 3) == []
-    assert line.told(5, 5, CALL, 3).arguments == [42]
+    assert line.reply(5, 5, CALL, 3).arguments == [42]
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(9, 0, [1])
 
 
 @pytest.mark.parametrize("behind", [1, 64, 5000, 32767])
-def test_however_far_behind(line, behind):
-    line.done(40000, 40000, CALL, 3)
+def test_lower_numbers_are_late(line, behind):
+    line.executed(40000, 40000, CALL, 3)
     assert line.ask(40000 - behind, 40000 - behind, CALL, 3) == []
     line.now += MEMORY
-    assert line.done(40000 - behind, 40000 - behind, CALL, 3, result=43).arguments == [43]
+    assert line.executed(40000 - behind, 40000 - behind, CALL, 3, result=43).arguments == [43]
 
 
-def test_ahead_is_new(line):
-    line.done(40000, 40000, CALL, 3)
-    assert line.done(50000, 50000, CALL, 3, result=43).arguments == [43]
-    assert line.done(10, 10, CALL, 3, result=44).arguments == [44]
+def test_higher_numbers_are_new(line):
+    line.executed(40000, 40000, CALL, 3)
+    assert line.executed(50000, 50000, CALL, 3, result=43).arguments == [43]
+    assert line.executed(10, 10, CALL, 3, result=44).arguments == [44]
 
 
-def test_a_call_at_work_is_never_forgotten(line):
+def test_a_call_in_progress_is_never_dropped(line):
     call = line.execute(5, 5, CALL, 3)
     line.now += 5 * MEMORY
-    assert line.told(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
+    assert line.reply(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
     line.server.tick(line.now)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1])
     line.now += 5 * MEMORY
-    assert line.told(7, 5, CALL, 3) == Packet(7, 0, [1]), "it says that it is another try"
+    assert line.reply(7, 5, CALL, 3) == Packet(7, 0, [1]), "the reserved field marks it as another attempt"
 
 
-def test_old_clients_may_ask_in_any_order(line):
+def test_old_clients_may_use_serials_in_any_order(line):
     """The printed samples, for instance: reserved 0 before serial 9."""
-    line.done(70, 70, CALL, 3)
-    assert line.done(5, 0, CALL, 3).arguments == [42]
-    assert line.done(3, 3, CALL, 3).arguments == [42], "the newest one has no number to compare with"
+    line.executed(70, 70, CALL, 3)
+    assert line.executed(5, 0, CALL, 3).arguments == [42]
+    assert line.executed(3, 3, CALL, 3).arguments == [42], "the newest request has no number to compare with"
 
 
-def test_serials_begin_anew(line):
-    line.done(65534, 65534, CALL, 3)
-    line.done(65535, 65535, CALL, 3)
-    assert line.done(1, 1, CALL, 3, result=1).arguments == [1]
-    assert line.told(65535, 65535, CALL, 3).arguments == [42]
+def test_serials_wrap_around(line):
+    line.executed(65534, 65534, CALL, 3)
+    line.executed(65535, 65535, CALL, 3)
+    assert line.executed(1, 1, CALL, 3, result=1).arguments == [1]
+    assert line.reply(65535, 65535, CALL, 3).arguments == [42]
     assert line.ask(65533, 65533, CALL, 3) == []
 
 
-def test_not_all_is_kept(line):
+def test_the_number_of_stored_replies_is_limited(line):
     for number in range(1, 101):
-        line.done(number, number, CALL, 3, result=number)
-    assert line.told(100, 100, CALL, 3).arguments == [100]
-    assert line.told(60, 60, CALL, 3).arguments == [60]
+        line.executed(number, number, CALL, 3, result=number)
+    assert line.reply(100, 100, CALL, 3).arguments == [100]
+    assert line.reply(60, 60, CALL, 3).arguments == [60]
     assert line.ask(36, 36, CALL, 3) == []
-    assert line.told(41, 40, CALL, 3).arguments == [40]
+    assert line.reply(41, 40, CALL, 3).arguments == [40]
 
 
-# --- clients that come and go -----------------------------------------------------------------------------------------
+# --- successive clients -----------------------------------------------------------------------------------------------
 
 
 def test_after_service_stop_everything_is_new(line):
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, CALL, 3)
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, CALL, 3)
     assert not line.server.stopped
-    line.done(3, 3, 2, result=None)
+    line.executed(3, 3, 2, result=None)
     assert line.server.stopped
-    assert line.told(4, 3, 2) == Packet(4, 0), "its answer may be lost as any"
-    assert line.done(1, 1, 1, result=None).code == 0
+    assert line.reply(4, 3, 2) == Packet(4, 0), "this reply may be lost too"
+    assert line.executed(1, 1, 1, result=None).code == 0
     assert not line.server.stopped
-    assert line.done(2, 2, CALL, 3, result=43).arguments == [43]
+    assert line.executed(2, 2, CALL, 3, result=43).arguments == [43]
 
 
-def test_a_client_that_begins_anew_on_a_serial_line():
+def test_a_new_client_on_a_serial_line():
     """The previous client was killed; there is no other sign of its end."""
     line = Line(LINE)
-    assert line.done(1, 1, 1, result=None).code == 0
+    assert line.executed(1, 1, 1, result=None).code == 0
     call = line.execute(2, 2, CALL, 3)
     line.now += 2.0
     reset, start = line.ask(1, 1, 1)
     assert isinstance(reset, Reset)
     assert isinstance(start, Execute)
     assert line.read(line.server.finish(start, 0, None)) == Packet(1, 0)
-    assert line.server.finish(call, 0, variant(1)) == b"", "of the client that has gone"
-    assert line.done(2, 2, CALL, 3, result=43).arguments == [43]
+    assert line.server.finish(call, 0, variant(1)) == b"", "the call belongs to the previous client"
+    assert line.executed(2, 2, CALL, 3, result=43).arguments == [43]
 
 
-def test_a_client_that_begins_anew_at_once():
+def test_a_client_that_restarts_immediately():
     """Its first packets are considered late; one second after the previous Service_Start they are not."""
     line = Line(LINE)
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, CALL, 3)
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, CALL, 3)
     assert line.ask(1, 1, 1) == []
     assert line.ask(2, 1, 1) == []
     line.now += 1.0
@@ -296,10 +300,10 @@ def test_a_client_that_begins_anew_at_once():
 
 
 @pytest.mark.parametrize("old", [True, False])
-def test_a_client_on_the_same_port_begins_anew(old):
+def test_a_client_that_restarts_on_the_same_port(old):
     """UDP, with a fixed port: Service_Start has a lower number, and no older Service_Start can still be in transit."""
     line = Line(DATAGRAM)
-    line.done(1, 0 if old else 1, 1, result=None)
+    line.executed(1, 0 if old else 1, 1, result=None)
     line.execute(9, 9, CALL, 3)
     line.now += MEMORY
     reset, start = line.ask(1, 0 if old else 1, 1)
@@ -307,85 +311,85 @@ def test_a_client_on_the_same_port_begins_anew(old):
     assert isinstance(start, Execute)
 
 
-def test_a_try_of_service_start_that_comes_late(line):
+def test_a_late_attempt_of_service_start(line):
     """The server has seen other ones since; they are not forgotten."""
-    line.done(2, 1, 1, result=None)
-    line.done(3, 3, CALL, 3)
+    line.executed(2, 1, 1, result=None)
+    line.executed(3, 3, CALL, 3)
     line.now += 0.9
     assert line.ask(1, 1, 1) == []
-    assert line.told(4, 3, CALL, 3).arguments == [42]
+    assert line.reply(4, 3, CALL, 3).arguments == [42]
 
 
-def test_a_service_start_that_comes_late_ends_nothing(line):
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, CALL, 3)
+def test_a_late_service_start_ends_nothing(line):
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, CALL, 3)
     assert line.ask(1, 1, 1) == []
-    assert line.told(2, 2, CALL, 3).arguments == [42]
+    assert line.reply(2, 2, CALL, 3).arguments == [42]
 
 
-def test_a_service_start_with_other_options_at_once(line):
+def test_an_immediate_service_start_with_other_options(line):
     """The same number less than 1 s later: not considered another client's."""
-    line.done(1, 1, 1, "WDT=100", result=None)
-    line.done(2, 2, CALL, 3)
+    line.executed(1, 1, 1, "WDT=100", result=None)
+    line.executed(2, 2, CALL, 3)
     assert line.ask(1, 1, 1, "WDT=200") == []
 
 
 def test_a_service_start_in_between_over_udp():
     line = Line(DATAGRAM)
-    line.done(1, 1, 1, result=None)
+    line.executed(1, 1, 1, result=None)
     line.execute(2, 2, CALL, 3)
-    assert line.told(3, 3, 1).code == hresult.E_BUSY_PROC
+    assert line.reply(3, 3, 1).code == hresult.E_BUSY_PROC
 
 
-def test_a_service_start_with_the_number_of_the_call_at_work():
+def test_a_service_start_with_the_number_of_the_call_in_progress():
     """An old client on UDP whose numbers do not increase: refused when busy, and executed when repeated."""
     line = Line(DATAGRAM)
     call = line.execute(70, 0, CALL, 3)
-    assert line.told(3, 0, CALL, 4) == Packet(3, hresult.E_BUSY_PROC)
-    assert line.told(70, 0, 1) == Packet(70, hresult.E_BUSY_PROC)
+    assert line.reply(3, 0, CALL, 4) == Packet(3, hresult.E_BUSY_PROC)
+    assert line.reply(70, 0, 1) == Packet(70, hresult.E_BUSY_PROC)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(70, 0, [1])
-    assert line.done(70, 0, 1, result=None) == Packet(70, 0)
+    assert line.executed(70, 0, 1, result=None) == Packet(70, 0)
 
 
-def test_a_service_start_that_was_refused_does_not_begin_anew_when_it_comes_otherwise():
+def test_a_refused_service_start_does_not_start_a_session_later():
     line = Line(DATAGRAM)
-    line.done(1, 1, 1, result=None)
+    line.executed(1, 1, 1, result=None)
     call = line.execute(2, 2, CALL, 3)
-    assert line.told(3, 3, 1).code == hresult.E_BUSY_PROC
+    assert line.reply(3, 3, 1).code == hresult.E_BUSY_PROC
     assert line.ask(3, 3, 1, "WDT=100") == []
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(2, 0, [1])
 
 
-def test_what_comes_late_after_a_goodbye_makes_no_client(line):
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, 3, "", "", "", "")
-    line.done(3, 3, 2, result=None)
-    assert line.told(2, 2, 3, "", "", "", "").arguments == [42]
+def test_late_packets_after_service_stop_create_no_client(line):
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, 3, "", "", "", "")
+    line.executed(3, 3, 2, result=None)
+    assert line.reply(2, 2, 3, "", "", "", "").arguments == [42]
     assert line.ask(5, 2, 7) == []
     assert line.server.stopped
 
 
-def test_answers_are_not_answered(line):
+def test_replies_are_not_answered(line):
     """An echo of the line, or a forged datagram: replying could cause an endless loop."""
     for code in (0, 0x80004001, 0x8000FFFF):
         assert line.ask(5, 5, code) == []
     line.execute(6, 6, 0x900)  # S_EXECUTING looks like a function id; there is no reply to that reply
 
 
-def test_no_reset_after_a_goodbye():
+def test_no_reset_after_service_stop():
     line = Line(LINE)
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, 2, result=None)
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, 2, result=None)
     line.now += 2.0
-    assert line.done(1, 1, 1, result=None).code == 0
+    assert line.executed(1, 1, 1, result=None).code == 0
 
 
 def test_a_service_start_over_udp_resets_nothing():
     line = Line(DATAGRAM)
-    line.done(1, 1, 1, result=None)
-    line.done(2, 2, CALL, 3)
+    line.executed(1, 1, 1, result=None)
+    line.executed(2, 2, CALL, 3)
     line.now += 2.0
-    assert line.done(3, 3, 1, result=None).code == 0
+    assert line.executed(3, 3, 1, result=None).code == 0
 
 
 # --- sizes, checksums, dialect ----------------------------------------------------------------------------------------
@@ -393,27 +397,27 @@ def test_a_service_start_over_udp_resets_nothing():
 
 def test_a_datagram_that_is_too_long_is_refused():
     line = Line(DATAGRAM)
-    assert line.told(5, 5, 111, "x" * 400) == Packet(5, hresult.E_PACKETSIZEOVER)
+    assert line.reply(5, 5, 111, "x" * 400) == Packet(5, hresult.E_PACKETSIZEOVER)
 
 
-def test_an_answer_that_is_too_long_for_a_datagram():
+def test_a_reply_that_is_too_long_for_a_datagram():
     line = Line(DATAGRAM)
     body = 488 - 14  # UTF-16 text without its length fields
-    assert len(line.done(5, 5, CALL, 3, result="x" * (body // 2)).arguments[0]) == body // 2
-    assert line.done(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA)
+    assert len(line.executed(5, 5, CALL, 3, result="x" * (body // 2)).arguments[0]) == body // 2
+    assert line.executed(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA)
 
 
-def test_the_checksum_counts_on_a_serial_line():
+def test_a_wrong_checksum_on_a_serial_line():
     line = Line(LINE, limits=PacketLimits(packet=200))
-    assert line.done(5, 5, CALL, 3, result="x" * 84).arguments == ["x" * 84]
-    assert line.done(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA)
+    assert line.executed(5, 5, CALL, 3, result="x" * 84).arguments == ["x" * 84]
+    assert line.executed(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA)
 
 
-def test_a_request_that_is_announced_too_long():
+def test_an_announced_request_that_is_too_long():
     line = Line(LINE)
     (action,) = list(line.server.receive(packet.HEADER.pack(1, 1 << 24, 5, 5, 64, 3), NOW))
     assert line.read(action.data) == Packet(0, hresult.E_PACKETSIZEOVER)
-    assert line.done(6, 6, CALL, 3).arguments == [42]
+    assert line.executed(6, 6, CALL, 3).arguments == [42]
 
 
 def test_silence_on_a_line():
@@ -432,7 +436,7 @@ def test_silence_on_a_line():
     assert isinstance(next(actions), Execute)
 
 
-def test_a_packet_behind_a_head_that_noise_has_made():
+def test_a_packet_after_a_header_caused_by_noise():
     """The line is never silent, and more bytes are announced than will ever arrive."""
     line = Line(LINE)
     assert list(line.server.receive(b"\x01\x00\xf0\x00\x00", line.now)) == []
@@ -449,7 +453,7 @@ def test_a_packet_behind_a_head_that_noise_has_made():
     assert all(isinstance(action, Send) for action in more)
 
 
-def test_nothing_is_inside():
+def test_no_packet_inside_an_incomplete_one():
     line = Line(LINE)
     good = line.data(5, 5, CALL, 3)
     broken = good[:-2] + bytes([good[-2] ^ 1]) + good[-1:]
@@ -461,7 +465,7 @@ def test_nothing_is_inside():
     assert DATAGRAM.framer(PacketLimits()).resync() is None
 
 
-def test_only_a_shared_line_is_looked_into():
+def test_only_a_shared_line_is_searched():
     """On other transports, a header is not considered noise, regardless of how long the rest takes."""
     line = Line(replace(LINE, shared=False))
     assert list(line.server.receive(b"\x01\x00\xf0\x00\x00", line.now)) == []
@@ -471,38 +475,38 @@ def test_only_a_shared_line_is_looked_into():
     assert list(line.server.receive(b"\xaa", line.now)) == []
 
 
-def test_a_stream_has_no_silence():
+def test_a_stream_has_no_pending_bytes():
     server = ServerConversation()
     list(server.receive(b"\x01\x20", NOW))
     assert server.pending == 0
 
 
-def test_the_ve026a_echoes_and_leaves_out():
+def test_the_ve026a_echoes_the_reserved_field():
     line = Line(LINE, dialect=VE026A)
     call = line.execute(5, 4, CALL, 3)
     assert line.read(line.server.finish(call, 0, None)) == Packet(5, 0, [], 4)
-    assert line.told(6, 4, CALL, 3) == Packet(6, 0, [], 4)
+    assert line.reply(6, 4, CALL, 3) == Packet(6, 0, [], 4)
     line.execute(7, 7, CALL, 4)
-    assert line.told(8, 8, CALL, 3) == Packet(8, hresult.E_ROBOTISBUSY, [], 8)
+    assert line.reply(8, 8, CALL, 3) == Packet(8, hresult.E_ROBOTISBUSY, [], 8)
 
 
-def test_the_ve026a_takes_no_options():
+def test_the_ve026a_has_no_options():
     line = Line(LINE, dialect=VE026A)
     line.execute(1, 1, 1, "WDT=1")
     assert line.server.wdt is None
 
 
 @pytest.mark.parametrize(("wire", "kind"), [(STREAM, Close), (LINE, Reset), (DATAGRAM, Reset)])
-def test_the_ve026a_drops_who_sends_rubbish(wire, kind):
+def test_the_ve026a_drops_a_client_that_sends_invalid_packets(wire, kind):
     """VE026A table 3-5: 0x80010001."""
     line = Line(wire, dialect=VE026A)
     data = packet.pack(5, CALL, 3, b"\x00" * 12, 5, crc=wire.crc)
-    told, end = list(line.server.receive(data, NOW))
-    assert line.read(told.data) == Packet(5, hresult.E_INVALIDRCVPACKET, [], 5)
+    reply, end = list(line.server.receive(data, NOW))
+    assert line.read(reply.data) == Packet(5, hresult.E_INVALIDRCVPACKET, [], 5)
     assert type(end) is kind
 
 
-def test_a_short_error_both_ways():
+def test_a_short_error_as_argument_and_result():
     line = Line(LINE, dialect=VE026A)
     code = Variant(VarType.ERROR, 0x600B)
     data = packet.pack(5, 17, 1, b"\x08\x00\x00\x00\x0a\x00\x01\x00\x00\x00\x0b\x60", 5, crc=True)

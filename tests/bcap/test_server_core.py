@@ -52,14 +52,14 @@ def start(option=None, now=NOW, **parameters):
     return server
 
 
-def test_a_start_without_options_is_as_at_the_beginning():
+def test_a_start_without_options_restores_the_defaults():
     server = start("WDT=100,InvokeTimeout=1000")
     assert (server.wdt, server.invoke_timeout) == (0.1, 1.0)
     server.finish(executed(server, request(2, 1)), 0, None)
     assert (server.wdt, server.invoke_timeout) == (None, 180.0)
 
 
-# --- a call and its answer --------------------------------------------------------------------------------------------
+# --- a call and its reply ---------------------------------------------------------------------------------------------
 
 
 def test_a_call_is_executed_and_answered():
@@ -83,7 +83,7 @@ def test_the_exchange_of_the_document_byte_by_byte():
     )
 
 
-def test_arguments_come_with_their_exact_types():
+def test_arguments_have_their_exact_types():
     server = ServerConversation()
     given = [
         Variant(VarType.UI4, 3),
@@ -115,7 +115,7 @@ def test_a_call_is_answered_once():
     assert packet.decode(server.finish(other, 0, None)).serial == 10
 
 
-def test_the_serial_is_given_back_and_reserved_is_zero():
+def test_the_serial_is_returned_and_reserved_is_zero():
     server = ServerConversation()
     for serial in (0, 1, 65535):
         call = executed(server, request(serial, 2, reserved=5))
@@ -123,11 +123,11 @@ def test_the_serial_is_given_back_and_reserved_is_zero():
 
 
 @pytest.mark.parametrize("function_id", [0, 138, 255, 256, 2**32 - 1])
-def test_unknown_functions_are_for_the_session_to_refuse(function_id):
+def test_unknown_functions_are_left_to_the_session(function_id):
     assert executed(ServerConversation(), request(1, function_id)).function_id == function_id
 
 
-def test_a_trailer_is_passed_over():
+def test_a_trailer_is_ignored():
     """VE026A 3.1: there may be a reserved area after the arguments."""
     data = packet.encode(Packet(1, 101, [3], trailer=b"\1\2\3"))
     assert executed(ServerConversation(), data).arguments == [variant(3)]
@@ -150,11 +150,11 @@ def test_packets_and_calls_are_counted():
     assert (server.packets, server.calls, server.incomplete) == (2, 1, 7)
 
 
-def test_a_packet_that_the_shell_does_not_take():
+def test_the_refusal_of_a_packet():
     assert packet.decode(ServerConversation().refuse_packet()) == Packet(0, hresult.E_PACKETSIZEOVER)
 
 
-def test_several_requests_at_once_one_after_the_other():
+def test_several_requests_at_once_are_executed_in_order():
     server = ServerConversation()
     seen = []
     for action in server.receive(request(1, 2) + request(2, 2) + request(3, 2), NOW):
@@ -163,7 +163,7 @@ def test_several_requests_at_once_one_after_the_other():
     assert seen == [1, 2, 3]
 
 
-def test_a_client_that_stops_listening_loses_no_request():
+def test_a_client_that_stops_reading_loses_no_request():
     server = ServerConversation()
     actions = server.receive(request(1, 2) + request(2, 2), NOW)
     server.finish(next(actions), 0, None)
@@ -174,7 +174,7 @@ def test_a_client_that_stops_listening_loses_no_request():
 # --- busy -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_second_call_meanwhile_is_refused_and_the_first_goes_on():
+def test_a_second_call_is_refused_and_the_first_continues():
     server = ServerConversation()
     first = executed(server, request(1, 72, 3, 1, "P1", ""))
     assert answered(server, request(2, 101, 3)) == Packet(2, hresult.E_BUSY_PROC)
@@ -221,20 +221,20 @@ def test_options(option, wdt, timeout):
      "WDT=1" + "0" * 400, "WDT=" + "9" * 5000, "WDT=400,InvokeTimeout=1",
      "WDT=400," + "x" * 65536],
 )  # fmt: skip
-def test_options_that_are_refused_change_nothing(option):
+def test_refused_options_change_nothing(option):
     """RC8 table 3-1: more than 80 ms."""
     server = start("WDT=400,InvokeTimeout=5000")
     assert answered(server, request(2, 1, option)) == Packet(2, hresult.E_INVALIDARG)
     assert (server.wdt, server.invoke_timeout, server.busy) == (0.4, 5.0, False)
 
 
-def test_a_new_start_sets_everything_anew():
+def test_a_new_start_sets_all_options():
     server = start("WDT=400,InvokeTimeout=5000", invoke_timeout=60.0)
     server.finish(executed(server, request(2, 1, "")), 0, None)
     assert (server.wdt, server.invoke_timeout) == (None, 60.0)
 
 
-def test_a_call_that_was_put_off_has_its_whole_time():
+def test_a_delayed_call_has_its_full_time():
     server = ServerConversation(invoke_timeout=5.0)
     actions = server.receive(request(1, 72, 1, 1, "P1") + request(2, 72, 1, 1, "P2"), 100.0)
     server.finish(next(actions), 0, None)
@@ -250,14 +250,14 @@ def test_options_may_come_in_a_one_element_array():
 
 
 @pytest.mark.parametrize("arguments", [(5,), (None,), ("WDT=400", 1)])
-def test_an_option_of_another_type_is_for_the_session(arguments):
+def test_an_option_of_another_type_is_left_to_the_session(arguments):
     server = ServerConversation()
     assert executed(server, request(1, 1, *arguments)).function_id == 1
     assert server.wdt is None
 
 
 @pytest.mark.parametrize(("function_id", "code"), [(72, hresult.E_INVALIDARG), (138, hresult.E_NOTIMPL)])
-def test_more_arguments_than_any_function_has_are_refused_unread(function_id, code):
+def test_too_many_arguments_are_refused_without_decoding(function_id, code):
     server = ServerConversation()
     unread = b"".join(encode(Variant(VarType.I4, 1))[:4] + b"\xff" * 10 for _ in range(6))
     frame = packet.pack(9, function_id, 6, unread)
@@ -279,21 +279,21 @@ def test_nothing_is_due_while_nothing_is_executed():
     assert server.tick(NOW + 1e6) == b""
 
 
-def test_executing_is_said_every_wdt():
+def test_executing_is_reported_every_wdt():
     server = start("WDT=400")
     call = executed(server, request(2, 72, 3, 1, "P1", ""))
     assert server.deadline() == NOW + 0.4
     assert server.tick(NOW + 0.399) == b""
     for late in (0.4, 0.85, 1.25):
         assert packet.decode(server.tick(NOW + late)) == Packet(2, hresult.S_EXECUTING)
-        assert server.tick(NOW + late) == b"", "it is said once"
+        assert server.tick(NOW + late) == b"", "it is sent once"
         assert server.deadline() == pytest.approx(NOW + late + 0.4)
     assert packet.decode(server.finish(call, 0, None)) == Packet(2, 0)
     assert server.deadline() is None
     assert server.tick(NOW + 100) == b""
 
 
-def test_without_wdt_nothing_is_said_until_the_time_is_up():
+def test_without_wdt_nothing_is_sent_until_the_time_out():
     server = start("InvokeTimeout=500")
     executed(server, request(2, 101, 3))
     assert server.deadline() == NOW + 0.5
@@ -301,7 +301,7 @@ def test_without_wdt_nothing_is_said_until_the_time_is_up():
     assert packet.decode(server.tick(NOW + 0.5)) == Packet(2, hresult.E_TIMEOUT)
 
 
-def test_after_e_timeout_calls_are_busy_until_the_device_is_done():
+def test_after_e_timeout_calls_are_busy_until_the_device_has_finished():
     server = start("WDT=400,InvokeTimeout=1000")
     call = executed(server, request(2, 72, 3, 1, "P1", ""))
     assert packet.decode(server.tick(NOW + 0.9)) == Packet(2, hresult.S_EXECUTING)
@@ -311,7 +311,7 @@ def test_after_e_timeout_calls_are_busy_until_the_device_is_done():
     assert server.tick(NOW + 5.0) == b""
     assert server.busy
     assert answered(server, request(3, 101, 3), NOW + 5) == Packet(3, hresult.E_BUSY_PROC)
-    assert server.finish(call, 0, variant(5)) == b"", "it has been answered"
+    assert server.finish(call, 0, variant(5)) == b"", "a reply has been sent"
     assert not server.busy
     after = executed(server, request(4, 101, 3), NOW + 6)
     assert server.deadline() == NOW + 6.4
@@ -345,7 +345,7 @@ def test_too_big_a_result():
     assert not server.busy
 
 
-def test_a_result_that_cannot_be_written(caplog):
+def test_a_result_that_cannot_be_encoded(caplog):
     deep = Variant(VarType.EMPTY)
     for _ in range(5000):
         deep = Variant(VARIANT_ARRAY, [deep])
@@ -377,7 +377,7 @@ ARGUMENT = bytes.fromhex("0a000000 0300 01000000 02000000")
         (1, encode([Variant(VARIANT_ARRAY, [None]) for _ in range(3)]), None),
     ],
 )
-def test_bad_arguments_are_answered_and_the_connection_goes_on(count, body, code):
+def test_invalid_arguments_are_answered_and_the_connection_stays_open(count, body, code):
     server = ServerConversation()
     data = packet.pack(5, 101, count, body)
     if code is None:
@@ -411,7 +411,7 @@ def test_limits_inside_a_packet(limits, value, code):
         (request(1, 2)[:-1] + b"\5", hresult.E_INVALIDRCVPACKET),
     ],
 )
-def test_a_lost_stream_is_answered_and_closed(data, code):
+def test_an_invalid_stream_is_answered_and_closed(data, code):
     """VE026A table 3-5: the robot disconnects the client after such a packet."""
     server = ServerConversation()
     send, close = list(server.receive(data, NOW))
@@ -422,7 +422,7 @@ def test_a_lost_stream_is_answered_and_closed(data, code):
     assert [type(action) for action in again] == [Send, Close]
 
 
-def test_what_came_before_a_lost_stream_is_executed():
+def test_packets_before_an_error_in_the_stream_are_executed():
     server = ServerConversation()
     execute, send, close = list(server.receive(request(1, 2) + b"\1\0\0\0\0", NOW))
     assert (type(execute), type(send), type(close)) == (Execute, Send, Close)
@@ -441,7 +441,7 @@ def test_any_stream_gives_actions_only(chunks):
 
 
 @given(st.text() | st.text(st.sampled_from("WDTwdt=,InvokeTimeout0123456789x()\"' -")))
-def test_any_option_is_taken_or_refused(option):
+def test_any_option_is_accepted_or_refused(option):
     server = ServerConversation()
     (action,) = list(server.receive(request(1, 1, option), NOW))
     if isinstance(action, Send):
@@ -462,7 +462,7 @@ def decoding(server, data, now=NOW):
     return action
 
 
-def test_a_large_packet_is_read_by_whoever_drives_the_conversation():
+def test_a_large_packet_is_decoded_by_the_caller():
     server = ServerConversation()
     decode = decoding(server, request(3, 102, 5, LONG))
     assert (decode.serial, decode.function_id, server.busy) == (3, 102, True)
@@ -477,12 +477,12 @@ def answered_data(server, data):
     return action.data
 
 
-def test_a_small_packet_is_read_at_once():
+def test_a_small_packet_is_decoded_immediately():
     server = ServerConversation()
     assert isinstance(next(server.receive(request(3, 102, 5, "x" * 100), NOW)), Execute)
 
 
-def test_a_large_packet_that_is_wrong_is_refused_once_it_has_been_read():
+def test_an_invalid_large_packet_is_refused_after_decoding():
     server = ServerConversation()
     data = bytearray(request(3, 102, 5, LONG))
     data[39:43] = struct.pack("<I", 2 * LARGE + 2)  # bytes of the text
@@ -492,7 +492,7 @@ def test_a_large_packet_that_is_wrong_is_refused_once_it_has_been_read():
     assert not server.busy
 
 
-def test_the_client_hears_of_a_large_packet_that_takes_its_time_and_nothing_is_executed_behind_its_back():
+def test_a_large_packet_that_takes_long_is_reported_and_not_executed_after_its_time_out():
     server = start("WDT=100,InvokeTimeout=1000")
     decode = decoding(server, request(3, 102, 5, LONG))
     assert server.deadline() == pytest.approx(NOW + 0.1)
@@ -500,11 +500,11 @@ def test_the_client_hears_of_a_large_packet_that_takes_its_time_and_nothing_is_e
     assert packet.decode(server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
     assert list(server.decoded(decode, decode.read(), NOW + 2)) == []
     assert not server.busy
-    assert list(server.decoded(decode, decode.read(), NOW + 3)) == []  # the call is forgotten
+    assert list(server.decoded(decode, decode.read(), NOW + 3)) == []  # the call is dropped
     executed(server, request(4, 2))
 
 
-def test_a_large_result_is_written_by_whoever_drives_the_conversation():
+def test_a_large_result_is_encoded_by_the_caller():
     server = ServerConversation(PacketLimits(packet=100_000))
     call = executed(server, request(3, 101, 5))
     encoded = server.encode(call, variant(LONG))

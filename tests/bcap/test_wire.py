@@ -51,7 +51,7 @@ def executed(server: ServerConversation, data: bytes) -> Execute:
 
 @given(calls(), st.data())
 @settings(max_examples=300)
-def test_any_call_arrives_as_it_was_made_and_so_does_its_answer(call, data):
+def test_any_call_and_its_reply_arrive_unchanged(call, data):
     function, arguments = call
     bound = function.bind(arguments, {})
     operation = BcapConversation().call(function, bound, 1.0, exact=True)
@@ -185,7 +185,7 @@ def mutated(draw, packets=None):
 
 @given(st.lists(mutated() | st.sampled_from(SESSION) | st.binary(max_size=30), max_size=8))
 @settings(max_examples=300)
-def test_spoilt_requests_are_answered_with_packets_or_a_closed_connection(stream):
+def test_corrupted_requests_are_answered_or_close_the_connection(stream):
     server, answers = Server(), Framer()
     for data in stream:
         reply = answers.feed(server.feed(data))
@@ -241,7 +241,7 @@ ANSWERS = [
     st.sampled_from([None, b""]),
 )  # fmt: skip
 @settings(max_examples=300)
-def test_spoilt_answers_raise_the_documented_exceptions(function, exact, stream, end):
+def test_corrupted_replies_raise_the_documented_exceptions(function, exact, stream, end):
     arguments = tuple({VarType.BSTR: "x", VarType.R4: 1.5}.get(argument.vt, 3) for argument in function.arguments)
     operation = BcapConversation().call(function, arguments, 1.0, exact=exact)
     assert next(operation)[1] == 1.0
@@ -266,7 +266,7 @@ def test_spoilt_answers_raise_the_documented_exceptions(function, exact, stream,
 
 @given(mutated([encode(item) for item in ([1.0, 2.0], "text", [1, ["a", None]], ["a", "b"], b"abc", None)]))
 @example(b"")
-def test_a_spoilt_argument_is_read_or_refused(data):
+def test_a_corrupted_argument_is_decoded_or_refused(data):
     codes = set()
     for exact in (False, True):
         try:
@@ -277,7 +277,7 @@ def test_a_spoilt_argument_is_read_or_refused(data):
 
 
 @given(mutated())
-def test_a_spoilt_packet_is_read_or_refused(data):
+def test_a_corrupted_packet_is_decoded_or_refused(data):
     codes = set()
     for crc in (False, True):
         try:

@@ -43,10 +43,10 @@ def frames(framer, *pieces):
 
 
 def all_frames(framer, *pieces):
-    """The same, with silence after each piece, for any noise."""
+    """Return all packets, with silence after each piece, for any noise."""
     found = []
 
-    def look(take):
+    def collect(take):
         while True:
             try:
                 frame = take()
@@ -58,16 +58,16 @@ def all_frames(framer, *pieces):
             take = framer.next_frame
 
     for piece in pieces:
-        look(partial(framer.feed, piece))
+        collect(partial(framer.feed, piece))
         while framer.pending:
-            look(framer.timeout)
+            collect(framer.timeout)
     return found
 
 
-# --- the wires --------------------------------------------------------------------------------------------------------
+# --- transport profiles -----------------------------------------------------------------------------------------------
 
 
-def test_what_can_travel():
+def test_the_profiles():
     assert [wire.name for wire in (STREAM, DATAGRAM, LINE)] == ["tcp", "udp", "serial"]
     assert (STREAM.tail, DATAGRAM.tail, LINE.tail) == (1, 1, 3)
     assert DATAGRAM.packet == 504
@@ -76,7 +76,7 @@ def test_what_can_travel():
     assert DATAGRAM.bound(PacketLimits(packet=100)).packet == 100
 
 
-def test_a_stream_never_gives_up_what_has_begun():
+def test_a_stream_never_abandons_an_incomplete_packet():
     framer = STREAM.framer(DEFAULT_LIMITS)
     assert framer.feed(WHOLE[:6]) is None
     assert framer.timeout() is None
@@ -98,7 +98,7 @@ def test_a_datagram_is_one_packet_or_nothing():
     assert framer.pending == 0
 
 
-def test_a_datagram_that_is_too_long_is_told_of():
+def test_a_datagram_that_is_too_long_is_reported():
     long = packet.encode(Packet(7, 111, ["x" * 400]))
     assert len(long) > 504
     assert DatagramFramer(PacketLimits(packet=504)).feed(long) == long
@@ -145,7 +145,7 @@ def test_noise_inside_a_packet_costs_that_packet_only():
         assert len(found) <= 2
 
 
-def test_a_wrong_checksum_is_no_packet():
+def test_a_packet_with_a_wrong_crc_is_skipped():
     broken = bytearray(WHOLE)
     broken[-2] ^= 1
     framer = LineFramer(ON_A_LINE)
@@ -153,7 +153,7 @@ def test_a_wrong_checksum_is_no_packet():
     assert framer.skipped == len(WHOLE)
 
 
-def test_a_length_made_by_noise_waits_for_silence_only():
+def test_a_length_caused_by_noise_delays_packets_until_silence():
     framer = LineFramer(ON_A_LINE)
     noise = b"\x01\xff\x00\x00\x00"
     assert frames(framer, noise + WHOLE) == []
@@ -163,7 +163,7 @@ def test_a_length_made_by_noise_waits_for_silence_only():
     assert framer.timeout() is None
 
 
-def test_half_a_packet_is_given_up_in_silence():
+def test_an_incomplete_packet_is_abandoned_after_silence():
     framer = LineFramer(ON_A_LINE)
     assert frames(framer, WHOLE[:9]) == []
     assert framer.timeout() is None
@@ -193,7 +193,7 @@ def test_noise_that_looks_like_a_long_packet_is_noise(head):
         assert frames(framer, packet.HEADER.pack(*head) + WHOLE) == [WHOLE]
 
 
-def test_noise_that_announces_again_and_again_is_told_once():
+def test_repeated_announcements_are_reported_once():
     framer = LINE.server_framer(PacketLimits(packet=1000))
     noise = (b"\x01" + b"\x01" * 7) * 20 + b"\x00" * 40
     with pytest.raises(LimitExceeded):
@@ -207,7 +207,7 @@ def test_a_client_takes_it_for_noise():
     assert frames(LineFramer(PacketLimits(packet=1000)), packet.HEADER.pack(1, 1001, 5, 5, 64, 3) + WHOLE) == [WHOLE]
 
 
-def test_noise_made_to_cost_time_is_thrown_away():
+def test_noise_that_is_slow_to_search_is_discarded():
     """Beginnings of packets within packets, none of them valid: the buffer is discarded before the search costs more."""
     size = 60_000
     noise = (b"\x01" + (size - 0).to_bytes(4, "little") + b"\x04" * 3) * (size // 8)

@@ -34,7 +34,7 @@ def test_results_of_the_right_type(exact: bool) -> None:
         assert checked(function, value, exact=exact) is value
 
 
-def test_an_empty_text_may_come_as_nothing() -> None:
+def test_an_empty_text_may_be_vt_empty() -> None:
     assert checked(f.controller_get_name, None, exact=False) == ""
     assert checked(f.controller_get_name, Variant(VarType.EMPTY), exact=True) == Variant(VarType.BSTR, "")
 

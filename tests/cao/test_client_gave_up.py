@@ -11,18 +11,18 @@ from orinkit.cao.results import begin_call, client_gave_up
 pytestmark = pytest.mark.core
 
 
-def test_outside_a_call_nobody_has_given_up() -> None:
+def test_outside_a_call() -> None:
     assert not copy_context().run(client_gave_up)
 
 
-def test_each_call_is_asked_for_itself() -> None:
+def test_each_call_has_its_own_state() -> None:
     waits = [True]
 
     def call(patience: list[bool]) -> list[bool]:
         begin_call(lambda: not patience[0])
-        told = [client_gave_up()]
+        states = [client_gave_up()]
         patience[0] = False
-        return [*told, client_gave_up()]
+        return [*states, client_gave_up()]
 
     assert copy_context().run(call, waits) == [False, True]
     assert not copy_context().run(client_gave_up)

@@ -77,14 +77,14 @@ def test_numbers(given, number):
 
 @pytest.mark.parametrize("read", [to_number, to_integer, to_real])
 @pytest.mark.parametrize("given", NO_NUMBER, ids=repr)
-def test_what_is_no_number(read, given):
+def test_invalid_numbers(read, given):
     error = refused(read, given, hresult.E_INVALIDARGTYPE, "expected ")
     assert isinstance(error, PacketError)
     i18n.use("ja")
     refused(read, given, hresult.E_INVALIDARGTYPE, "数値.*が必要ですが VT_")
 
 
-def test_the_message_shows_a_text_that_is_no_number():
+def test_the_message_shows_an_invalid_number():
     refused(to_integer, bstr("P1"), hresult.E_INVALIDARGTYPE, "got VT_BSTR, expected a number, not 'P1'")
     assert len(str(refused(to_integer, bstr("x" * 100_000), hresult.E_INVALIDARGTYPE, "not 'xxx"))) < 300
 
@@ -106,13 +106,13 @@ def test_the_message_shows_a_text_that_is_no_number():
         (bstr("9" * 400), "9999 is out of range"),
     ],
 )
-def test_what_is_no_vt_i4(given, match):
+def test_invalid_values_of_vt_i4(given, match):
     assert isinstance(refused(to_integer, given, hresult.E_INVALIDARG, match), InvalidArgument)
     i18n.use("ja")
     refused(to_integer, given, hresult.E_INVALIDARG, "整数ではありません|範囲外です")
 
 
-def test_vt_i4_to_its_bounds():
+def test_the_range_of_vt_i4():
     for number in (-(2**31), 2**31 - 1):
         assert same(to_integer(variant(float(number))), number)
         assert same(to_integer(bstr(str(number))), number)
@@ -126,7 +126,7 @@ def test_a_number_of_thousands_of_digits():
 @pytest.mark.parametrize(
     "given", [variant(nan), variant(inf), variant(-inf), bstr("nan"), bstr("inf"), bstr("9" * 400)]
 )
-def test_what_is_no_usable_real_number(given):
+def test_invalid_real_numbers(given):
     refused(to_real, given, hresult.E_INVALIDARG, "is not a finite number")
     i18n.use("ja")
     refused(to_real, given, hresult.E_INVALIDARG, "使えない値です")
@@ -136,14 +136,14 @@ def test_what_is_no_usable_real_number(given):
 
 
 @pytest.mark.parametrize("vt", [VarType.I4, VarType.UI4, VarType.I2, VarType.UI2])
-def test_a_handle_comes_as_a_whole_number(vt):
+def test_handles_of_integer_types(vt):
     assert same(to_handle(Variant(vt, 2)), 2)
 
 
 @pytest.mark.parametrize(
     "given", [variant("2"), variant(2.0), variant(True), variant(None), variant([2]), variant(b"2")]
 )
-def test_what_is_no_handle(given):
+def test_invalid_handles(given):
     refused(to_handle, given, hresult.E_INVALIDARGTYPE, ", expected VT_I4")
 
 
@@ -164,7 +164,7 @@ def test_texts(given, text):
 
 
 @pytest.mark.parametrize("given", [variant(1), variant(["a", "b"]), variant([]), variant(b"a"), variant([["a"]])])
-def test_what_is_no_text(given):
+def test_invalid_texts(given):
     refused(to_text, given, hresult.E_INVALIDARGTYPE, "expected VT_BSTR")
 
 
@@ -197,12 +197,12 @@ def test_values(given, values):
     assert same(to_values(given), values)
 
 
-def test_wrong_type_names_both():
+def test_the_error_of_a_wrong_type_names_both():
     assert wrong_type(variant([1.0]), "VT_BSTR").detail == "got VT_R8|VT_ARRAY, expected VT_BSTR"
 
 
 @given(variants())
-def test_any_variant_is_read_or_refused_with_a_code(item):
+def test_any_variant_is_converted_or_refused_with_a_code(item):
     codes = set()
     for read in READERS:
         try:
@@ -213,6 +213,6 @@ def test_any_variant_is_read_or_refused_with_a_code(item):
     assert isinstance(to_values(item), list)
 
 
-def test_a_long_text_that_is_nearly_a_number_is_refused_at_once():
+def test_a_long_text_that_is_nearly_a_number_is_refused_quickly():
     """A pattern that tried all ways to split the digits would take hours for this text."""
     refused(to_number, bstr("9" * 200_000 + "x"), hresult.E_INVALIDARGTYPE, "number")

@@ -36,7 +36,7 @@ def test_a_reason_or_the_text_of_the_code(code: Variant, text: str) -> None:
 @pytest.mark.parametrize(
     "code", [variant(1.5), variant(2.0**32), variant(-(2.0**31) - 1), variant("x"), variant([1, 2])]
 )
-def test_what_is_not_a_code(code: Variant) -> None:
+def test_invalid_codes(code: Variant) -> None:
     with pytest.raises(CallError) as caught:
         describe_error(reason, code)
     assert caught.value.code in (hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE)

@@ -58,7 +58,7 @@ def test_values_that_are_too_long(value):
         stored_size(variant(value))
 
 
-def test_budgets():
+def test_quotas():
     total = ByteQuota(150)
     one, other = ByteQuota(100, total), ByteQuota(100, total)
     one.change(100)
@@ -120,7 +120,7 @@ def test_tags_of_all_clients_are_bounded():
     assert host.kept.bytes == 0
 
 
-def test_a_tag_that_is_refused_leaves_the_one_before():
+def test_a_refused_tag_does_not_replace_the_previous_one():
     session = open_session(ProviderRegistry(Workshop()))
     handle = new_variable(session, 1)
     assert put_tag(session, handle, "mine") == 0
@@ -128,5 +128,5 @@ def test_a_tag_that_is_refused_leaves_the_one_before():
     assert session.invoke(f.variable_get_tag.id, [variant(handle)]).result == variant("mine")
 
 
-def test_the_size_of_a_head():
+def test_the_size_of_a_header():
     assert stored_size(variant(None)) == struct.calcsize("<HI")

@@ -76,7 +76,7 @@ def test_whole_numbers(text, number):
 
 
 @pytest.mark.parametrize("text", ["n", "n=", "n=x", "n=1.5", "n=1e3", "n=" + "9" * 4090 + "x"])
-def test_what_is_no_whole_number(text):
+def test_invalid_whole_numbers(text):
     with pytest.raises(ValueError):
         Options(text).number("n")
 
@@ -98,7 +98,7 @@ def test_the_longest_text():
 
 
 @given(st.text(st.sampled_from("aB=,()[]<>'\" 1"), max_size=40) | st.text())
-def test_any_text_is_read(text):
+def test_any_text_is_parsed(text):
     options = Options(text)
     for name in options.names:
         assert name in options
@@ -107,7 +107,7 @@ def test_any_text_is_read(text):
 
 
 @given(st.dictionaries(st.text("abc", min_size=1), st.text("123xyz"), max_size=5))
-def test_what_was_written_is_read(pairs):
+def test_formatted_pairs_are_parsed(pairs):
     text = ",".join(f"{name}={value}" for name, value in pairs.items())
     options = Options(text)
     assert {name: options.text_of(name) for name in options.names} == pairs

@@ -11,7 +11,7 @@ from orinkit.core.errors import InvalidValue
 pytestmark = pytest.mark.core
 
 
-def test_five_are_free_and_then_the_delay_grows():
+def test_five_attempts_are_free_and_then_the_delay_grows():
     guesses = SecretAttempts()
     delays = [guesses.failed("10.0.0.7", 100.0).delay for _ in range(FREE + 6)]
     assert delays == [0, 0, 0, 0, 0, 0.125, 0.25, 0.5, LONGEST, LONGEST, LONGEST]
@@ -26,7 +26,7 @@ def test_each_address_has_its_own_count():
     assert guesses.failed("10.0.0.8", 100.0).delay == 0
 
 
-def test_who_has_stopped_is_forgotten():
+def test_addresses_without_further_failures_are_dropped():
     guesses = SecretAttempts()
     for _ in range(100):
         guesses.failed("10.0.0.7", 100.0)
@@ -34,14 +34,14 @@ def test_who_has_stopped_is_forgotten():
     assert guesses.failed("10.0.0.7", 1300.5).delay == 0
 
 
-def test_the_log_has_an_entry_in_ten_seconds_with_the_count():
+def test_one_log_entry_in_ten_seconds_with_the_count():
     guesses = SecretAttempts()
     counts = [guesses.failed("10.0.0.7", 100.0 + number / 64).reported for number in range(1000)]
     assert [(number, count) for number, count in enumerate(counts) if count] == [(4, 5), (644, 640)]
     assert guesses.failed("10.0.0.7", 130.0).reported == 1000 - 645 + 1
 
 
-def test_addresses_that_are_kept_are_bounded():
+def test_the_number_of_stored_addresses_is_limited():
     guesses = SecretAttempts()
     for number in range(10_000):
         guesses.failed(f"{number}", 100.0)
@@ -57,7 +57,7 @@ def test_secrets(secret):
 @pytest.mark.parametrize(
     "secret", ["", "0123456789abcde", "a" * 257, "0123456789abcdef,", "0123456789 abcdef", "０" * 16]
 )
-def test_secrets_that_cannot_be_used(secret):
+def test_invalid_secrets(secret):
     with pytest.raises(InvalidValue, match="a secret must have 16 to 256"):
         check_secret(secret)
     i18n.use("ja")

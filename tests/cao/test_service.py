@@ -38,7 +38,7 @@ def test_options(arguments: list[Variant], options: ServiceOptions) -> None:
     "given",
     ["WDT=80", "WDT=", "WDT", "WDT=fast", "WDT=2147483648", "InvokeTimeout=79", "InvokeTimeout=-1", "x" * 65536],
 )
-def test_what_is_no_number_of_milliseconds_is_refused(given: str) -> None:
+def test_invalid_milliseconds(given: str) -> None:
     with pytest.raises(CallError) as caught:
         read_options(text(given))
     assert caught.value.code == hresult.E_INVALIDARG

@@ -199,7 +199,7 @@ def connect(session, name="", option=""):
 # --- handles ----------------------------------------------------------------------------------------------------------
 
 
-def test_handles_count_up_from_two_over_all_kinds(session):
+def test_handles_count_up_from_two_for_all_interfaces(session):
     """As in the documents' samples: controller 2, variable 3 (RC8 3.1.2)."""
     assert value(session, "Service_Start", "WDT=400") is None
     controller = connect(session)
@@ -215,14 +215,14 @@ def test_a_handle_is_returned_as_vt_i4(session):
     assert reply == CallReply(0, Variant(VarType.I4, 2))
 
 
-def test_a_released_handle_is_not_used_again_soon(session):
+def test_a_released_handle_is_not_reused_immediately(session):
     controller = connect(session)
     first = value(session, "Controller_GetVariable", controller, "I1", "")
     assert value(session, "Variable_Release", first) is None
     assert value(session, "Controller_GetVariable", controller, "I1", "") == first + 1
 
 
-def test_handles_start_again_after_the_last_one_and_pass_over_those_in_use(session):
+def test_handles_wrap_around_and_skip_those_in_use(session):
     controller = connect(session)
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
     session._handles._next = 0x7FFF_FFFF
@@ -245,7 +245,7 @@ def test_a_handle_that_is_not_in_use(session):
     assert "使われていません" in call(session, "Variable_GetValue", 9).detail
 
 
-def test_a_handle_of_another_kind(session):
+def test_a_handle_of_another_interface(session):
     controller = connect(session)
     variable = value(session, "Controller_GetVariable", controller, "I1", "")
     reply = call(session, "Robot_Execute", variable, "CurPos")
@@ -270,13 +270,13 @@ def test_a_handle_of_another_client(device):
 
 
 @pytest.mark.parametrize("vt", [VarType.I4, VarType.UI4, VarType.I2, VarType.UI2])
-def test_a_handle_of_any_whole_type(session, vt):
+def test_a_handle_of_any_integer_type(session, vt):
     controller = connect(session)
     assert value(session, "Controller_GetName", Variant(vt, controller)) == "Controller1"
 
 
 @pytest.mark.parametrize("handle", ["2", 2.0, None, True, [2]])
-def test_what_is_no_handle(session, handle):
+def test_invalid_handles(session, handle):
     connect(session)
     assert code(session, "Controller_GetName", handle) == hresult.E_INVALIDARGTYPE
 
@@ -284,22 +284,22 @@ def test_what_is_no_handle(session, handle):
 # --- Controller_Connect -----------------------------------------------------------------------------------------------
 
 
-def test_the_provider_is_told_name_machine_option_and_client(device):
+def test_the_provider_receives_name_machine_option_and_client(device):
     client = ClientInfo("192.168.0.7", "tcp", 50000)
     session = Session(ProviderRegistry(device), client)
     value(session, "Controller_Connect", "b-CAP", PROVIDER, "192.168.0.1", "Interval=8")
-    ((*told, who),) = device.calls
-    assert told == ["b-CAP", "192.168.0.1", "Interval=8"]
+    ((*received, who),) = device.calls
+    assert received == ["b-CAP", "192.168.0.1", "Interval=8"]
     assert who == client._replace(provider=PROVIDER, reason=session.client.reason)
     assert Session(ProviderRegistry(device)).client[:3] == ("", "memory", 0)
 
 
-def test_an_empty_name_is_made_up(session, device):
+def test_an_empty_name_is_replaced(session, device):
     assert connect(session) != connect(session)
     assert [name for name, *_ in device.calls] == ["Controller1", "Controller2"]
 
 
-def test_the_option_may_be_left_out(session, device):
+def test_the_option_may_be_omitted(session, device):
     assert value(session, "Controller_Connect", "x", PROVIDER, "") == 2
     assert device.calls[0][2] == ""
 
@@ -315,11 +315,11 @@ def test_a_name_in_use_is_already_registered(session, device):
 
 
 @pytest.mark.parametrize("option", ["@IfNotMember", ",@ifnotmember=True", "Interval=8, @IfNotMember"])
-def test_if_not_member_gives_the_object_there_is(session, device, option):
+def test_if_not_member_returns_the_existing_object(session, device, option):
     handle = connect(session, "b-CAP", option)
     assert connect(session, "B-CAP", option) == handle
     assert len(device.calls) == 1
-    assert connect(session, "", option) != handle, "without a name there is nothing to look for"
+    assert connect(session, "", option) != handle, "an object without a name cannot be found"
     assert connect(session, "", option) != handle
 
 
@@ -337,7 +337,7 @@ def test_if_not_member_of_objects_below(session):
     )
 
 
-def test_an_unknown_provider_is_named_with_those_there_are(session):
+def test_an_unknown_provider_is_reported_with_the_available_ones(session):
     reply = call(session, "Controller_Connect", "", "CaoProv.DENSO.RC8", "", "")
     assert reply.code == hresult.E_CAO_PROV_INVALID
     assert reply.detail == "unknown provider 'CaoProv.DENSO.RC8'; available: CaoProv.Test, CaoProv.Second"
@@ -357,10 +357,10 @@ def test_several_providers_and_the_one_for_any_name():
     host = ProviderRegistry([first, second, any_name])
     assert host.find(PROVIDER) is first
     assert host.find("second") is second
-    assert host.find("whatever") is any_name
+    assert host.find("unknown") is any_name
     assert host.find("") is any_name
     with pytest.raises(CallError, match="E_CAO_PROV_INVALID"):
-        ProviderRegistry([first, second]).find("whatever")
+        ProviderRegistry([first, second]).find("unknown")
 
 
 def test_a_provider_refuses_a_client(session):
@@ -377,7 +377,7 @@ def test_a_provider_without_a_device():
     bare.close()
 
 
-def test_what_was_made_too_late_is_let_go(session):
+def test_an_object_created_too_late_is_released(session):
     released = []
 
     class Late(VariableObject):
@@ -402,7 +402,7 @@ def test_what_was_made_too_late_is_let_go(session):
         ([Device(), None], TypeError, "None"),
     ],
 )
-def test_what_cannot_be_served(wrong, error, said):
+def test_invalid_providers(wrong, error, said):
     with pytest.raises(error, match=said):
         ProviderRegistry(wrong)
 
@@ -487,7 +487,7 @@ def test_stopping_and_closing_release_everything_newest_first(session, device, t
     assert len(device.log) == 8
 
 
-def test_after_service_stop_the_client_may_go_on(session):
+def test_after_service_stop_the_client_may_continue(session):
     connect(session)
     value(session, "Service_Stop")
     assert value(session, "Service_Start") is None
@@ -505,7 +505,7 @@ def test_a_thousand_files_one_below_the_other_are_released(session, device):
     assert len(session) == 1
 
 
-def test_a_release_that_fails_is_logged_and_the_others_go_on(session, device, caplog):
+def test_a_release_that_fails_is_logged_and_the_others_are_executed(session, device, caplog):
     class Stubborn(Controller):
         def release(self):
             super().release()
@@ -524,7 +524,7 @@ def test_a_release_that_fails_is_logged_and_the_others_go_on(session, device, ca
 # --- results and what a device does -----------------------------------------------------------------------------------
 
 
-def test_results_of_every_kind(session):
+def test_results_of_every_type(session):
     controller = connect(session, "C")
     execute = BY_NAME["Controller_Execute"].id
     assert call(session, "Controller_GetAttribute", controller) == CallReply(0, Variant(VarType.I4, 7))
@@ -592,7 +592,7 @@ def test_success_codes_beside_the_result(session):
         ("too wide", hresult.E_FAIL, "70000 does not fit VT_I2"),
     ],
 )
-def test_what_a_device_raises_is_answered_and_nothing_else_breaks(session, command, expected, detail, caplog):
+def test_an_exception_of_a_device_becomes_a_reply(session, command, expected, detail, caplog):
     controller = connect(session)
     reply = call(session, "Controller_Execute", controller, command, 70000)
     assert (reply.code, reply.result) == (expected, None)
@@ -604,12 +604,12 @@ def test_what_a_device_raises_is_answered_and_nothing_else_breaks(session, comma
 
 
 @pytest.mark.parametrize("name", ["huge", "text", "none", "dict"])
-def test_a_device_that_gives_the_wrong_type(session, name):
+def test_a_device_that_returns_the_wrong_type(session, name):
     controller = connect(session, name)
     assert code(session, "Controller_GetAttribute", controller) == hresult.E_FAIL
     if name != "text":
         assert code(session, "Controller_GetName", controller) == hresult.E_FAIL
-    assert value(session, "Controller_PutID", controller, 1) is None, "a result that nobody wants is passed over"
+    assert value(session, "Controller_PutID", controller, 1) is None, "the result of a function without one is ignored"
 
 
 def test_errors_that_a_device_raises_on_purpose_are_not_logged_as_errors(session, caplog):
@@ -625,7 +625,7 @@ def test_errors_that_a_device_raises_on_purpose_are_not_logged_as_errors(session
 
 
 @pytest.mark.parametrize("made", [None, 5, "x", p.CaoObject])
-def test_a_device_that_gives_no_object(session, device, made):
+def test_a_device_that_returns_no_object(session, device, made):
     device.kind = lambda name, log: made
     reply = call(session, "Controller_Connect", "", PROVIDER, "", "")
     assert reply.code == hresult.E_FAIL
@@ -681,7 +681,7 @@ def test_an_unknown_function(session, number):
 
 
 @given(st.integers(0, 140), st.lists(variants(), max_size=6))
-def test_nothing_that_a_client_sends_makes_invoke_raise(number, arguments):
+def test_invoke_never_raises(number, arguments):
     session = Session(ProviderRegistry(Device()))
     connect(session)
     outcome = session.invoke(number, arguments)
@@ -711,14 +711,14 @@ def test_the_number_of_arguments(session, entry):
             assert reply.detail == f"got {count} arguments, {entry.name} has {wanted}"
 
 
-def test_missing_optional_arguments_are_filled_in():
+def test_omitted_optional_arguments_have_their_defaults():
     assert read_arguments(BY_NAME["Service_Start"], []) == [""]
     assert read_arguments(BY_NAME["Robot_Move"], [variant(3), variant(1), variant("P1")])[3] == ""
     assert read_arguments(BY_NAME["Robot_Execute"], [variant(3), variant("x")])[2] == Variant(VarType.EMPTY)
     assert read_arguments(BY_NAME["Command_Execute"], [variant(3)]) == [3, 0]
 
 
-def test_arguments_are_read_in_all_the_forms_that_clients_send():
+def test_arguments_in_all_the_forms_that_clients_send():
     drive = BY_NAME["Robot_Drive"]
     given = [Variant(VarType.UI4, 3), Variant(VarType.R8, 2.0), variant("1.5"), Variant(VarType.EMPTY)]
     assert read_arguments(drive, given) == [3, 2, 1.5, ""]
@@ -761,7 +761,7 @@ def drive(awaitable):
     raise AssertionError("it waits")
 
 
-def test_an_awaitable_is_handed_out_and_its_result_taken_back(session):
+def test_an_awaitable_and_its_result(session):
     controller = connect(session)
     pending = call(session, "Controller_GetTask", controller, "Pro1", "")
     assert isinstance(pending, Pending)
@@ -772,7 +772,7 @@ def test_an_awaitable_is_handed_out_and_its_result_taken_back(session):
     assert value(session, "Controller_GetVariable", controller, "Pro1", "@IfNotMember") == 4
 
 
-def test_blocking_work_is_handed_out_and_its_result_taken_back(session):
+def test_a_blocking_call_and_its_result(session):
     controller = connect(session)
     pending = call(session, "Controller_GetExtension", controller, "Hand0", "")
     assert isinstance(pending, Pending)
@@ -794,7 +794,7 @@ def test_a_pending_call_that_fails(session, caplog):
 
 
 @pytest.mark.parametrize("gone", [Session.close, lambda session: value(session, "Controller_Disconnect", 2)])
-def test_an_object_that_comes_when_its_client_has_gone_is_released(session, device, gone):
+def test_an_object_created_after_the_client_has_disconnected_is_released(session, device, gone):
     controller = connect(session, "C")
     pending = call(session, "Controller_GetExtension", controller, "Hand0", "")
     gone(session)
@@ -804,13 +804,13 @@ def test_an_object_that_comes_when_its_client_has_gone_is_released(session, devi
     assert len(session) == 0
 
 
-def test_a_value_that_comes_when_its_client_has_gone_is_no_matter(session):
+def test_a_value_after_the_client_has_disconnected_is_ignored(session):
     pending = call(session, "Controller_Execute", connect(session), "blocking", 5)
     session.close()
     assert session.complete(pending, 5) == CallReply(0, variant(5))
 
 
-def test_nobody_connects_to_a_closed_session(session, device):
+def test_a_closed_session_creates_no_controller(session, device):
     session.close()
     assert code(session, "Controller_Connect", "C", PROVIDER, "", "") == hresult.E_ABORT
     assert device.log == ["C"]
@@ -819,7 +819,7 @@ def test_nobody_connects_to_a_closed_session(session, device):
 # --- the rest ---------------------------------------------------------------------------------------------------------
 
 
-def test_every_special_function_is_about_handles_or_the_service():
+def test_special_functions_concern_handles_or_the_service():
     special = set(session_module._SPECIAL)
     assert special == {1, 2, 3} | {entry.id for entry in FUNCTIONS.values() if entry.releases}
 
@@ -853,7 +853,7 @@ class _Guarded(p.Provider):
 
     def __init__(self) -> None:
         self.guard = _Lock()
-        self.promise = p.Deferred[int]()
+        self.deferred = p.Deferred[int]()
         self.seen: list[int] = []
 
     def connect(self, name, machine, option, client):
@@ -872,7 +872,7 @@ class _GuardedController(p.ControllerObject):
 
     def execute(self, command, parameter):
         self._provider.seen.append(self._provider.guard.held)
-        return self._provider.promise
+        return self._provider.deferred
 
     def release(self):
         self._provider.seen.append(self._provider.guard.held)
@@ -899,58 +899,58 @@ def test_methods_and_releases_run_inside_the_guard():
     assert provider.guard.held == 0
 
 
-def test_a_promise_is_pending_until_it_is_kept():
+def test_a_deferred_result_is_pending_until_it_is_set():
     provider = _Guarded()
     session, handle = _connected(provider)
     pending = _execute(session, handle)
     assert isinstance(pending, Pending)
-    assert pending.work is provider.promise
+    assert pending.work is provider.deferred
     called = []
-    provider.promise.add_done_callback(lambda: called.append(1))
+    provider.deferred.add_done_callback(lambda: called.append(1))
     assert called == []
-    provider.promise.set_result(7)
-    provider.promise.set_result(8)
-    provider.promise.set_exception(ValueError("late"))
+    provider.deferred.set_result(7)
+    provider.deferred.set_result(8)
+    provider.deferred.set_exception(ValueError("late"))
     assert called == [1]
-    assert session.complete(pending, provider.promise.result()).result == Variant(VarType.I4, 7)
+    assert session.complete(pending, provider.deferred.result()).result == Variant(VarType.I4, 7)
 
 
-def test_a_promise_that_is_kept_already_is_an_ordinary_result():
+def test_a_deferred_result_that_is_already_set():
     provider = _Guarded()
     session, handle = _connected(provider)
-    provider.promise.set_result(7)
+    provider.deferred.set_result(7)
     assert _execute(session, handle).result == Variant(VarType.I4, 7)
 
 
-def test_a_broken_promise_is_an_error_at_once():
+def test_a_deferred_exception_that_is_already_set():
     provider = _Guarded()
     session, handle = _connected(provider)
-    provider.promise.set_exception(CallError(0x83500076))
+    provider.deferred.set_exception(CallError(0x83500076))
     assert _execute(session, handle).code == 0x83500076
     called = []
-    provider.promise.add_done_callback(lambda: called.append(1))
+    provider.deferred.add_done_callback(lambda: called.append(1))
     assert called == [1]
 
 
-def test_two_threads_share_the_callbacks_of_a_promise():
+def test_two_threads_share_the_callbacks_of_a_deferred_result():
     """A callback that the other thread has removed is not invoked again."""
-    promise = p.Deferred[int]()
+    deferred = p.Deferred[int]()
     called = []
 
     def steal():
-        promise._callbacks.clear()
+        deferred._callbacks.clear()
         called.append("first")
 
     class Emptied(list):
         def __bool__(self) -> bool:  # as if another thread removed the last one between the check and the pop
             return True
 
-    promise._callbacks = Emptied([lambda: called.append("second"), steal])
-    promise.set_result()
+    deferred._callbacks = Emptied([lambda: called.append("second"), steal])
+    deferred.set_result()
     assert called == ["first"]
 
 
-# --- devices with ways of their own -----------------------------------------------------------------------------------
+# --- devices with another dialect -------------------------------------------------------------------------------------
 
 
 class SmallController(ControllerObject):
@@ -990,7 +990,7 @@ def small(session, name, *arguments):
     return session.invoke(BY_NAME[name].id, [variant(value) for value in arguments])
 
 
-def test_handles_that_a_device_gives():
+def test_fixed_handles_of_a_device():
     provider = SmallProvider()
     session = Session(ProviderRegistry(provider))
     assert small(session, "Controller_Connect", "", "", "", "").result == Variant(VarType.I4, 1)
@@ -1003,12 +1003,12 @@ def test_handles_that_a_device_gives():
     assert len(session) == 4
     assert small(session, "Controller_GetVariable", 1, "@a", "").result.value == 1
     assert small(session, "Controller_GetVariable", 1, "@a", "@IfNotMember").result.value == 1
-    assert len(session) == 4, "it had it already"
+    assert len(session) == 4, "the client already had the object"
     assert small(session, "Variable_GetValue", 4).result.value == 0
     assert small(session, "Variable_Release", 1).code == 0
     assert small(session, "Variable_GetValue", 1).code == hresult.E_HANDLE
     assert small(session, "Variable_GetValue", -5).code == hresult.E_HANDLE
-    assert small(session, "Robot_Execute", 1, "x", 0).code == hresult.E_NOTIMPL, "the robot itself is still there"
+    assert small(session, "Robot_Execute", 1, "x", 0).code == hresult.E_NOTIMPL, "the robot still exists"
     assert small(session, "Controller_Disconnect", 1).code == 0
     assert len(session) == 0
     assert provider.log == ["@a", "@A", "@B"]

@@ -26,7 +26,7 @@ def value(session: Session, name: str, *arguments: Any) -> Any:
     return plain(call(session, name, *arguments).result)
 
 
-class Told(Provider):
+class ClientInfoProvider(Provider):
     """Stores the information on its client."""
 
     provider_names = ("Test.Told", "Test.Other")
@@ -44,18 +44,18 @@ class Failing(ControllerObject):
         raise error_for(int(plain(parameter)), command)
 
 
-def test_a_device_knows_under_which_name_it_was_asked_for() -> None:
-    told = Told()
-    session = Session(ProviderRegistry(told))
+def test_a_device_receives_the_requested_provider_name() -> None:
+    provider = ClientInfoProvider()
+    session = Session(ProviderRegistry(provider))
     call(session, "Controller_Connect", "", "test.OTHER", "localhost", "")
-    assert told.client.provider == "test.OTHER"
+    assert provider.client.provider == "test.OTHER"
 
 
-def test_a_device_is_told_of_what_a_call_failed() -> None:
-    told = Told()
-    session = Session(ProviderRegistry(told))
+def test_a_device_can_read_the_reason_of_a_failed_call() -> None:
+    provider = ClientInfoProvider()
+    session = Session(ProviderRegistry(provider))
     controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
-    reason = told.client.reason
+    reason = provider.client.reason
     assert reason(hresult.E_FAIL) == ""
     call(session, "Controller_Execute", controller, "Crash", None)
     assert reason(hresult.E_FAIL) == reason(hresult.signed(hresult.E_FAIL)) == "RuntimeError: the spindle is stuck"
@@ -64,8 +64,8 @@ def test_a_device_is_told_of_what_a_call_failed() -> None:
     assert ClientInfo().reason(hresult.E_FAIL) == ""
 
 
-def test_the_oldest_reason_is_forgotten() -> None:
-    session = Session(ProviderRegistry(Told()))
+def test_the_oldest_reason_is_dropped() -> None:
+    session = Session(ProviderRegistry(ClientInfoProvider()))
     controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
     for number in range(40):
         call(
@@ -80,7 +80,7 @@ def test_the_oldest_reason_is_forgotten() -> None:
 
 
 def test_sessions_may_share_their_handles() -> None:
-    numbers, host = HandleAllocator(), ProviderRegistry(Told())
+    numbers, host = HandleAllocator(), ProviderRegistry(ClientInfoProvider())
     one, other = Session(host, numbers=numbers), Session(host, numbers=numbers)
     handles = [value(session, "Controller_Connect", "", "Test.Told", "", "") for session in (one, other, one)]
     assert handles == [2, 3, 4]

@@ -82,7 +82,7 @@ def test_section_and_texts(entry):
     assert entry.text == entry.ja
 
 
-def test_texts_tell_functions_apart():
+def test_the_texts_of_functions_differ():
     assert len({entry.en for entry in ENTRIES}) == 137
     assert len({entry.ja for entry in ENTRIES}) == 137
 
@@ -98,7 +98,7 @@ def test_arguments(entry):
         len(handles) - (entry.name not in without_handle)
     )
     optional = [argument.optional for argument in entry.arguments]
-    assert optional == sorted(optional), "an argument that may be left out is followed by one that may not"
+    assert optional == sorted(optional), "an optional argument is followed by a required one"
     assert entry.required == optional.count(False)
     assert len({argument.name for argument in entry.arguments}) == len(entry.arguments)
     for argument in entry.arguments:
@@ -120,13 +120,13 @@ def test_results(entry):
     assert entry.result in (None, VarType.I4, VarType.BSTR, VarType.VARIANT)
 
 
-def test_only_the_service_option_is_left_out_of_the_packet():
+def test_only_the_service_option_is_omitted_from_the_packet():
     unsent = [(entry.name, argument.name) for entry in ENTRIES for argument in entry.arguments if argument.unsent]
     assert unsent == [("Service_Start", "option")]
 
 
 @BY_ENTRY
-def test_what_is_created_can_be_released(entry):
+def test_created_objects_can_be_released(entry):
     creates = bool(re.search(r"_Get(Extension|File|Robot|Task|Variable|Command|Message)$|_Connect$", entry.name))
     assert bool(entry.creates) == bool(entry.released_by) == creates
     if creates:
@@ -139,7 +139,7 @@ def test_what_is_created_can_be_released(entry):
 
 
 @BY_ENTRY
-def test_what_releases(entry):
+def test_releasing_functions(entry):
     assert entry.releases == (entry.name == "Controller_Disconnect" or entry.name.endswith("_Release"))
     if entry.releases:
         assert [argument.name for argument in entry.arguments] == ["handle"]
@@ -154,11 +154,11 @@ def test_every_interface_has_the_common_functions():
         assert names.issuperset(common) == (interface != "Message")
 
 
-# --- what is built on it ----------------------------------------------------------------------------------------------
+# --- users of the table -----------------------------------------------------------------------------------------------
 
 
 @BY_ENTRY
-def test_the_provider_has_a_method_for_it(entry):
+def test_the_provider_has_a_method(entry):
     if entry.interface == "Service":
         return  # handled by the session, not by a device
     if entry.name == "Controller_Connect":
@@ -247,7 +247,13 @@ def test_bind(entry, arguments, named, bound):
             "Robot_Halt got an unknown or repeated argument 'speed'",
             "引数 'speed' はない",
         ),
-        (functions.robot_halt, (3, ""), {"option": ""}, "no argument 'option', or it was given twice", "二重に指定"),
+        (
+            functions.robot_halt,
+            (3, ""),
+            {"option": ""},
+            "Robot_Halt got an unknown or repeated argument 'option'",
+            "二重に指定",
+        ),
         (
             functions.service_start,
             (),
@@ -266,14 +272,14 @@ def test_bind_refuses(entry, arguments, named, english, japanese):
 
 
 @given(st.sampled_from(ENTRIES), st.data())
-def test_positional_or_named_it_is_the_same(entry, data):
+def test_positional_and_named_arguments_are_equivalent(entry, data):
     values = [object() for _ in entry.arguments]
     given = data.draw(st.integers(0, len(values)))
     named = {argument.name: value for argument, value in zip(entry.arguments[given:], values[given:], strict=True)}
     assert entry.bind(tuple(values[:given]), named) == tuple(values)
 
 
-def test_errors_say_where_an_argument_is():
+def test_the_position_of_an_argument_in_errors():
     assert functions.robot_move.where(1) == "Robot_Move, argument 1 (handle): "
     assert functions.robot_move.where(3) == "Robot_Move, argument 3 (pose): "
     i18n.use("ja")
@@ -309,7 +315,7 @@ def test_find_names_the_nearest():
         find(138)
 
 
-# --- how an entry is read ---------------------------------------------------------------------------------------------
+# --- reading of signatures --------------------------------------------------------------------------------------------
 
 
 def test_an_entry_is_read_from_its_signature(monkeypatch):
@@ -332,7 +338,7 @@ def test_an_entry_is_read_from_its_signature(monkeypatch):
 
 
 @pytest.mark.parametrize("hint", [int, Annotated[int, "no type"], int | None])
-def test_an_annotation_without_a_type_is_refused_at_once(hint):
+def test_an_annotation_without_a_type_is_refused(hint):
     def thing(handle) -> None: ...
 
     thing.__annotations__ = {"handle": hint, "return": None}
@@ -341,7 +347,7 @@ def test_an_annotation_without_a_type_is_refused_at_once(hint):
     assert 201 not in FUNCTIONS
 
 
-def test_task_modes_and_status_are_told_by_their_names():
+def test_the_names_of_task_modes_and_status():
     """Functions from :mod:`orinkit.rc8.task_modes`."""
     assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:5] == [
         "cycle",

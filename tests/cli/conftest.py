@@ -16,7 +16,7 @@ from support.waiting import until
 
 
 class Done(NamedTuple):
-    """What a command left behind."""
+    """The exit code and output of a command."""
 
     code: int
     out: str
@@ -45,7 +45,7 @@ def run(capsys) -> Run:
 
 @pytest.fixture
 def refused(run) -> Callable[..., str]:
-    """Run a command line that fails as it should: nothing on stdout, one line on stderr, which is returned."""
+    """Run a command line that must fail with one line on stderr, and return that line without the prefix."""
 
     def refused(*argv: str, code: int = 1) -> str:
         done = run(*argv)
@@ -66,14 +66,14 @@ def rc8() -> Iterator[VirtualRC8]:
 
 @pytest.fixture
 def url(rc8) -> Iterator[str]:
-    """Where the virtual RC8 is served."""
+    """The address of the served virtual RC8."""
     with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
         yield server.url
 
 
 @pytest.fixture(scope="module")
 def recorder() -> Recorder:
-    """A device that has every function of the table."""
+    """A device that implements every function of the table."""
     return Recorder()
 
 
@@ -85,13 +85,13 @@ def recorder_url(recorder) -> Iterator[str]:
 
 @pytest.fixture
 def program() -> list[str]:
-    """How the program is started in a process of its own."""
+    """The command that runs orinkit in a separate process."""
     return [sys.executable, "-m", "orinkit"]
 
 
 @pytest.fixture
 def when() -> Iterator[Callable[[Callable[[], object], Callable[[], object]], None]]:
-    """Do something in another thread as soon as something is so."""
+    """Perform an action in another thread as soon as a condition is true."""
     threads: list[threading.Thread] = []
 
     def when(condition: Callable[[], object], act: Callable[[], object]) -> None:

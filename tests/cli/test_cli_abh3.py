@@ -1,4 +1,4 @@
-"""serve abh3, and abh3 monitor, decode and dbc: over a bus of multicast datagrams, and with logs."""
+"""serve abh3, and abh3 monitor, decode and dbc, over a UDP multicast bus and with log files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
 
 @pytest.fixture
 def serve(program) -> Iterator[Serve]:
-    """Start ``orinkit serve abh3``; returns the process and where it says it is."""
+    """Start ``orinkit serve abh3``; returns the process and the address that it prints."""
     started: list[subprocess.Popen[str]] = []
 
     def serve(*options: str, where: tuple[str, ...] = (URL,)) -> tuple[subprocess.Popen[str], str]:
@@ -72,7 +72,7 @@ def bus() -> Iterator[can.BusABC]:
 
 
 def ask(bus: can.BusABC, number: int, data: bytes, answer: int, seconds: float = 30) -> bytes:
-    """Send a frame and return the data of the answer; asked again while it is lost on its way."""
+    """Send a frame and return the data of the reply; repeats lost frames."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         bus.send(can.Message(arbitration_id=number, data=data))
@@ -81,7 +81,7 @@ def ask(bus: can.BusABC, number: int, data: bytes, answer: int, seconds: float =
             found = bus.recv(left)
             if found is not None and found.arbitration_id == answer:
                 return bytes(found.data)
-    raise AssertionError("no answer")
+    raise AssertionError("no reply")
 
 
 def stop(process: subprocess.Popen[str], number: int) -> tuple[int, str, str]:
@@ -94,7 +94,7 @@ def stop(process: subprocess.Popen[str], number: int) -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_says_ready_answers_and_stops_when_told(serve, bus, number):
+def test_ready_line_replies_and_clean_stop(serve, bus, number):
     process, url = serve()
     assert url == URL
     assert len(ask(bus, 0x00EF0102, SERVO_ON, 0x00EF0201)) == 8
@@ -103,8 +103,8 @@ def test_it_says_ready_answers_and_stops_when_told(serve, bus, number):
     assert "Traceback" not in err
 
 
-def test_a_signal_ends_it_whenever_it_comes():
-    """Also while a lock of the wait is held: in a process of its own, which would hang."""
+def test_a_signal_ends_it_at_any_moment():
+    """Also while a lock of the wait is held; in a separate process, because a failure would hang."""
     script = """
 import signal, sys
 from orinkit.cli.commands import serve_abh3
@@ -131,7 +131,7 @@ def test_several_drivers_with_options(serve, bus):
     ask(bus, 0x00EF0309, SERVO_ON, 0x00EF0903)
     seen = set()
     end = time.monotonic() + 30
-    while not {0x00FF8201, 0x00FF8203} <= seen:  # unasked
+    while not {0x00FF8201, 0x00FF8203} <= seen:  # broadcasts that were not requested
         assert time.monotonic() < end
         found = bus.recv(1)
         seen.add(found.arbitration_id if found else 0)
@@ -150,7 +150,7 @@ def test_interface_and_channel(serve):
     assert "within one process" in err
 
 
-def test_cao_clients_are_let_in_too(serve):
+def test_cao_clients_are_accepted_too(serve):
     process, url = serve(
         "--tcp", "127.0.0.1:0", "--http", "127.0.0.1:0", "--address", "7", where=("can://virtual/cao",)
     )
@@ -168,7 +168,7 @@ def test_cao_clients_are_let_in_too(serve):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--address", "254"), "address"),
         (("--address", "1", "--address", "1"), "two devices have the address 1"),
@@ -203,9 +203,9 @@ def test_cao_clients_are_let_in_too(serve):
         (("--interface", "virtual", "--channel", "x", "--bitrate", "fast"), "--bitrate"),
     ],
 )
-def test_serve_with_a_wrong_option(refused, options, said):
+def test_serve_with_a_wrong_option(refused, options, message):
     where = () if options[0] == "--interface" or not options[0].startswith("--") else ("can://virtual/wrong",)
-    assert said in refused("serve", "abh3", *where, *options, code=2)
+    assert message in refused("serve", "abh3", *where, *options, code=2)
 
 
 # --- monitor ----------------------------------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def test_serve_with_a_wrong_option(refused, options, said):
 
 @pytest.fixture
 def traffic() -> Iterator[None]:
-    """A bus on which the log's frames come again and again."""
+    """A bus on which the frames of the log are sent repeatedly."""
     ending = threading.Event()
 
     def send() -> None:
@@ -280,8 +280,8 @@ def test_monitor_as_a_table(run, traffic, monkeypatch):
     i18n.use("ja")
     done = run("abh3", "monitor", URL, "--count", "30")
     assert done.code == 0
-    for said in ("フレーム", "DP0R 1 -> 2", "BR0 1 -> 全体", "A 速度帰還 = -14.8 min^-1"):
-        assert said in done.out
+    for message in ("フレーム", "DP0R 1 -> 2", "BR0 1 -> 全体", "A 速度帰還 = -14.8 min^-1"):
+        assert message in done.out
 
 
 def test_rows_of_the_table():
@@ -309,7 +309,7 @@ def test_rows_of_the_table():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--count", "0"), "--count must be more than 0"),
         (("--seconds", "-1"), "--seconds must be more than 0"),
@@ -322,8 +322,8 @@ def test_rows_of_the_table():
         (("--interface", "virtual"), "--interface cannot be combined with a bus URL"),
     ],
 )
-def test_monitor_with_a_wrong_option(refused, options, said):
-    assert said in refused("abh3", "monitor", URL, *options, code=2)
+def test_monitor_with_a_wrong_option(refused, options, message):
+    assert message in refused("abh3", "monitor", URL, *options, code=2)
 
 
 # --- decode -----------------------------------------------------------------------------------------------------------
@@ -356,7 +356,7 @@ def test_decode_of_logs(run, tmp_path, suffix):
             writer(message)
     done = run("abh3", "decode", path)
     assert (done.code, [line.split("  ", 1)[1] for line in done.out.splitlines()]) == (0, expected())
-    assert "2 frames passed over" in done.err
+    assert "2 frames skipped" in done.err
     times = [float(line[1:].split(")")[0]) for line in done.out.splitlines()]
     assert [time - times[0] for time in times] == pytest.approx([0.25 * n for n in range(len(LOG))], abs=1e-3)
     documents = [json.loads(line) for line in run("abh3", "decode", path, "--json").out.splitlines()]
@@ -378,18 +378,18 @@ CANDUMP = """
 """
 
 
-def test_decode_of_what_candump_prints(run, monkeypatch, tmp_path):
+def test_decode_of_candump_output(run, monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "stdin", io.StringIO(CANDUMP))
     done = run("abh3", "decode", "-")
     assert (done.code, [line.split("  ", 1)[1] for line in done.out.splitlines()]) == (0, expected())
-    assert "5 frames passed over" in done.err
+    assert "5 frames skipped" in done.err
     path = tmp_path / "candump.txt"
     path.write_text(CANDUMP)
     assert run("abh3", "decode", str(path)) == done
 
 
 def test_decode_of_its_own_lines(run, monkeypatch):
-    """What monitor prints can be decoded again."""
+    """The output of monitor can be decoded again."""
     monkeypatch.setattr(sys, "stdin", io.StringIO(CANDUMP))
     first = run("abh3", "decode", "-")
     monkeypatch.setattr(sys, "stdin", io.StringIO(first.out.replace(") ", ") can0 ")))
@@ -399,7 +399,7 @@ def test_decode_of_its_own_lines(run, monkeypatch):
 
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
-def test_decode_tells_of_lines_that_are_none(run, monkeypatch, lang):
+def test_decode_reports_malformed_lines(run, monkeypatch, lang):
     i18n.use(lang)
     monkeypatch.setattr(sys, "stdin", io.StringIO("can0  00EF0102   [2]  01 02\nhello\n\nworld\n" + "x" * 100_000))
     done = run("abh3", "decode", "-")
@@ -422,8 +422,8 @@ def test_decode_tells_of_lines_that_are_none(run, monkeypatch, lang):
         "can0 00EF0102 [99999999999999999999] 00",
     ],
 )
-def test_lines_that_are_no_frames(line):
-    if line == "can0 00EF0102#00 0":  # what is behind the data is the reader's own affair
+def test_malformed_lines(line):
+    if line == "can0 00EF0102#00 0":  # text after the data is ignored
         assert read_line(line) == CanFrame(0x00EF0102, b"\0")
         return
     with pytest.raises(ValueError):
@@ -441,7 +441,7 @@ def test_dbc(run):
     assert database.get_message_by_name("BR0_1").frame_id == 0x00FF8001
 
 
-def test_cantools_says_what_monitor_says(run, tmp_path):
+def test_cantools_agrees_with_monitor(run, tmp_path):
     """orinkit abh3 dbc > abh3.dbc; candump can0 | cantools decode abh3.dbc"""
     path: Path = tmp_path / "abh3.dbc"
     path.write_text(run("abh3", "dbc").out)
@@ -450,19 +450,19 @@ def test_cantools_says_what_monitor_says(run, tmp_path):
         input="(1.0) can0 00EF0201#B6FF0000DBFFDBFF\n", capture_output=True, encoding="utf-8", check=True,
     )  # fmt: skip
     for name, value in (("a", -14.8), ("b", 0.0), ("y", -7.4), ("x", -7.4)):
-        said = done.stdout.split(f"{name}_velocity: ")[1].split()[0]
-        assert float(said) == pytest.approx(value)
+        message = done.stdout.split(f"{name}_velocity: ")[1].split()[0]
+        assert float(message) == pytest.approx(value)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [(("--dialect", "v3"), "v3"), (("--address", "2"), "address 2"), (("--group", "-1"), "group")],
 )
-def test_dbc_with_a_wrong_option(refused, options, said):
-    assert said in refused("abh3", "dbc", *options, code=2)
+def test_dbc_with_a_wrong_option(refused, options, message):
+    assert message in refused("abh3", "dbc", *options, code=2)
 
 
-def test_nothing_is_ready_where_a_port_is_taken(run):
+def test_no_ready_line_if_a_port_is_taken(run):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         done = run("serve", "abh3", "can://virtual/taken", "--tcp", f"127.0.0.1:{port}")

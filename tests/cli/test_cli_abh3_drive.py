@@ -1,4 +1,4 @@
-"""abh3 drive: the motors of a virtual ABH3 turn, and come to rest whatever happens."""
+"""abh3 drive: the motors of a virtual ABH3 turn, and are stopped in every case."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ pytestmark = pytest.mark.slow
 URL = multicast.bus()
 DRIVE = ("abh3", "drive", URL)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-SILENCE = {"command_timeout": 10_000, "error_timeout": 10_000}  # ms: a machine that stands still is no silent host
+SILENCE = {"command_timeout": 10_000, "error_timeout": 10_000}  # ms: a stalled machine must not count as a silent host
 BY_ITSELF = {"command_timeout": 500, "error_timeout": 1000}
-"""ms, as they usually are: the driver stops by itself."""
+"""Usual values, ms: the driver stops by itself."""
 
 
 class Counting(VirtualABH3):
-    """Counts the commands that it gets."""
+    """A driver that counts the commands it receives."""
 
     commands = 0
 
@@ -58,7 +58,7 @@ class Bench:
 
     @property
     def at_rest(self) -> bool:
-        """Nothing turns, and nothing is switched on."""
+        """True if both motors are at standstill and no input is set."""
         state = self.abh3.state()
         return not (state.moving or state.ay_servo or state.bx_servo or state.inputs)
 
@@ -83,7 +83,7 @@ def bench(serve) -> Bench:
 
 
 class Steady:
-    """A clock that goes on only while somebody sleeps by it: what holds the machine up takes no time."""
+    """A clock that advances only by its own :meth:`sleep`: a stall of the machine takes no time."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -98,7 +98,7 @@ class Steady:
 
 @pytest.fixture
 def steady(monkeypatch) -> None:
-    """The time of the command is that of a clock that is never held up; the driver's is real."""
+    """Run the command on a clock without stalls; the driver uses real time."""
     clock = Steady()
     for module in (drive, interrupts):
         monkeypatch.setattr(module, "monotonic", clock.monotonic)
@@ -107,7 +107,7 @@ def steady(monkeypatch) -> None:
 
 @pytest.fixture(autouse=True)
 def _not_held_up(monkeypatch) -> None:
-    """A machine that stands still does not end a command in this process."""
+    """Prevent a stalled machine from ending a command in this process."""
     monkeypatch.setattr(drive, "_HELD_UP", PATIENCE)
 
 
@@ -119,12 +119,12 @@ def lines(out: str) -> list[Any]:
     return [json.loads(line) for line in out.splitlines()]
 
 
-# --- what it does -----------------------------------------------------------------------------------------------------
+# --- motion -----------------------------------------------------------------------------------------------------------
 
 
 def test_it_turns_and_comes_to_rest(run, serve, steady):
     bench = serve(error_timeout=1000)
-    until(lambda: bench.abh3.state().errors)  # nobody has talked to it for a second: that is reset
+    until(lambda: bench.abh3.state().errors)  # it was without commands for 1 s; drive resets that error
     done = run(*DRIVE, "--ay", "100", "--bx", "-50", "--seconds", "0.6")
     assert (done.code, done.err) == (0, "")
     first, *_, before_last, last = done.out.splitlines()
@@ -139,14 +139,14 @@ def test_it_turns_and_comes_to_rest(run, serve, steady):
 def test_json(run, bench, steady):
     done = run(*DRIVE, "--ay", "100", "--seconds", "0.5", "--period", "0.05", "--json")
     assert (done.code, done.err) == (0, "")
-    told = lines(done.out)
-    assert [line["time"] for line in told] == sorted(line["time"] for line in told)
-    assert max(line["values"]["a_velocity"] for line in told) == 100
-    assert told[-1]["values"]["a_velocity"] == 0
-    assert told[-1]["values"]["a_pulses"] > told[0]["values"]["a_pulses"]
-    assert told[0]["units"]["a_velocity"] == "min^-1"
-    assert told[0]["units"]["a_load"] == "%"
-    assert (told[0]["errors"], told[0]["warnings"]) == ([], [])
+    output = lines(done.out)
+    assert [line["time"] for line in output] == sorted(line["time"] for line in output)
+    assert max(line["values"]["a_velocity"] for line in output) == 100
+    assert output[-1]["values"]["a_velocity"] == 0
+    assert output[-1]["values"]["a_pulses"] > output[0]["values"]["a_pulses"]
+    assert output[0]["units"]["a_velocity"] == "min^-1"
+    assert output[0]["units"]["a_load"] == "%"
+    assert (output[0]["errors"], output[0]["warnings"]) == ([], [])
     assert bench.at_rest
 
 
@@ -199,7 +199,7 @@ def test_the_servo_stays_on(run, bench):
     assert not state.moving
 
 
-# --- what ends it -----------------------------------------------------------------------------------------------------
+# --- end of the motion ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -214,7 +214,7 @@ def test_a_signal_ends_it(run, bench, when, number):
     assert bench.at_rest
 
 
-def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve):
+def test_many_signals_do_not_prevent_the_stop(run, serve):
     bench = serve(deceleration_time=10.0)
 
     def insist() -> None:
@@ -224,7 +224,7 @@ def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve):
             time.sleep(0.05)
 
     thread = threading.Thread(target=insist)
-    before = signal.signal(signal.SIGINT, lambda *_: None)  # the last one may come when all is over
+    before = signal.signal(signal.SIGINT, lambda *_: None)  # the last signal may arrive after the command
     thread.start()
     try:
         assert run(*DRIVE, "--ay", "300", "--seconds", "60").code == 130
@@ -234,7 +234,7 @@ def test_many_signals_do_not_keep_it_from_coming_to_rest(run, serve):
     assert bench.at_rest
 
 
-def test_an_error_of_the_driver_is_told(run, bench, when):
+def test_an_error_of_the_driver_is_reported(run, bench, when):
     when(turning(bench), lambda: bench.abh3.inject("a_overcurrent"))
     done = run(*DRIVE, "--ay", "100", "--seconds", "60")
     assert done.code == 1
@@ -243,7 +243,7 @@ def test_an_error_of_the_driver_is_told(run, bench, when):
     assert bench.at_rest
 
 
-def test_errors_that_stay(refused, bench):
+def test_persistent_errors(refused, bench):
     bench.abh3.inject("a_overcurrent", stays=True)
     assert "overcurrent" in refused(*DRIVE, "--ay", "100", "--seconds", "1")
     assert bench.at_rest
@@ -257,20 +257,20 @@ def test_errors_that_are_not_reset(refused, bench):
     assert bench.at_rest
 
 
-def test_nobody_answers(refused):
-    assert "ABH3 1 did not answer" in refused(*DRIVE, "--ay", "100", "--seconds", "1")
+def test_no_driver_on_the_bus(refused):
+    assert "no reply from ABH3 1 within" in refused(*DRIVE, "--ay", "100", "--seconds", "1")
 
 
-def test_the_driver_goes_away(run, bench, when):
+def test_the_driver_disappears(run, bench, when):
     when(turning(bench), bench.server.close)
     done = run(*DRIVE, "--ay", "100", "--seconds", "60")
     assert done.code == 1
     assert "standstill of the motors was not confirmed within 5 s" in done.err
     assert "the servo may still be on" in done.err
-    assert "did not answer" in done.err.splitlines()[-1]
+    assert "no reply from ABH3 1 within" in done.err.splitlines()[-1]
 
 
-def test_a_long_way_to_rest(run, serve):
+def test_a_long_deceleration(run, serve):
     bench = serve(deceleration_time=100.0)
     done = run(*DRIVE, "--ay", "300", "--seconds", "0.5")
     assert done.code == 1
@@ -292,7 +292,7 @@ sys.exit(main())
 
 @pytest.fixture
 def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start it in a process of its own, which does not mind being held up unless it is told to."""
+    """Start the command in a separate process, by default with a long limit for stalls of the machine."""
     started: list[subprocess.Popen[str]] = []
 
     def start(
@@ -311,7 +311,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
         process.communicate()
 
 
-def test_a_reader_that_has_seen_enough(start, bench):
+def test_a_reader_that_closes_the_pipe(start, bench):
     process = start("--ay", "100", "--seconds", "60")
     until(turning(bench))
     process.stdout.close()
@@ -322,7 +322,7 @@ def test_a_reader_that_has_seen_enough(start, bench):
 
 @pytest.fixture
 def unread() -> Iterator[tuple[int, int]]:
-    """A pipe with little room, that nobody reads from: where it is read, and where it is written."""
+    """The read and write ends of a pipe with a small buffer that is not read."""
     ours, theirs = os.pipe()
     if hasattr(fcntl, "F_SETPIPE_SZ"):
         fcntl.fcntl(theirs, fcntl.F_SETPIPE_SZ, 4096)
@@ -341,7 +341,7 @@ def test_a_reader_that_does_not_read(start, bench, unread, number):
     until(turning(bench))
     until(fill(unread[1]))
     commands = bench.abh3.commands
-    until(lambda: bench.abh3.commands > commands + 75)  # it goes on
+    until(lambda: bench.abh3.commands > commands + 75)  # the command continues
     assert bench.abh3.state().moving
     process.send_signal(number)
     until(lambda: bench.at_rest)
@@ -352,7 +352,7 @@ def test_a_reader_that_does_not_read(start, bench, unread, number):
     assert last == "orinkit: interrupted"
 
 
-def test_the_end_comes_though_nobody_reads(start, bench, unread):
+def test_the_command_ends_if_its_output_is_not_read(start, bench, unread):
     process = start("--ay", "100", "--seconds", "1.5", "--period", "0.02", "--json", stdout=unread[1])
     _, err = process.communicate(timeout=60)
     assert process.returncode == 0
@@ -360,7 +360,7 @@ def test_the_end_comes_though_nobody_reads(start, bench, unread):
     assert bench.at_rest
 
 
-def test_a_reader_that_is_late_gets_all(start, bench, unread):
+def test_a_late_reader_gets_all_lines(start, bench, unread):
     ours, theirs = unread
     process = start("--ay", "100", "--seconds", "1", "--period", "0.02", "--json", stdout=theirs)
     until(lambda: bench.abh3.state().moving)
@@ -376,7 +376,7 @@ def test_a_reader_that_is_late_gets_all(start, bench, unread):
     assert times[-1] > 1
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="it is of Linux")  # noqa: PTH110
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="requires Linux")  # noqa: PTH110
 def test_a_full_disk(start, bench):
     with open("/dev/full", "w") as full:  # noqa: PTH123
         process = start("--ay", "100", "--seconds", "60", stdout=full.fileno())
@@ -385,7 +385,7 @@ def test_a_full_disk(start, bench):
     assert bench.at_rest
 
 
-def test_a_program_that_was_held_up_does_not_go_on(start, serve, program):
+def test_a_program_that_was_suspended_does_not_continue(start, serve, program):
     bench = serve(**BY_ITSELF)
     process = start("--ay", "100", "--seconds", "60", program=program)
     until(turning(bench))
@@ -414,17 +414,17 @@ def test_a_terminal_sees_one_live_line(start, bench):
         while select.select([ours], [], [], 30)[0]:
             try:
                 written += os.read(ours, 65536)
-            except OSError:  # it has ended
+            except OSError:  # the process has ended
                 break
         assert process.wait(30) == 0
     finally:
         os.close(ours)
     assert b"A 100.0" in written
-    assert b"\x1b[2K" in written  # the line is written again in its place
+    assert b"\x1b[2K" in written  # the line is overwritten in place
     assert bench.at_rest
 
 
-# --- what cannot be ---------------------------------------------------------------------------------------------------
+# --- invalid command lines --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -467,7 +467,7 @@ def test_in_japanese(run, refused, bench, steady):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "output"),
     [
         (("--ay", "10000"), "--ay: "),
         (("--ay", "1", "--bx", "-7000"), "--bx: "),
@@ -477,5 +477,5 @@ def test_in_japanese(run, refused, bench, steady):
         ),
     ],
 )
-def test_a_command_that_is_too_great_is_called_by_its_option(refused, options, told):
-    assert told in refused(*DRIVE, *options, "--seconds", "1", code=2)
+def test_a_command_out_of_range_is_reported_by_its_option(refused, options, output):
+    assert output in refused(*DRIVE, *options, "--seconds", "1", code=2)

@@ -1,4 +1,4 @@
-"""abh3 decode: logs that are no plain files, what can.logger prints, and what cannot be read."""
+"""abh3 decode: logs other than regular files, output of can.logger, and invalid files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OTHERS = [
 ]
 
 
-# --- what is no plain file --------------------------------------------------------------------------------------------
+# --- pipes and the like -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no FIFOs")
@@ -67,10 +67,10 @@ def test_process_substitution(run):
         os.close(ours)
 
 
-# --- what can.logger prints -------------------------------------------------------------------------------------------
+# --- output of can.logger ---------------------------------------------------------------------------------------------
 
 
-def test_what_can_logger_prints(run, monkeypatch):
+def test_output_of_can_logger(run, monkeypatch):
     head = "Connected to UdpMulticastBus: 239.74.163.2\nCan Logger (Started on 2024-04-01 09:00:00.000000)\n"
     printed = head + "".join(f"{message}\n" for message in FRAMES + OTHERS)
     monkeypatch.setattr(sys, "stdin", io.StringIO(printed))
@@ -78,14 +78,14 @@ def test_what_can_logger_prints(run, monkeypatch):
     assert done.code == 0
     assert done.out.startswith(f"(1000.250000) {ANSWER}")
     assert done.out.count("\n") == 3
-    assert "4 frames passed over" in done.err
+    assert "4 frames skipped" in done.err
 
 
 @pytest.mark.parametrize("message", FRAMES)
-def test_each_line_of_it_is_read(message):
+def test_each_line_of_can_logger_is_read(message):
     frame = CanFrame(message.arbitration_id, bytes(message.data), message.timestamp)
     assert read_line(f"{message}\n") == frame
-    assert read_line(" ".join(str(message).split())) == frame  # as it may have been copied
+    assert read_line(" ".join(str(message).split())) == frame  # as after copying
     assert (
         read_line(str(message).upper().replace("TIMESTAMP", "Timestamp").replace("RX", "Rx").replace("TX", "Tx"))
         == frame
@@ -93,7 +93,7 @@ def test_each_line_of_it_is_read(message):
 
 
 @pytest.mark.parametrize("message", OTHERS)
-def test_other_frames_of_it_are_passed_over(message):
+def test_other_frames_of_can_logger_are_skipped(message):
     assert read_line(str(message)) is None
 
 
@@ -109,16 +109,16 @@ def test_other_frames_of_it_are_passed_over(message):
         "Timestamp: 123.4    ID: 00ef0102    X Rx" + " E" * 2000,
     ],
 )
-def test_lines_that_only_look_like_it(line):
+def test_malformed_lines_of_can_logger(line):
     with pytest.raises(ValueError):
         read_line(line)
 
 
-# --- what cannot be read ----------------------------------------------------------------------------------------------
+# --- invalid files ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.filterwarnings("ignore:.*bus.blf")  # python-can leaves it open
-def test_what_is_no_log(refused, tmp_path):
+def test_a_file_that_is_not_a_log(refused, tmp_path):
     for name in ("bus.blf", "bus.xyz"):
         path = tmp_path / name
         path.write_bytes(b"this is no log")
@@ -128,18 +128,18 @@ def test_what_is_no_log(refused, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["", ".log", ".blf", ".asc"])
 def test_names_that_cannot_be_opened(refused, tmp_path, suffix):
-    def said(name: object) -> str:
+    def message(name: object) -> str:
         return refused("abh3", "decode", str(name), code=2)
 
     folder = tmp_path / f"folder{suffix}"
     folder.mkdir()
-    assert said(folder).endswith(": is a directory")
-    assert said(tmp_path / f"none{suffix}").endswith(": no such file")
-    assert "too long" in said(tmp_path / f"{'x' * 300}{suffix}")
-    assert "null" in said(f"a\0b{suffix}")
+    assert message(folder).endswith(": is a directory")
+    assert message(tmp_path / f"none{suffix}").endswith(": no such file")
+    assert "too long" in message(tmp_path / f"{'x' * 300}{suffix}")
+    assert "null" in message(f"a\0b{suffix}")
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may read everything")
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root can read every file")
 def test_no_permission(refused, tmp_path):
     path = tmp_path / "bus.log"
     path.write_text(LINE)
@@ -147,24 +147,24 @@ def test_no_permission(refused, tmp_path):
     assert "Permission denied" in refused("abh3", "decode", str(path), code=2)
 
 
-@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="it is of Linux")
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="requires Linux")
 def test_a_read_that_fails(refused):
     assert refused("abh3", "decode", "/proc/self/mem", code=2) == ("/proc/self/mem: cannot be read: Input/output error")
 
 
-@pytest.mark.parametrize(("lang", "said"), [("en", "-: stdin is closed"), ("ja", "-: 標準入力が閉じられています")])
-def test_stdin_is_closed(program, lang, said):
+@pytest.mark.parametrize(("lang", "message"), [("en", "-: stdin is closed"), ("ja", "-: 標準入力が閉じられています")])
+def test_stdin_is_closed(program, lang, message):
     line = shlex.join([*program, "abh3", "decode", "-"])
     done = subprocess.run(
         ["sh", "-c", f"{line} <&-"], capture_output=True, encoding="utf-8", check=False,
         env={**os.environ, "ORINKIT_LANG": lang, "PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"orinkit: {said}\n")
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"orinkit: {message}\n")
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="it is of Linux")
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="requires Linux")
 def test_a_full_disk_while_it_decodes(program):
-    """It is stdout that is full, not the log that is wrong."""
+    """The error is about stdout, not about the log."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*program, "abh3", "decode", "-"], input=LINE, stdout=full, stderr=subprocess.PIPE, encoding="utf-8",

@@ -1,4 +1,4 @@
-"""call: every function of the table, on the object that it works on."""
+"""call: every function of the table, on its object."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def test_every_function_reaches_its_object(call, recorder, entry):
     made = [made for made in recorder.calls if made.function == entry.name]
     assert made[0].path.endswith(PATHS[entry.interface])
     assert made[0].arguments == tuple(value for _, value in words)
-    said = done.json
-    assert (said["function"], said["id"], said["code_name"]) == (entry.name, entry.id, "S_OK")
-    assert (said["result"] is None) == (entry.result is None)
-    assert said["arguments"][1:] == [value for _, value in words]
+    output = done.json
+    assert (output["function"], output["id"], output["code_name"]) == (entry.name, entry.id, "S_OK")
+    assert (output["result"] is None) == (entry.result is None)
+    assert output["arguments"][1:] == [value for _, value in words]
 
 
 @pytest.mark.parametrize("name", ["17", "Controller_Execute", "controller_execute", "CONTROLLER_EXECUTE"])
@@ -51,11 +51,11 @@ def test_a_function_by_id_name_or_python_name(run, url, name):
     assert run("call", url, name, "GetCurErrorCount") == (0, "0\n", "")
 
 
-def test_a_result_that_is_nothing_shows_the_return_code(call):
+def test_a_call_without_a_result_shows_the_return_code(call):
     assert call("Variable_PutValue", "5", "--variable", "I1").out == "S_OK\n"
 
 
-def test_a_list_of_names_is_one_to_a_line(run, url):
+def test_a_list_of_names_has_one_line_each(run, url):
     assert "@MODE\n" in run("call", url, "Controller_GetVariableNames").out
 
 
@@ -64,14 +64,14 @@ def test_a_return_code_may_be_written_in_hex(run, url, code):
     assert run("call", url, "Controller_Execute", "GetErrorDescription", code).out == "The motor must be on\n"
 
 
-def test_a_text_argument_is_taken_as_it_is(call, recorder):
+def test_a_text_argument_is_passed_unchanged(call, recorder):
     for word, sent in (("100", "100"), ("8,100", "100"), ("2,5", "2,5"), ("8197,x", "8197,x"), ("true", "true")):
         recorder.calls.clear()
         assert call("Robot_Halt", word, "--robot", "Arm").code == 0
         assert recorder.calls[2].arguments == (sent,)
 
 
-def test_a_robot_is_only_moved_by_its_name(call, recorder, refused, url):
+def test_a_robot_must_be_named_to_move_it(call, recorder, refused, url):
     recorder.calls.clear()
     refused("call", url, "Robot_Move", "1", "@E P1", code=2)
     assert "Robot_Move" not in [call.function for call in recorder.calls]
@@ -89,7 +89,7 @@ def test_a_variable_of_a_robot(call, recorder):
     ]  # fmt: skip
 
 
-def test_no_message_waits(refused, url):
+def test_no_message_is_pending(refused, url):
     assert refused("call", url, "Message_GetNumber") == "the controller has no message"
 
 
@@ -101,17 +101,17 @@ def test_services_and_connecting(run, url):
     assert int(run("call", url, "Controller_Connect", "c", "CaoProv.DENSO.VRC", "localhost").out) > 0
 
 
-def test_a_function_that_releases_its_own_object_leaves_no_trouble(run, url):
+def test_a_function_that_releases_its_own_object(run, url):
     assert run("call", url, "Controller_Disconnect") == (0, "S_OK\n", "")
     assert run("call", url, "Variable_Release", "--variable", "I1") == (0, "S_OK\n", "")
 
 
-def test_a_handle_of_ones_own_choice(refused, url):
+def test_a_given_handle(refused, url):
     assert "Controller_GetName(99): 0x80070006 E_HANDLE" in refused("call", url, "Controller_GetName", "--handle", "99")
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "output"),
     [
         (["Robot_Moove"], "unknown function 'Robot_Moove'; did you mean Robot_Move"),
         (["138"], "unknown function '138'"),
@@ -128,8 +128,8 @@ def test_a_handle_of_ones_own_choice(refused, url):
         (["Robot_Move", "1", "8197,x"], "column 6: expected a number"),
     ],
 )
-def test_a_call_that_cannot_be_made(refused, url, argv, said):
-    assert said in refused("call", url, *argv, code=2)
+def test_an_invalid_call(refused, url, argv, output):
+    assert output in refused("call", url, *argv, code=2)
 
 
 def test_in_japanese(refused, url):
@@ -146,7 +146,7 @@ def test_every_argument_type_of_the_table_can_be_given():
     assert isinstance(FUNCTIONS[1].arguments[0], Argument)
 
 
-def test_the_error_that_is_there_can_be_asked_for(run, url, rc8):
+def test_the_current_error_can_be_read(run, url, rc8):
     rc8.raise_error(MOTOR_NOT_ON)
     info = run("call", url, "17", "GetCurErrorInfo", "0", "--json").json["result"]
     assert info["type"] == "VT_VARIANT|VT_ARRAY"

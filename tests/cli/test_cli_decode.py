@@ -69,7 +69,7 @@ def test_every_packet_of_the_documents(run, vector):
     assert not packet["wrong"]
 
 
-def test_the_page_for_people(run):
+def test_the_text_output(run):
     done = run("decode", *READ.split())
     assert done.code == 0
     lines = done.out.splitlines()
@@ -114,7 +114,7 @@ def test_a_wrong_packet_is_explained_and_fails(run):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["0x01", "zz"], "'zz' is not hex"),
         (["011"], "'011' has an odd number of hex digits (3)"),
@@ -123,8 +123,8 @@ def test_a_wrong_packet_is_explained_and_fails(run):
         (["g" * 100], f"'{'g' * 20}...' is not hex"),
     ],
 )
-def test_what_is_no_hex(refused, words, said):
-    assert refused("decode", *words, code=2) == said
+def test_invalid_hex(refused, words, message):
+    assert refused("decode", *words, code=2) == message
 
 
 def test_in_japanese(run):

@@ -1,4 +1,4 @@
-"""demo: the document's programs against the virtual RC8, and what happens when an answer is not as documented."""
+"""demo: the programs of the document against the virtual RC8, and replies that differ from the document."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ ANSWERS = len(CALLS) + SET_POINTS
 
 
 def run_once(texts: str, *argv: str) -> str:
-    """Run the demo, which takes its time, for several tests."""
+    """Run the demo once for several tests, because it is slow."""
     before = i18n.current()
     i18n.use(texts)
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
@@ -67,17 +67,17 @@ def pictures(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def shown(pictures) -> str:
-    """What the demo shows."""
+    """The output of the demo."""
     return run_once("en", "--picture", str(pictures / "motion.png"))
 
 
 @pytest.fixture(scope="module")
 def japanese() -> str:
-    """What it shows in Japanese, field by field."""
+    """The output in Japanese, with the fields of the packets."""
     return run_once("ja", "--fields")
 
 
-def test_the_transcript_shows_every_packet_and_says_that_all_is_well(shown):
+def test_the_transcript_shows_every_packet_and_the_verdict(shown):
     lines = shown.splitlines()
     for line in (
         '    → Controller_Connect("", "CaoProv.DENSO.VRC", "localhost", "")',
@@ -130,13 +130,13 @@ def test_the_joints_are_shown_while_the_arm_moves(shown, pictures):
 
 
 def test_as_json(run):
-    said = run("demo", "--json").json
-    assert said["as_documented"] is True
-    assert said["picture"] is None
+    output = run("demo", "--json").json
+    assert output["as_documented"] is True
+    assert output["picture"] is None
     numbers = [(name, number) for name, program in LISTS.items() for number, _ in enumerate(program.steps, 1)]
-    assert [(step["list"], step["number"]) for step in said["steps"]] == numbers
-    assert sum(step["answers"] for step in said["steps"]) == ANSWERS
-    for step, expected in zip(said["steps"], STEPS, strict=True):
+    assert [(step["list"], step["number"]) for step in output["steps"]] == numbers
+    assert sum(step["answers"] for step in output["steps"]) == ANSWERS
+    for step, expected in zip(output["steps"], STEPS, strict=True):
         if isinstance(expected, StreamStep):
             assert (step["stream"]["set_points"], step["stream"]["underflows"]) == (SET_POINTS, 0)
             continue
@@ -161,7 +161,7 @@ def test_the_sine_of_the_document():
 
 
 def streamed(**changed: object) -> StreamResult:
-    """What List 4-1 is answered with."""
+    """Return the stream result of List 4-1, with changes."""
     points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
     samples = tuple(
         Sample(number, number * 0.008, point, time=number * 0.008, joints=J(*point))
@@ -180,7 +180,7 @@ def with_sample(number: int, **changed: object) -> StreamResult:
     ("result", "words"),
     [
         (streamed(underflows=1), "1 underflows"),
-        (streamed(missed=2), "2 answers missed"),
+        (streamed(missed=2), "2 replies missed"),
         (streamed(sent=303), "303 of 304"),
         (with_sample(7, command=(0.0,) * 6), "differ from those given"),
         (with_sample(7, code=hresult.E_BUF_FULL), "set-point 7"),
@@ -190,30 +190,30 @@ def with_sample(number: int, **changed: object) -> StreamResult:
         (with_sample(-1, joints=J(50, 30, 120, 0, -60, 0)), "the final joint position is wrong"),
     ],
 )
-def test_the_answers_of_slave_mode_are_compared(result, words):
+def test_the_replies_of_slave_mode_are_compared(result, words):
     points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
     assert stream.compare(streamed(), points) == ""
     assert stream.compare(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
     assert words in stream.compare(result, points)
 
 
-def test_a_busy_computer_gets_another_try():
-    said: list[str] = []
+def test_the_stream_is_repeated_on_a_busy_computer():
+    output: list[str] = []
     documents: list[dict[str, Any]] = []
     steps = list(LIST_4_1)
     devices: list[VirtualRC8] = []
     steps[0] = dataclasses.replace(steps[0], before=devices.append)
 
     def say(line: str) -> None:
-        said.append(line)
+        output.append(line)
         sent = re.search(r" (\d+)/304$", line)
-        if sent and 50 <= int(sent[1]) < 250 and not any("too busy" in each for each in said):
+        if sent and 50 <= int(sent[1]) < 250 and not any("too busy" in each for each in output):
             devices[0].raise_error(hresult.COMMAND_DELAY)
 
     run_program("List 4-1", DemoProgram("it", tuple(steps)), documents, say, fields=False)
-    assert any("COMMAND_DELAY" in line for line in said)
-    assert sum("too busy" in line for line in said) == 1
-    assert sum("slvRecvFormat" in line for line in said) == 2
+    assert any("COMMAND_DELAY" in line for line in output)
+    assert sum("too busy" in line for line in output) == 1
+    assert sum("slvRecvFormat" in line for line in output) == 2
     assert sum(document["answers"] for document in documents) == len(steps) - 1 + SET_POINTS
 
 
@@ -235,16 +235,16 @@ def with_check(number: int, check) -> DemoProgram:
     return DemoProgram("it", tuple(steps))
 
 
-def test_an_answer_that_differs_ends_the_demo():
-    said: list[str] = []
+def test_a_reply_that_differs_ends_the_demo():
+    output: list[str] = []
     with pytest.raises(CommandError) as caught:
-        run_program("List", with_check(4, exactly(VarType.BOOL, True)), [], said.append, fields=False)
+        run_program("List", with_check(4, exactly(VarType.BOOL, True)), [], output.append, fields=False)
     assert str(caught.value) == (
         "List, 4. Read it: the point is off: the reply is [Variant(VT_BOOL, False)]; "
         "the document has Variant(VT_BOOL, True)"
     )
     assert caught.value.code == 1
-    assert "← S_OK -> False" in said[-1]
+    assert "← S_OK -> False" in output[-1]
 
 
 def test_an_error_ends_the_demo():
@@ -254,7 +254,7 @@ def test_an_error_ends_the_demo():
 
 
 @pytest.mark.parametrize(
-    ("reply", "said"),
+    ("reply", "difference"),
     [
         (packet.pack(8, 0, 0, b""), "(8, 0, 0); the document has (7, 0, 0)"),
         (packet.pack(7, 0, 0, b"", 7), "(7, 7, 0); the document has (7, 0, 0)"),
@@ -262,12 +262,12 @@ def test_an_error_ends_the_demo():
         (None, "expected one request and one reply"),
     ],
 )
-def test_the_head_of_a_reply_is_compared_too(reply, said):
+def test_the_header_of_a_reply_is_compared_too(reply, difference):
     transcript = Transcript()
     transcript(">", packet.pack(7, 1, 0, b""))
     if reply is not None:
         transcript("<", reply)
-    assert said in compare(transcript.packets, LIST_3_1[0])
+    assert difference in compare(transcript.packets, LIST_3_1[0])
     assert compare([], LIST_3_1[0]) != ""
 
 

@@ -1,4 +1,4 @@
-"""The frame: help, version, exit codes, both languages, and that help stays light."""
+"""Common features of all commands: help, version, exit codes, both languages, and a fast start of help."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NO = {
     "--no-slave-licence",
     "--no-providers",
     "--no-reset",
-}  # every other flag has no opposite
+}  # the only negative flags
 
 
 def japanese(program: list[str], *argv: str) -> str:
@@ -79,11 +79,11 @@ def test_help_of_abh3(run, monkeypatch, lang):
         page = run(*command.split(), "--help").out
         for example in ("can://socketcan/can0", "can://slcan//dev/ttyACM0?bitrate=500000", "can://udp_multicast/239"):
             assert example in page  # on one line
-    assert "127.0.0.1:5007" not in run("serve", "abh3", "--help").out  # nothing listens there unless it is told to
+    assert "127.0.0.1:5007" not in run("serve", "abh3", "--help").out  # there is no default listener
     assert "127.0.0.1:5007" in run("serve", "rc8", "--help").out
 
 
-def test_help_of_abh3_tells_what_it_does(run):
+def test_help_of_abh3_describes_its_commands(run):
     page = run("abh3", "--help").out
     for word in ("monitor", "decode", "run", "DBC"):
         assert word in page.split("Commands")[0]
@@ -102,7 +102,7 @@ def test_help_in_japanese(program):
     assert "required" not in page
 
 
-def test_the_words_of_the_help_page_itself_in_japanese(run):
+def test_the_labels_of_the_help_page_in_japanese(run):
     i18n.use("ja")
     done = run("put", "--help")
     assert done.out.startswith("使い方: orinkit put [OPTIONS] URL NAME VALUE...\n")
@@ -121,7 +121,7 @@ def test_every_help_text_changes_with_the_language():
     assert not english & texts()
 
 
-def test_help_loads_nothing_that_only_commands_need(program):
+def test_help_does_not_load_modules_of_commands(program):
     script = (
         "import sys; from orinkit.cli.app import main; main(['--help']);"
         "print(sorted({'asyncio', 'numpy', 'sqlite3', 'markdown_it', 'orinkit.virtual', 'orinkit.cli.commands.get'} & set(sys.modules)))"
@@ -131,7 +131,7 @@ def test_help_loads_nothing_that_only_commands_need(program):
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "message"),
     [
         (
             ["frob"],
@@ -150,12 +150,12 @@ def test_help_loads_nothing_that_only_commands_need(program):
         (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout is given twice (see orinkit get --help)"),
     ],
 )
-def test_a_wrong_command_line_is_one_clear_line(refused, argv, said):
-    assert refused(*argv, code=2) == said
+def test_a_wrong_command_line_is_reported_in_one_line(refused, argv, message):
+    assert refused(*argv, code=2) == message
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "message"),
     [
         (["frob"], "コマンド frob はありません"),
         (["get"], "URL が指定されていません"),
@@ -165,12 +165,12 @@ def test_a_wrong_command_line_is_one_clear_line(refused, argv, said):
         (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout が二重に指定されています"),
     ],
 )
-def test_a_wrong_command_line_in_japanese(refused, argv, said):
+def test_a_wrong_command_line_in_japanese(refused, argv, message):
     i18n.use("ja")
-    assert refused(*argv, code=2).startswith(said)
+    assert refused(*argv, code=2).startswith(message)
 
 
-def test_what_nobody_foresaw_is_one_line_too(refused, run, monkeypatch):
+def test_an_unexpected_exception_is_one_line_too(refused, run, monkeypatch):
     monkeypatch.setattr(sys, "stdin", None)
     assert refused("decode", "-").startswith("unexpected AttributeError: ")
     monkeypatch.setenv("ORINKIT_TRACEBACK", "1")
@@ -186,7 +186,7 @@ def test_interrupted(program):
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "ORINKIT_LANG": "en"}, text=True,
         )  # fmt: skip
         peer, _ = silent.accept()
-        assert peer.recv(1)  # it has asked, and waits
+        assert peer.recv(1)  # it has sent a request and waits for the reply
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60)
         peer.close()
@@ -194,7 +194,7 @@ def test_interrupted(program):
 
 
 @pytest.mark.parametrize("module", ["orinkit.cli.app", "cyclopts", "orinkit.cli.commands.functions"])
-def test_interrupted_in_the_first_moments(module):
+def test_interrupted_during_start(module):
     """Ctrl-C while modules are imported."""
     script = f"""
 import sys
@@ -214,7 +214,7 @@ sys.exit(orinkit.__main__.main())
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "orinkit: interrupted\n")
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is of Linux")  # noqa: PTH110
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full requires Linux")  # noqa: PTH110
 @pytest.mark.parametrize("argv", [["functions"], ["abh3", "dbc"], ["functions", "1", "--json"]])
 def test_a_full_disk_is_one_line(program, argv):
     with open("/dev/full", "w") as full:  # noqa: PTH123
@@ -225,14 +225,14 @@ def test_a_full_disk_is_one_line(program, argv):
     assert (done.returncode, done.stderr) == (1, "orinkit: reading or writing failed: No space left on device\n")
 
 
-def test_no_stderr_to_say_it_on(program):
-    """Errors do not get among the results."""
+def test_closed_stderr(program):
+    """Errors are not written to stdout."""
     line = shlex.join([*program, "get", "a", "b", "--zip"])
     done = subprocess.run(["sh", "-c", f"{line} 2>&-"], capture_output=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (2, b"", b"")
 
 
-def test_a_reader_that_has_seen_enough_is_no_trouble(program):
+def test_a_reader_that_closes_the_pipe(program):
     process = subprocess.Popen([*program, "functions"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None
     process.stdout.close()

@@ -1,4 +1,4 @@
-"""functions: the table, as a list, a card, JSON."""
+"""functions: the table as a list, as details of one function, and as JSON."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ def test_the_list_has_every_function(run):
     assert lines[8].split(maxsplit=2) == ["9", "Controller_GetVariable", FUNCTIONS[9].en]
 
 
-@pytest.mark.parametrize("text", ["slave mode of none", "Zzz"])
+@pytest.mark.parametrize("text", ["slave mode of nothing", "Zzz"])
 def test_nothing_found(refused, text):
     assert refused("functions", text) == f"no function contains {text!r}"
 
 
 @pytest.mark.parametrize(("text", "name"), [("halt", "Robot_Halt"), ("get_mess", "Controller_GetMessage"), ("home pose", "Robot_GoHome"), ("変数の値", "Variable_GetValue")])  # fmt: skip
-def test_a_filter_looks_at_names_and_texts(run, text, name):
+def test_a_filter_searches_names_and_texts(run, text, name):
     assert name in run("functions", text).out
     assert "Service_Start" not in run("functions", text).out
 
 
 @pytest.mark.parametrize("text", ["72", "Robot_Move", "robot_move"])
-def test_one_function_is_shown_in_full(run, text):
+def test_one_function_is_shown_in_detail(run, text):
     lines = run("functions", text).out.splitlines()
     assert lines[0] == 'Robot_Move(handle, interpolation: VT_I4, pose: VARIANT, option: VT_BSTR = "")'
     assert lines[3:] == [
@@ -38,13 +38,13 @@ def test_one_function_is_shown_in_full(run, text):
     ]
 
 
-def test_the_card_says_what_releases_a_handle(run):
+def test_the_details_show_the_function_that_releases_a_handle(run):
     out = run("functions", "Controller_GetRobot").out
     assert "-> Robot handle" in out
     assert "released by  Robot_Release" in out
 
 
-def test_json_has_everything(run):
+def test_json_contains_all_details(run):
     table = run("functions", "--json").json
     assert [entry["id"] for entry in table] == list(range(1, 138))
     assert table[71]["arguments"][3] == {

@@ -1,4 +1,4 @@
-"""The end of the terminal (SIGHUP) shuts every server down as SIGTERM does, and leaves nothing behind."""
+"""The end of the terminal (SIGHUP) shuts down every server as SIGTERM does, without leftovers."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Lamp(Device):
 
 @pytest.fixture(autouse=True)
 def _no_nohup() -> Iterator[None]:
-    """What these tests start is not to ignore SIGHUP, though the tests may."""
+    """Restore SIGHUP, so that child processes do not ignore it if the tests run under nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     yield
     signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="there is no such signal")
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="SIGHUP does not exist")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_sighup_is_a_clean_shutdown(program: list[str], command: str, tmp_path: Path) -> None:
     with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as upstream:
@@ -63,8 +63,8 @@ def test_sighup_is_a_clean_shutdown(program: list[str], command: str, tmp_path: 
     assert [each.name for each in tmp_path.iterdir() if each.name.startswith("orinkit-rc8-")] == []
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="there is no such signal")
-def test_nohup_keeps_a_server(program: list[str]) -> None:
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="SIGHUP does not exist")
+def test_nohup_keeps_a_server_running(program: list[str]) -> None:
     process = subprocess.Popen(
         [*program, *COMMANDS["rc8"]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8",
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),

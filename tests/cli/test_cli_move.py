@@ -1,4 +1,4 @@
-"""move: a robot moves, what it did is recorded, and everything is as it was before."""
+"""move: a robot moves, its motion is recorded, and the previous state is restored."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from support.waiting import until
 HOME = [0, 45, 90, 0, 45, 0]
 THERE = [45, 30, 120, 0, -60, 0]
 POSE = "J(45,30,120,0,-60,0)"
-SLOWLY = ("--speed", "0.3")  # several seconds at twenty times the speed: nobody has to be quick
+SLOWLY = ("--speed", "0.3")  # several seconds at a time scale of 20, so tests need not be quick
 SIGNALS = tuple(
     number
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    if signal.getsignal(number) is not signal.SIG_IGN  # as under nohup
+    if signal.getsignal(number) is not signal.SIG_IGN  # ignored under nohup
 )
 
 
@@ -47,7 +47,7 @@ def joints(rc8: VirtualRC8) -> list[float]:
     return found
 
 
-def test_it_moves_and_gives_everything_back(run, rc8, url):
+def test_it_moves_and_restores_the_previous_state(run, rc8, url):
     done = run("move", url, POSE)
     assert (done.code, done.err) == (0, "")
     assert done.out == "J(45, 30, 120, 0, -60, 0)\nP(234.166, 234.166, 345.67, 0, 90, 45, 1)\n"
@@ -63,13 +63,13 @@ def test_a_motor_that_was_on_stays_on(run, rc8, url):
     assert status(rc8, "motor", "arm_holder") == ["on", ""]
 
 
-def test_the_motor_is_left_alone(refused, rc8, url):
+def test_no_motor(refused, rc8, url):
     assert "MOTOR_NOT_ON" in refused("move", url, POSE, "--no-motor")
     assert joints(rc8) == pytest.approx(HOME)
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
 
 
-def test_what_is_sent(run, rc8, url):
+def test_the_call_sent(run, rc8, url):
     done = run("move", url, "P(380,0,250,180,0,180,5)", "--line", "--speed", "30.5", "--mark", "@E", "--trace")
     assert done.code == 0
     assert 'Robot_Move(3, 2, "@E P(380,0,250,180,0,180,5)", "SPEED=30.5,NEXT")' in done.err
@@ -94,7 +94,7 @@ def test_a_record(run, rc8, url, tmp_path):
     assert values[0][1:] == pytest.approx([*HOME, *HOME], abs=1)
     assert values[-1][1:] == pytest.approx([*THERE, *THERE])
     assert all(a[1] <= b[1] for a, b in pairwise(values))
-    # the next one is a record of its own
+    # the next run writes a new record
     assert run("move", url, "J(44,30,120,0,-60,0)", "--record", str(path)).code == 0
     assert float(path.read_text().splitlines()[1].split(",")[1]) == pytest.approx(45, abs=1)
 
@@ -123,7 +123,7 @@ def test_a_pose_out_of_reach(refused, rc8, url):
     assert status(rc8, "motor", "arm_holder") == ["off", ""]
 
 
-def test_an_error_that_is_there_already(refused, run, rc8, url):
+def test_an_error_before_the_motion(refused, run, rc8, url):
     rc8.raise_error(0x83204071, "axis 1 is at its limit")
     line = refused("move", url, POSE)
     assert "the controller reports 0x83204071 axis 1 is at its limit" in line
@@ -133,7 +133,7 @@ def test_an_error_that_is_there_already(refused, run, rc8, url):
     assert run("move", url, POSE).code == 0
 
 
-def test_an_error_on_the_way_is_told_once(refused, rc8, url, when):
+def test_an_error_during_the_motion_is_reported_once(refused, rc8, url, when):
     when(lambda: joints(rc8)[0] > 1, lambda: rc8.raise_error(0x83204071, "axis 1 is at its limit"))
     line = refused("move", url, POSE, *SLOWLY)
     assert "STOPPED_DURING_PC_MOTION" in line
@@ -141,7 +141,7 @@ def test_an_error_on_the_way_is_told_once(refused, rc8, url, when):
     assert "Controller_Execute ClearError" in line
 
 
-def test_the_emergency_stop_is_told(refused, rc8, url, when):
+def test_the_emergency_stop_is_reported(refused, rc8, url, when):
     when(lambda: joints(rc8)[0] > 1, rc8.pendant.emergency_stop)
     assert "the emergency stop is pressed" in refused("move", url, POSE, *SLOWLY)
 
@@ -150,7 +150,7 @@ def test_help_has_no_empty_default(run):
     assert '[default: ""]' not in run("move", "--help").out
 
 
-def test_an_arm_that_another_one_has(refused, rc8, url):
+def test_an_arm_taken_by_another_client(refused, rc8, url):
     with orinkit.connect(url) as other:
         robot = other.robot()
         robot.execute("TakeArm")
@@ -168,12 +168,12 @@ def test_ctrl_c_halts_the_arm(run, rc8, url, when, tmp_path, number):
     assert [signal.getsignal(each) for each in SIGNALS] == handlers
     assert 1 < joints(rc8)[0] < 40
     assert status(rc8, "motor", "arm_holder", "moving") == ["off", "", False]
-    assert len(path.read_text().splitlines()) > 5  # what it did until then
+    assert len(path.read_text().splitlines()) > 5  # the motion up to the interruption
 
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_ctrl_c_before_it_moves(run, when, number):
-    clock = ManualClock()  # the motor is not on before it is told to be
+    clock = ManualClock()  # the motor does not switch on until the test advances the clock
     device = VirtualRC8(clock=clock, language="en")
 
     def interrupt() -> None:
@@ -190,7 +190,7 @@ def test_ctrl_c_before_it_moves(run, when, number):
     device.close()
 
 
-def test_another_one_halts(refused, rc8, url, when, tmp_path):
+def test_another_client_halts_the_arm(refused, rc8, url, when, tmp_path):
     def halt() -> None:
         with orinkit.connect(url) as other:
             other.robot().halt()
@@ -204,7 +204,7 @@ def test_another_one_halts(refused, rc8, url, when, tmp_path):
     assert path.exists()
 
 
-def test_the_controller_goes_away(capsys, when, tmp_path):
+def test_the_connection_is_lost(capsys, when, tmp_path):
     device = VirtualRC8(clock=Clock(20))
     server = orinkit.serve(device, "tcp://127.0.0.1:0")
     when(lambda: joints(device)[0] > 1, server.close)
@@ -216,7 +216,7 @@ def test_the_controller_goes_away(capsys, when, tmp_path):
     device.close()
 
 
-def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
+def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "120")
     done = run("move", url, POSE, "--speed", "20", "--record", str(tmp_path / "x.csv"))

@@ -1,4 +1,4 @@
-"""--option of the commands that connect, and the words that a device has for its errors."""
+"""--option of the commands that connect, and error descriptions of devices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BUS = multicast.bus()
 
 
 class Gripper(Device):
-    """Fails in words."""
+    """A device whose errors have descriptions."""
 
     provider_names = (GRIPPER,)
 
@@ -62,19 +62,19 @@ def gripper_url(gripper, request) -> Iterator[str]:
         yield server.url
 
 
-# --- words ------------------------------------------------------------------------------------------------------------
+# --- error descriptions -----------------------------------------------------------------------------------------------
 
 PATIENTLY = ("--timeout", f"{PATIENCE:g}")
 
 
 @pytest.fixture
 def _patient(monkeypatch) -> None:
-    """The words are waited for as long as everything else: over UDP they are asked for once."""
-    monkeypatch.setattr(connection, "_ASKING", PATIENCE)
+    """Set the usual time-out for error descriptions, because over UDP they are requested only once."""
+    monkeypatch.setattr(connection, "_DESCRIPTION_TIMEOUT", PATIENCE)
 
 
 @pytest.mark.usefixtures("_patient")
-def test_an_error_is_told_in_the_words_of_the_device(refused, gripper_url):
+def test_an_error_is_reported_with_the_description_of_the_device(refused, gripper_url):
     line = refused("get", gripper_url, "WIDTH", "--provider", GRIPPER, *PATIENTLY)
     assert line.startswith("Variable_GetValue(")
     assert "0x80040201" in line
@@ -88,25 +88,25 @@ def test_an_error_is_told_in_the_words_of_the_device(refused, gripper_url):
 
 
 @pytest.mark.usefixtures("_patient")
-def test_what_the_command_line_adds_is_still_there(refused, gripper_url):
+def test_the_hint_of_the_command_line_is_kept(refused, gripper_url):
     line = refused("put", gripper_url, "WIDTH", "--provider", GRIPPER, *PATIENTLY, "--", "-1")
     assert "[-1 mm]" in line
     assert "On the command line: " in line
 
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
-def test_words_that_say_no_more_than_the_code(refused, gripper_url, lang):
+def test_a_description_that_repeats_the_code_is_omitted(refused, gripper_url, lang):
     i18n.use(lang)
     assert "[" not in refused("get", gripper_url, "PLAIN", "--provider", GRIPPER)
 
 
-def test_long_words(refused, gripper, gripper_url):
+def test_long_descriptions(refused, gripper, gripper_url):
     gripper.words = "x" * 100_000
     assert len(refused("get", gripper_url, "WIDTH", "--provider", GRIPPER)) < 2000
 
 
 class Silent(Provider):
-    """Refuses everything, and answers the question why as it is told: ``answer`` is a value, an exception, or nothing at all."""
+    """Refuses every command except GetErrorDescription, which returns or raises ``answer``, or blocks for None."""
 
     provider_names = ("Test.Silent",)
 
@@ -136,7 +136,7 @@ class _SilentController(ControllerObject):
 
 
 @pytest.mark.parametrize("answer", [CallError(0x80004001), ValueError("a fault"), 5, [1, 2], "", "  "])
-def test_a_device_without_words(refused, answer):
+def test_a_device_without_descriptions(refused, answer):
     device = Silent(answer)
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
         line = refused("call", server.url, "Controller_Execute", "Any", "--provider", "Test.Silent")
@@ -145,9 +145,9 @@ def test_a_device_without_words(refused, answer):
     assert device.asked == 1
 
 
-def test_a_device_that_does_not_answer_the_question(refused, monkeypatch):
-    """It is asked once, with one try; the first error is told."""
-    monkeypatch.setattr(connection, "_ASKING", 0.05)
+def test_a_device_that_does_not_reply_with_a_description(refused, monkeypatch):
+    """The description is requested once, without retries; the first error is reported."""
+    monkeypatch.setattr(connection, "_DESCRIPTION_TIMEOUT", 0.05)
     device = Silent(None)
     with orinkit.serve(device, "udp://127.0.0.1:0") as server:
         try:
@@ -159,8 +159,8 @@ def test_a_device_that_does_not_answer_the_question(refused, monkeypatch):
     assert device.asked == 1
 
 
-def test_denso_controllers_are_not_asked(refused, run):
-    """Their codes are known here."""
+def test_denso_controllers_are_not_queried(refused, run):
+    """Their codes have built-in descriptions."""
     rc8 = VirtualRC8(language="en")
     try:
         with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
@@ -175,7 +175,7 @@ def test_denso_controllers_are_not_asked(refused, run):
 # --- options ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_option_is_that_of_controller_connect(run, recorder: Recorder, recorder_url):
+def test_the_option_is_passed_to_controller_connect(run, recorder: Recorder, recorder_url):
     option = "Interface=socketcan, Channel=can0, Address=1"
     for argv in (
         ("get", recorder_url, "@X"),

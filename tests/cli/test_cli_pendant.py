@@ -1,4 +1,4 @@
-"""pendant, and what serve rc8 has for it: the control port and the options of the robot."""
+"""pendant, and its counterpart in serve rc8: the control port and the options of the robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cli._shared.control_secret import find_secret, left_for
+from orinkit.cli._shared.control_secret import find_secret, stored_secret
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli.commands.pendant import ACTIONS, PROVIDER
 from orinkit.core import i18n
@@ -33,7 +33,7 @@ def rc8() -> Iterator[VirtualRC8]:
 
 @pytest.fixture(autouse=True)
 def runtime(tmp_path, monkeypatch) -> Path:
-    """Where secrets are left: not where those of the account's own servers are."""
+    """The directory of the secrets, separate from the one of real servers of this account."""
     directory = tmp_path / "runtime"
     directory.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(directory))
@@ -42,9 +42,9 @@ def runtime(tmp_path, monkeypatch) -> Path:
 
 @contextmanager
 def buttons(rc8) -> Iterator[str]:
-    """Serve the buttons as the command does; yields where they are."""
+    """Serve the buttons as the command does; yields their address."""
     provider = ControlProvider(rc8)
-    with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, left_for(provider.secret, port_of(server.url)):
+    with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, stored_secret(provider.secret, port_of(server.url)):
         yield server.url
 
 
@@ -54,14 +54,14 @@ def port_of(url: str) -> int:
 
 @pytest.fixture
 def control(rc8) -> Iterator[str]:
-    """Where the buttons are."""
+    """The address of the buttons."""
     with buttons(rc8) as url:
         yield url
 
 
 @pytest.fixture
 def press(run, control) -> Callable[..., str]:
-    """Press a button, with success; returns what is printed."""
+    """Press a button, check for success and return the output."""
 
     def press(*words: str) -> str:
         done = run("pendant", control, *words)
@@ -74,7 +74,7 @@ def press(run, control) -> Callable[..., str]:
 # --- the buttons ------------------------------------------------------------------------------------------------------
 
 
-def test_words_are_those_of_the_control_port():
+def test_names_match_the_control_port():
     assert PROVIDER == PROVIDER_NAME
     assert {action.command for action in ACTIONS.values()} == set(CONTROL_NAMES)
     assert {name: ModeSwitch(MODE_NAMES[name]) for name in MODE_NAMES} == {
@@ -132,7 +132,7 @@ def test_jog_without_waiting(run):
         press("deadman", "on")
         press("motor", "on", seconds=2)
         press("jog", "1", "90", seconds=0.5)
-        press("deadman", "off", seconds=10)  # it stops, long before it is there
+        press("deadman", "off", seconds=10)  # it stops long before the target
         with rc8.state.cycles:
             assert 1 < rc8.state.arm.queue.joints[0] < 45
     rc8.close()
@@ -169,11 +169,11 @@ def test_in_japanese(press):
     assert press("estop", "on").startswith("非常停止  on\n")
 
 
-# --- what is wrong ----------------------------------------------------------------------------------------------------
+# --- errors -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["jump"], "unknown action 'jump'. Try: mode, token, estop, "),
         (["mode"], "usage: mode manual|teach|auto"),
@@ -192,14 +192,14 @@ def test_in_japanese(press):
         ([], "ACTION is missing"),
     ],
 )
-def test_command_lines_that_cannot_be(refused, control, words, said):
-    assert refused("pendant", control, *words, code=2).startswith(said)
+def test_invalid_command_lines(refused, control, words, message):
+    assert refused("pendant", control, *words, code=2).startswith(message)
 
 
-def test_what_the_controller_refuses(refused, control):
-    said = refused("pendant", control, "jog", "1", "5")
-    assert "0x81501016 REFUSED_IN_AUTO_MODE: " in said
-    assert "Try: " in said
+def test_actions_that_the_controller_refuses(refused, control):
+    message = refused("pendant", control, "jog", "1", "5")
+    assert "0x81501016 REFUSED_IN_AUTO_MODE: " in message
+    assert "Try: " in message
 
 
 @pytest.mark.parametrize(
@@ -212,19 +212,19 @@ def test_what_the_controller_refuses(refused, control):
     ],
 )
 def test_arguments_that_the_controller_refuses(words, form, refused, control):
-    said = refused("pendant", control, *words)
-    assert "0x80070057 E_INVALIDARG: " in said
-    assert said.endswith(f"usage: {form}")
+    message = refused("pendant", control, *words)
+    assert "0x80070057 E_INVALIDARG: " in message
+    assert message.endswith(f"usage: {form}")
 
 
-def test_a_port_that_is_none(refused, url):
-    said = refused("pendant", url, "status")
-    assert said == f"{url} is not a control port. Try: orinkit serve rc8 --control 127.0.0.1:5008"
+def test_a_port_that_is_not_a_control_port(refused, url):
+    message = refused("pendant", url, "status")
+    assert message == f"{url} is not a control port. Try: orinkit serve rc8 --control 127.0.0.1:5008"
     assert refused("pendant", "tcp://127.0.0.1:1", "status").startswith("cannot connect to tcp://127.0.0.1:1")
 
 
 class _Parrot(orinkit.Provider):
-    """Has the name of a control port and nothing else."""
+    """A provider with the name of a control port whose commands all return ``answer``."""
 
     provider_names = (PROVIDER_NAME,)
 
@@ -238,7 +238,7 @@ class _Parrot(orinkit.Provider):
 
 
 @pytest.mark.parametrize("answer", [None, 5, "{", "[]", "[" * 100_000])
-def test_a_status_that_is_none(refused, answer):
+def test_an_invalid_status(refused, answer):
     with orinkit.serve(_Parrot(answer), "tcp://127.0.0.1:0") as server:
         assert refused("pendant", server.url, "status").startswith("unexpected reply to Status: ")
 
@@ -291,7 +291,7 @@ def test_serve_with_a_control_port(serve, run, runtime):
 
 
 def test_a_file_for_the_secret(serve, run, refused, runtime, tmp_path):
-    """Made where there is none, and removed at the end; used as it is where there is one."""
+    """The file is created if it does not exist, and removed at the end; an existing file is used and kept."""
     file = tmp_path / "secret"
     options = ("--control", "127.0.0.1:0", "--control-secret-file", str(file))
     process, lines = serve(*options, lines=3)
@@ -319,31 +319,32 @@ def test_a_file_for_the_secret(serve, run, refused, runtime, tmp_path):
 
 def test_files_that_cannot_be_used(refused, tmp_path, control):
     file = tmp_path / "secret"
-    said = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
-    assert said.startswith(f"--control-secret-file {file}: ")
+    message = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
+    assert message.startswith(f"--control-secret-file {file}: ")
     file.write_text("too short")
     file.chmod(0o600)
-    said = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
-    assert said.startswith(f"--control-secret-file {file}: a secret must have 16 to 256")
+    message = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
+    assert message.startswith(f"--control-secret-file {file}: a secret must have 16 to 256")
     file.write_text("0123456789abcdef")
     assert "refuses the secret. Try: " in refused("pendant", control, "status", "--control-secret-file", str(file))
     file.chmod(0o644)
     for command in (("pendant", control, "status"), ("serve", "rc8", "--control", "127.0.0.1:0")):
-        said = refused(*command, "--control-secret-file", str(file), code=2)
+        message = refused(*command, "--control-secret-file", str(file), code=2)
         assert (
-            said == f"--control-secret-file {file}: other accounts can read or change the file. Try: chmod 600 {file}"
+            message
+            == f"--control-secret-file {file}: other accounts can read or change the file. Try: chmod 600 {file}"
         )
-    said = refused("serve", "rc8", "--control-secret-file", str(file), code=2)
-    assert said == "--control-secret-file requires --control HOST:PORT"
+    message = refused("serve", "rc8", "--control-secret-file", str(file), code=2)
+    assert message == "--control-secret-file requires --control HOST:PORT"
 
 
-def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monkeypatch):
-    """A directory of somebody else, a link to one, one that is open to others."""
+def test_no_secret_is_stored_in_an_unsafe_directory(refused, runtime, tmp_path, monkeypatch):
+    """The directory is a link, is accessible to others, or belongs to another user."""
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir(mode=0o700)
     runtime.symlink_to(elsewhere)
-    said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0")
-    assert said.startswith(f"cannot store the secret of the control port in {runtime}: ")
+    message = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0")
+    assert message.startswith(f"cannot store the secret of the control port in {runtime}: ")
     runtime.unlink()
     runtime.mkdir(mode=0o755)
     runtime.chmod(0o755)
@@ -352,7 +353,7 @@ def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monke
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
     with (
         pytest.raises(CommandError, match="not a directory that only this account can access"),
-        left_for("0" * 16, 5008),
+        stored_secret("0" * 16, 5008),
     ):
         pass
     if os.getuid() == 0:
@@ -360,32 +361,32 @@ def test_nothing_is_left_where_others_can_look(refused, runtime, tmp_path, monke
         os.chown(runtime, 65534, 65534)
         with (
             pytest.raises(CommandError, match="not a directory that only this account can access"),
-            left_for("0" * 16, 5008),
+            stored_secret("0" * 16, 5008),
         ):
             pass
 
 
 @pytest.mark.parametrize("given", [None, "", "relative", "/nowhere"])
-def test_where_there_is_no_runtime_directory(given, tmp_path, monkeypatch):
+def test_without_a_runtime_directory(given, tmp_path, monkeypatch):
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     if given is not None:
         monkeypatch.setenv("XDG_RUNTIME_DIR", given)
     directory = tmp_path / f"orinkit-{os.getuid()}"
-    with left_for("0" * 16, 5008):
+    with stored_secret("0" * 16, 5008):
         assert stat.S_IMODE(directory.stat().st_mode) == 0o700
         assert find_secret(Address("tcp", "127.0.0.1", 5008)) == "0" * 16
         assert find_secret(Address("tcp", "127.0.0.1", 5009)) == ""
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
 
 
-def test_what_a_killed_server_has_left_is_replaced(runtime):
-    with left_for("0" * 16, 5008), left_for("1" * 16, 5008):
+def test_the_secret_of_a_killed_server_is_replaced(runtime):
+    with stored_secret("0" * 16, 5008), stored_secret("1" * 16, 5008):
         assert find_secret(Address("tcp", "localhost", 5008)) == "1" * 16
     assert list(runtime.iterdir()) == []
-    with left_for("0" * 16, 5008):
+    with stored_secret("0" * 16, 5008):
         (runtime / "control-5008").write_text("1" * 16)
-    assert (runtime / "control-5008").read_text() == "1" * 16  # of a server that came later
+    assert (runtime / "control-5008").read_text() == "1" * 16  # belongs to a server that was started later
 
 
 def test_the_secret_is_not_sent_to_other_machines(run, control, runtime, monkeypatch):
@@ -398,7 +399,7 @@ def test_the_secret_is_not_sent_to_other_machines(run, control, runtime, monkeyp
     assert [option is not None for option in seen] == [True, True, False, False]
 
 
-def test_serve_without_one(serve):
+def test_serve_without_a_control_port(serve):
     process, lines = serve()
     process.send_signal(signal.SIGTERM)
     out, _ = process.communicate(timeout=60)
@@ -439,18 +440,18 @@ def test_joints_as_numbers(joints, serve):
 
 @pytest.mark.parametrize("address", ["0.0.0.0:5008", "192.0.2.1:5008", "[::]:5008", "robot:5008", "tcp://10.0.0.1:0"])
 def test_a_control_port_that_others_could_reach(address, refused):
-    said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", address, code=2)
-    assert said.startswith(f"--control {address}: only loopback addresses are allowed")
+    message = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", address, code=2)
+    assert message.startswith(f"--control {address}: only loopback addresses are allowed")
 
 
 def test_a_control_port_that_is_taken(refused):
     with orinkit.serve(orinkit.Provider(), "tcp://127.0.0.1:0") as server:
-        said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", server.url)
-    assert said.startswith(f"cannot listen on {server.url}: ")
+        message = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", server.url)
+    assert message.startswith(f"cannot listen on {server.url}: ")
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--control", "127.0.0.1:99999"], "is not 0 to 65535"),
         (["--mode", "asleep"], "'asleep' is not a mode. Try: manual, teach or auto"),
@@ -470,5 +471,5 @@ def test_a_control_port_that_is_taken(refused):
         (["--time-scale", "fast"], "'fast' is not a valid value for --time-scale"),
     ],
 )
-def test_options_that_cannot_be(options, said, refused):
-    assert said in refused("serve", "rc8", "--tcp", "127.0.0.1:0", *options, code=2)
+def test_invalid_options(options, message, refused):
+    assert message in refused("serve", "rc8", "--tcp", "127.0.0.1:0", *options, code=2)

@@ -1,4 +1,4 @@
-"""plot: a recorded motion becomes a picture, and a file that is none says why."""
+"""plot: pictures of recorded motions, and errors for invalid files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEADER = "time_s,J1_command,J2_command\n"
 
 
 def record(command: float, encoder: float) -> list[float]:
-    """A record of the control log, joint 7 and 8 unused."""
+    """Return a record of the control log in which joints 7 and 8 are unused."""
     values = [0.0] * 32
     values[: 6 * 4] = [command, encoder, 0.1, 5.0] * 6
     return [*values, 0, 0, 0, 0, 17, 0, 0]
@@ -39,12 +39,12 @@ def test_a_picture(run, motion, tmp_path, kind):
     assert target.read_bytes().startswith(SIGNATURES[kind])
 
 
-def test_the_picture_stands_beside_the_file(run, motion):
+def test_the_picture_is_written_beside_the_file(run, motion):
     assert run("plot", str(motion)).out == f"{motion.with_suffix('.png')}\n"
     assert motion.with_suffix(".png").stat().st_size > 10_000
 
 
-def test_what_is_drawn(run, motion, tmp_path):
+def test_contents_of_the_picture(run, motion, tmp_path):
     target = tmp_path / "picture.svg"
     run("plot", str(motion), "--out", str(target))
     text = target.read_text()
@@ -62,7 +62,7 @@ def test_what_is_drawn(run, motion, tmp_path):
     assert "<!-- J7 -->" not in text
 
 
-def test_equal_curves_stay_visible(motion):
+def test_identical_curves_stay_visible(motion):
     from matplotlib.figure import Figure
 
     figure = Figure()
@@ -78,7 +78,7 @@ def test_an_arm_that_did_not_move(run, tmp_path):
     assert "<!-- the arm did not move -->" in target.read_text()
 
 
-def test_without_encoders_and_with_two_moments(run, tmp_path):
+def test_without_encoders_and_with_two_samples(run, tmp_path):
     path = tmp_path / "x.csv"
     path.write_text(f"{HEADER}0,1,2\n0.5,2,3\n\n")
     target = tmp_path / "x.svg"
@@ -87,7 +87,7 @@ def test_without_encoders_and_with_two_moments(run, tmp_path):
     assert "acceleration" not in target.read_text()
 
 
-def test_what_is_written_is_read(motion):
+def test_a_written_file_can_be_read(motion):
     read = read_csv(motion)
     assert list(read.joints) == [1, 2, 3, 4, 5, 6]
     assert read.times[:3] == pytest.approx([0, PERIOD, 2 * PERIOD])
@@ -95,7 +95,7 @@ def test_what_is_written_is_read(motion):
     assert read.encoder[-1] == pytest.approx([89.9] * 6)
 
 
-def test_extra_joints_are_there_if_they_are_used():
+def test_extended_joints_are_included_if_they_are_used():
     moved = record(1, 1)
     moved[7 * 4] = 5.0
     assert recording_of([joints_of(record(0, 0)), joints_of(moved)]).joints == [1, 2, 3, 4, 5, 6, 8]
@@ -122,7 +122,7 @@ def test_extra_joints_are_there_if_they_are_used():
         (b"time_s," + b"x" * 200_000, "not a CSV file"),
     ],
 )
-def test_a_file_that_is_none(refused, tmp_path, content, words):
+def test_an_invalid_file(refused, tmp_path, content, words):
     path = tmp_path / "x.csv"
     path.write_bytes(content)
     line = refused("plot", str(path), code=2)
@@ -169,8 +169,8 @@ def test_a_window(run, motion, monkeypatch):
     plt.close("all")
 
 
-def test_labels_in_japanese_where_a_font_has_it(run, motion, tmp_path, monkeypatch):
-    """A machine without such a font gets English labels and no boxes."""
+def test_labels_are_in_english_without_a_japanese_font(run, motion, tmp_path, monkeypatch):
+    """The labels are English instead of boxes."""
     from matplotlib.font_manager import fontManager
 
     i18n.use("ja")
@@ -181,6 +181,6 @@ def test_labels_in_japanese_where_a_font_has_it(run, motion, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("answer", [None, [], [1.0] * 31, ["x"] * 39, "text"])
-def test_records_that_are_none(answer):
+def test_invalid_records(answer):
     with pytest.raises(Exception, match="unexpected reply to GetLogRecord"):
         joints_of(answer)

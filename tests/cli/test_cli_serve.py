@@ -1,4 +1,4 @@
-"""serve rc8, as a process of its own: what it says, how it stops, what it keeps."""
+"""serve rc8 in a separate process: its output, its shutdown, and its stored variables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Serve = Callable[..., "tuple[subprocess.Popen[str], str]"]
 
 @pytest.fixture
 def serve(program) -> Iterator[Serve]:
-    """Start ``orinkit serve rc8``, on TCP unless told where; returns the process and the address of its first listener."""
+    """Start ``orinkit serve rc8``, on TCP by default; returns the process and the address of its first listener."""
     started: list[subprocess.Popen[str]] = []
 
     def serve(*options: str, where: tuple[str, ...] = ("--tcp", "127.0.0.1:0")) -> tuple[subprocess.Popen[str], str]:
@@ -45,12 +45,12 @@ def stop(process: subprocess.Popen[str], number: int) -> tuple[int, str, str]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_says_ready_serves_and_stops_when_told(serve, number):
+def test_ready_line_service_and_clean_stop(serve, number):
     process, url = serve()
     with orinkit.connect(url) as controller:
         controller.variable("I1").value = 5
         assert controller.variable("I1").value == 5
-        code, out, err = stop(process, number)  # a client that is still there does not keep it
+        code, out, err = stop(process, number)  # a connected client does not prevent it
     assert (code, out) == (0, "")
     assert f"listening on {url}" in err
     assert "Traceback" not in err
@@ -67,7 +67,7 @@ def test_one_line_for_each_listener(serve):
 
 
 @pytest.mark.parametrize("where", [("--udp", "127.0.0.1:0"), ("--udp", "udp:127.0.0.1:0"), ("--pty",)])
-def test_where_it_is_served_otherwise_it_is_not_on_tcp(serve, where):
+def test_other_listeners_replace_the_default_one(serve, where):
     process, url = serve(where=where)
     with orinkit.connect(url) as controller:
         assert controller.variable("@TYPE").value == "RC8"
@@ -110,7 +110,7 @@ def test_options_of_the_controller(serve):
         assert len(kept) == 2
 
 
-def test_the_pc_provider_is_accepted_where_asked_for(serve):
+def test_the_pc_provider_is_accepted_if_requested(serve):
     _, url = serve()
     with pytest.raises(orinkit.CallError) as caught:
         orinkit.connect(url, provider="CaoProv.DENSO.RC8")
@@ -128,7 +128,7 @@ def test_permission(serve):
             controller.variable("I1").value = 1
 
 
-def test_variables_are_kept_in_the_state_directory(serve, tmp_path, refused):
+def test_variables_are_stored_in_the_state_directory(serve, tmp_path, refused):
     state = str(tmp_path / "state")
     process, url = serve("--state", state)
     with orinkit.connect(url) as controller:
@@ -142,12 +142,12 @@ def test_variables_are_kept_in_the_state_directory(serve, tmp_path, refused):
 
 def test_a_port_that_is_taken(refused):
     with orinkit.serve(orinkit.Provider(), "tcp://127.0.0.1:0") as server:
-        said = refused("serve", "rc8", "--tcp", server.url)
-    assert said.startswith(f"cannot listen on {server.url}: ")
+        message = refused("serve", "rc8", "--tcp", server.url)
+    assert message.startswith(f"cannot listen on {server.url}: ")
 
 
-def test_a_warning_where_other_machines_can_come_in(run):
-    done = run("serve", "rc8", "--tcp", "192.0.2.1:5007")  # an address that no machine has
+def test_a_warning_if_other_machines_can_connect(run):
+    done = run("serve", "rc8", "--tcp", "192.0.2.1:5007")  # an address that does not exist
     assert done.code == 1
     warning, error = done.err.splitlines()
     assert warning.startswith("orinkit: warning: 192.0.2.1:5007 is reachable from other machines")
@@ -162,22 +162,22 @@ def test_the_warning_is_for_udp_too(run):
     assert error.startswith("orinkit: cannot listen on udp://192.0.2.1:5007")
 
 
-def test_a_serial_port_that_is_not_there(refused):
+def test_a_serial_port_that_does_not_exist(refused):
     pytest.importorskip("serialx")
-    said = refused("serve", "rc8", "--serial", "/dev/ttyThereIsNone?baudrate=9600")
-    assert said.startswith("cannot open the serial port /dev/ttyThereIsNone: ")
+    message = refused("serve", "rc8", "--serial", "/dev/ttyThereIsNone?baudrate=9600")
+    assert message.startswith("cannot open the serial port /dev/ttyThereIsNone: ")
 
 
 @pytest.mark.parametrize(
     ("host", "expected"),
     [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("::", False), ("robot", False)],
 )  # fmt: skip
-def test_whatis_loopback(host, expected):
+def test_is_loopback(host, expected):
     assert is_loopback(host) is expected
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
         (["--tcp", "127.0.0.1:99999"], "is not 0 to 65535"),
@@ -186,7 +186,7 @@ def test_whatis_loopback(host, expected):
         (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: this address belongs to tcp"),
         (["--serial", "/dev/ttyS0?speed=9600"], "unknown setting 'speed'"),
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
-        (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only an address of this machine itself"),
+        (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only loopback addresses are allowed"),
         (["--permission", "me=rw"], "'me' is not an IP address or network"),
         (["--count", "I"], "--count I: not CLASS=NUMBER. Try: I=200"),
         (["--count", "I=-1"], "--count I=-1: not CLASS=NUMBER"),
@@ -198,5 +198,5 @@ def test_whatis_loopback(host, expected):
         (["--dead-after", "1"], "--dead-after must be 2 to 7200 seconds, not 1.0"),
     ],
 )
-def test_options_that_cannot_be(refused, options, said):
-    assert said in refused("serve", "rc8", *options, code=2)
+def test_invalid_options(refused, options, message):
+    assert message in refused("serve", "rc8", *options, code=2)

@@ -1,4 +1,4 @@
-"""serve device, and devices beside the virtual RC8, as processes of their own."""
+"""serve device, and devices served with the virtual RC8, in separate processes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def next_url(process: subprocess.Popen[str]) -> str:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """Stop a server as Ctrl-C does; returns its log."""
+    """Stop a server as Ctrl-C does, and return its log."""
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (0, "")
@@ -63,14 +63,14 @@ def width(url: str, provider: str = GRIPPER) -> float:
 
 @pytest.fixture
 def site(tmp_path) -> Path:
-    """A gripper that is installed."""
+    """The directory of an installed gripper package."""
     return install(tmp_path / "site", "my-gripper", f"{GRIPPER} = my_gripper:Gripper", my_gripper=device("Test.Own"))
 
 
-# --- beside the virtual RC8 -------------------------------------------------------------------------------------------
+# --- with the virtual RC8 ---------------------------------------------------------------------------------------------
 
 
-def test_an_installed_device_is_reached_by_name_beside_the_virtual_rc8(serve, site):
+def test_an_installed_device_is_served_by_name_with_the_virtual_rc8(serve, site):
     process, url = serve("rc8")
     with orinkit.connect(url) as rc8, orinkit.connect(url, provider=GRIPPER) as gripper:
         rc8.variable("I1").value = 5
@@ -89,7 +89,7 @@ def test_without_providers(serve, site):
         width(url)
 
 
-def test_one_that_cannot_be_loaded_is_a_warning(serve, site):
+def test_a_device_that_cannot_be_loaded_is_a_warning(serve, site):
     install(site, "zz-bad", "Test.Bad = zz_bad:Bad\nTest.Gone = zz_bad:Gone", zz_bad="import no_such_module_at_all\n")
     process, url = serve("rc8")
     assert width(url) == 30.0
@@ -105,8 +105,8 @@ def test_one_that_cannot_be_loaded_is_a_warning(serve, site):
     assert "Traceback" not in log
 
 
-def test_one_that_is_named_comes_first(serve, site, tmp_path):
-    """A new version is tried while the old one is installed: it has the name, and the log says so."""
+def test_a_given_device_takes_precedence(serve, site, tmp_path):
+    """A new version can be tried while the old one is installed: it gets the name, and a warning is logged."""
     (tmp_path / "gripper.py").write_text(device(GRIPPER, width=1.0), encoding="utf-8")
     process, url = serve("rc8", "--provider", "gripper.py:Gripper")
     assert (width(url), width(url, "Test.Own")) == (1.0, 30.0)
@@ -119,34 +119,34 @@ def test_one_that_is_named_comes_first(serve, site, tmp_path):
     assert "serving Test.Own (my-gripper 1.0)\n" in log
 
 
-def test_several_are_named_with_and_without_those_that_are_installed(serve, site, tmp_path):
+def test_several_given_devices_with_and_without_installed_ones(serve, site, tmp_path):
     (tmp_path / "pump.py").write_text(device("Test.Pump", width=2.0, kind="Pump"), encoding="utf-8")
     (site / "lamp.py").write_text(device("Test.Lamp", width=3.0, kind="Lamp"), encoding="utf-8")
     process, url = serve("rc8", "--no-providers", "--provider", "pump.py", "--provider", "lamp:Lamp")
     assert (width(url, "Test.Pump"), width(url, "Test.Lamp")) == (2.0, 3.0)
     with pytest.raises(orinkit.CallError):
         width(url)
-    _, url = serve("rc8", "--provider", GRIPPER.lower())  # by its name: it is not there twice
+    _, url = serve("rc8", "--provider", GRIPPER.lower())  # by its name: it is served only once
     assert width(url) == 30.0
     assert "WARNING" not in stop(process)
 
 
-def test_one_that_is_named_and_cannot_be_served_ends_the_command(refused, tmp_path):
-    said = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--provider", str(tmp_path / "none.py"), code=2)
-    assert said.endswith("none.py: the file does not exist")
-    said = refused("serve", "rc8", "--provider", "orinkit.virtual.ve026a:VirtualVE026A", code=2)
-    assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in said
+def test_a_given_device_that_cannot_be_served_ends_the_command(refused, tmp_path):
+    message = refused("serve", "rc8", "--tcp", "127.0.0.1:0", "--provider", str(tmp_path / "none.py"), code=2)
+    assert message.endswith("none.py: the file does not exist")
+    message = refused("serve", "rc8", "--provider", "orinkit.virtual.ve026a:VirtualVE026A", code=2)
+    assert "VirtualRC8 and VirtualVE026A use different dialects of b-CAP" in message
 
 
-def test_two_entries_by_name_have_their_own_names(serve, site):
+def test_two_entry_points_keep_their_own_names(serve, site):
     install(site, "a-greedy", "Aaa.Greedy = greedy:Gripper", greedy=device(GRIPPER, width=1.0))
     for options in (("device", "Aaa.Greedy", GRIPPER), ("rc8",)):
         process, url = serve(*options)
         assert (width(url, "Aaa.Greedy"), width(url)) == (1.0, 30.0)
-        assert "the entry of that name has it" in stop(process)
+        assert "the entry point of that name takes precedence" in stop(process)
 
 
-def test_nothing_is_served_beside_a_ve026a(serve, site):
+def test_no_devices_are_served_with_a_ve026a(serve, site):
     process, url = serve("ve026a", where=("--pty",))
     with orinkit.connect(url) as arm:
         assert "VE026A" in arm.variable("@VERSION").value
@@ -156,7 +156,7 @@ def test_nothing_is_served_beside_a_ve026a(serve, site):
 # --- alone ------------------------------------------------------------------------------------------------------------
 
 
-def test_devices_alone_in_every_way(serve, site, tmp_path):
+def test_devices_alone_on_every_transport(serve, site, tmp_path):
     pytest.importorskip("serialx")
     pytest.importorskip("uvicorn")
     (tmp_path / "neighbour.py").write_text("NAME = 'Test.Pump'\n", encoding="utf-8")
@@ -176,7 +176,7 @@ def test_devices_alone_in_every_way(serve, site, tmp_path):
     assert "Traceback" not in log
 
 
-def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_path):
+def test_an_exception_of_a_handler_is_logged_and_reported_to_its_client(serve, tmp_path):
     source = (
         device("Test.Faulty") + "\n    @variable('BROKEN')\n    def broken(self):\n        raise OSError('no cable')\n"
     )
@@ -194,7 +194,7 @@ def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "message"),
     [
         ("none.py:Gripper", "none.py:Gripper: the file does not exist"),
         ("gripper.py:Grip", "gripper.py:Grip: it has no attribute Grip. Try: Gripper"),
@@ -204,16 +204,16 @@ def test_what_a_handler_raised_is_in_the_log_and_told_to_its_client(serve, tmp_p
         ("Nobody", "Nobody: neither a module nor a provider Nobody exists"),
     ],
 )
-def test_a_wrong_target_is_one_clear_line(refused, monkeypatch, tmp_path, target, said):
+def test_a_wrong_target_is_reported_in_one_line(refused, monkeypatch, tmp_path, target, message):
     monkeypatch.chdir(tmp_path)
     Path("gripper.py").write_text(f"{device(GRIPPER)}\nfrom support.distributions import device\n", encoding="utf-8")
     Path("broken.py").write_text("\n1 / 0\n", encoding="utf-8")
-    assert refused("serve", "device", target, "--tcp", "127.0.0.1:0", code=2).startswith(said)
+    assert refused("serve", "device", target, "--tcp", "127.0.0.1:0", code=2).startswith(message)
 
 
-def test_a_target_is_needed(refused):
+def test_the_target_is_required(refused):
     assert refused("serve", "device", code=2) == "TARGET is missing (see orinkit serve device --help)"
 
 
-def test_the_listening_options_are_looked_at_first(refused):
+def test_the_listen_options_are_checked_first(refused):
     assert "--clients must be 1 or more" in refused("serve", "device", "none.py", "--clients", "0", code=2)

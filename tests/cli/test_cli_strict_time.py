@@ -1,4 +1,4 @@
-"""serve rc8 and serve ve026a: a late set-point is waited for, unless --strict-time says otherwise."""
+"""serve rc8 and serve ve026a: the controller waits for a late set-point unless --strict-time is given."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def serve(program) -> Iterator[Serve]:
         process.communicate()
 
 
-def move_and_say_no_more(robot: orinkit.Robot, mode: int) -> None:
-    """Have the arm move, and send no further set-point."""
+def move_and_stop_sending(robot: orinkit.Robot, mode: int) -> None:
+    """Stream some set-points, and then no more while the arm moves."""
     first, *others = robot.joints
     robot.execute("slvChangeMode", mode)
-    with contextlib.suppress(orinkit.CallError):  # strict time: this program may be late before
+    with contextlib.suppress(orinkit.CallError):  # with strict time, an earlier set-point may be late
         for number in range(20):
             robot.execute("slvMove", [first + 0.01 * number**2, *others])
 
@@ -52,7 +52,7 @@ def test_a_late_set_point_for_an_rc8(serve, options, waited):
     _, url = serve("rc8", *options)
     with orinkit.connect(url) as controller, orinkit.connect(url) as other, controller.robot() as robot:
         robot.execute("TakeArm", [0, 1])
-        move_and_say_no_more(robot, 0x202)
+        move_and_stop_sending(robot, 0x202)
         until(other.errors)
         (error,) = other.errors()
         assert error.code == COMMAND_DELAY
@@ -65,10 +65,10 @@ def test_a_late_set_point_for_an_rc8(serve, options, waited):
 def test_a_late_set_point_for_a_ve026a(serve, options, waited):
     process, url = serve("ve026a", *options)
     with orinkit.connect(url, provider="") as controller, controller.robot() as robot:
-        move_and_say_no_more(robot, 2)
+        move_and_stop_sending(robot, 2)
         assert process.stderr is not None
-        told = next(line for line in process.stderr if "0x80040201" in line)
-        assert (WAITED in told) is waited
+        line = next(line for line in process.stderr if "0x80040201" in line)
+        assert (WAITED in line) is waited
         controller.clear_error()
 
 

@@ -1,4 +1,4 @@
-"""Nothing that a controller says steers the terminal; pipes and --json stay exact."""
+"""Texts from controllers cannot send control sequences to the terminal; pipes and --json are exact."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ EVIL = (
     "\N{IDEOGRAPHIC SPACE}日本語é\ttab\nforged: line"
 )
 SAFE = "\N{IDEOGRAPHIC SPACE}日本語é\ttab"
-"""What of it stays."""
+"""The part of EVIL that is shown unchanged."""
 STEERING = set(EVIL) - set(SAFE) - set("\nforged: line]0;owned[2J1m31m")
-"""What must not reach a terminal."""
+"""Characters that must not reach a terminal."""
 
 
 class EvilVariable(VariableObject):
@@ -90,7 +90,7 @@ Terminal = Callable[..., str]
 
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """Run a command line with stdout and stderr at a terminal, and return what it was sent."""
+    """Run a command line with stdout and stderr on a terminal, and return the output."""
 
     def run(*argv: str) -> str:
         far, near = os.openpty()
@@ -101,7 +101,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
             try:
                 while data := os.read(far, 65536):
                     came.append(data)
-            except OSError:  # the end
+            except OSError:  # end of file of a pseudo-terminal
                 pass
 
         reader = threading.Thread(target=read)
@@ -141,18 +141,18 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_nothing_steers_the_terminal(terminal: Terminal, evil: str, name: str) -> None:
+def test_no_control_characters_reach_the_terminal(terminal: Terminal, evil: str, name: str) -> None:
     shown = terminal(*(evil if word == "URL" else word for word in COMMANDS[name]))
     check(shown)
     assert shown
 
 
 @pytest.mark.parametrize("name", ["info", "status", "an array", "echo"])
-def test_what_can_be_read_stays(terminal: Terminal, evil: str, name: str) -> None:
+def test_readable_text_is_unchanged(terminal: Terminal, evil: str, name: str) -> None:
     assert SAFE in terminal(*(evil if word == "URL" else word for word in COMMANDS[name]))
 
 
-def test_the_lines_of_a_text_stay_lines(terminal: Terminal, evil: str) -> None:
+def test_line_breaks_of_a_value_are_kept(terminal: Terminal, evil: str) -> None:
     for command in (["get", evil, "S1"], ["call", evil, "Variable_GetValue", "--variable", "S1"]):
         shown = terminal(*command)
         assert shown == visible(EVIL, "\n\t") + "\n"
@@ -161,21 +161,21 @@ def test_the_lines_of_a_text_stay_lines(terminal: Terminal, evil: str) -> None:
 
 
 @pytest.mark.parametrize("command", ["get", "info", "status"])
-def test_json_on_a_terminal_means_the_same(terminal: Terminal, run: Any, evil: str, command: str) -> None:
+def test_json_on_a_terminal_is_equivalent(terminal: Terminal, run: Any, evil: str, command: str) -> None:
     argv = {"get": ["get", evil, "S1"], "info": ["info", evil], "status": ["pendant", evil, "status"]}[command]
     shown = terminal(*argv, "--json")
     assert not STEERING & set(shown)
     assert json.loads(shown) == run(*argv, "--json").json
 
 
-def test_pipes_stay_exact(run: Any, evil: str) -> None:
+def test_pipes_are_exact(run: Any, evil: str) -> None:
     assert run("get", evil, "S1").out == f"{EVIL}\n"
     assert run("get", evil, "ARRAY").out == f"{EVIL}\nnext\n"
     assert EVIL in run("get", evil, "S1", "--json").json["value"]
     assert EVIL.partition("\n")[0] in run("info", evil).out
 
 
-def test_our_own_codes_reach_the_terminal(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_sequences_of_orinkit_reach_the_terminal(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     assert terminal("functions", "1").startswith("\x1b[1m")
     assert bold("x") == "x"  # not at a terminal
@@ -183,14 +183,14 @@ def test_our_own_codes_reach_the_terminal(terminal: Terminal, monkeypatch: pytes
     assert "\x1b" not in terminal("functions", "1")
 
 
-def test_a_bar_is_drawn_and_what_a_robot_says_is_not(terminal: Terminal, evil: str) -> None:
+def test_the_progress_bar_is_drawn_and_robot_texts_are_escaped(terminal: Terminal, evil: str) -> None:
     shown = terminal("move", evil, "J(0,0,0,0,0,0)")
     assert not STEERING - {"\x1b", "\r"} & set(shown)
     assert "\x1b]" not in shown
     assert "\x1b[2J" not in shown
 
 
-def test_help_is_drawn_as_ever(terminal: Terminal) -> None:
+def test_help_is_shown_on_a_terminal(terminal: Terminal) -> None:
     assert "orinkit" in terminal("--help")
 
 

@@ -1,4 +1,4 @@
-"""A server whose stderr nobody reads: calls are answered, the arm moves on, the emergency stop works."""
+"""A server whose stderr is not read: it replies to calls, the arm continues, the emergency stop works."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROUNDS = 25
 SECRET = "a-secret-of-this-test"
 
 
-def test_a_log_that_nobody_reads_stops_nothing(program, tmp_path):
+def test_an_unread_log_does_not_block_the_server(program, tmp_path):
     secret = tmp_path / "secret"
     secret.write_text(SECRET)
     secret.chmod(0o600)
@@ -40,7 +40,7 @@ def test_a_log_that_nobody_reads_stops_nothing(program, tmp_path):
                 robot.move(J(60, 30, 90, 0, 60, 0), wait=False)
                 refused = sum(_refuse_all(attacker) for _ in range(ROUNDS))
                 assert refused > 3000
-                # so long ago would the pipe have been full; the motion has gone on to its end all the same
+                # enough to fill the pipe several times; the motion must nevertheless have continued to its end
                 until(lambda: abs(robot.joints[0] - 60) < 0.01)
                 pendant.execute("EmergencyStop", True)
                 until(lambda: json.loads(pendant.execute("Status"))["motor"] == "off")
@@ -51,7 +51,7 @@ def test_a_log_that_nobody_reads_stops_nothing(program, tmp_path):
 
 
 def _refuse_all(client: RawClient) -> int:
-    """Have every function refused that needs a handle; each is a kind of message of its own."""
+    """Call every function with an invalid handle, each for a different log message; return the number of calls."""
     count = 0
     for function in FUNCTIONS.values():
         if function.arguments and function.arguments[0].is_handle:

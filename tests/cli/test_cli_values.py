@@ -35,7 +35,7 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, Variant, VarType
         ("P1", ["8197,1,2,3,4,5,6,5"], "1 2 3 4 5 6 5"),
     ],
 )
-def test_what_is_put_can_be_got(run, url, name, words, shown):
+def test_get_returns_the_value_put(run, url, name, words, shown):
     put = run("put", url, name, *words)
     assert (put.code, put.err) == (0, "")
     assert put.out.startswith(f"{name} = ")
@@ -50,7 +50,7 @@ def test_get_as_json(run, url):
     assert run("get", url, "@CURRENT_TIME", "--json").json["type"] == "VT_DATE"
 
 
-def test_put_as_json_tells_what_was_sent(run, url):
+def test_put_as_json_shows_the_value_sent(run, url):
     done = run("put", url, "I1", "2,7", "--json")
     assert done.json == {"name": "I1", "type": "VT_I2", "value": 7, "notation": "2,7"}
 
@@ -76,21 +76,21 @@ def test_trace_shows_every_packet_on_stderr(run, url):
     assert "01 10 00 00 00" in done.err
 
 
-def test_an_error_of_the_controller_is_one_clear_line(refused, url):
+def test_an_error_of_the_controller_is_reported_in_one_line(refused, url):
     assert refused("get", url, "I100") == (
         "Controller_GetVariable(2, 'I100', ''): 0x81500053 VARIABLE_INDEX_INVALID: Variable index out of range. "
-        "Try: Use a number that the controller has."
+        "Try: Use a number that exists on the controller."
     )
     assert "0x80020005 DISP_E_TYPEMISMATCH" in refused("put", url, "I1", "abc")
     assert "E_CAO_PROV_INVALID" in refused("get", url, "I1", "--provider", "CaoProv.Nobody")
 
 
-def test_nobody_there(refused):
+def test_no_server(refused):
     assert "cannot connect to tcp://127.0.0.1:1" in refused("get", "127.0.0.1:1", "I1")
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "message"),
     [
         (["get", "ftp://x", "I1"], "invalid address 'ftp://x': unknown transport 'ftp'"),
         (["get", "127.0.0.1:1", "I1", "--timeout", "0"], "timeout must be a positive number"),
@@ -100,9 +100,9 @@ def test_nobody_there(refused):
         (["put", "127.0.0.1:1", "I1"], "VALUE is missing (see orinkit put --help)"),
     ],
 )
-def test_a_command_line_that_cannot_be_used(refused, url, argv, said):
+def test_a_command_line_that_cannot_be_used(refused, url, argv, message):
     argv = [url if word == "127.0.0.1:1" else word for word in argv]
-    assert said in refused(*argv, code=2)
+    assert message in refused(*argv, code=2)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_several_words_are_one_array(words, value):
     assert read_values(tuple(words)) == value
 
 
-# --- how values are shown ---------------------------------------------------------------------------------------------
+# --- formats of values ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_several_words_are_one_array(words, value):
         (Variant(VarType.I4 | ARRAY, []), ""),
     ],
 )
-def test_values_for_people(value, shown):
+def test_values_as_text(value, shown):
     assert text(value) == shown
 
 
@@ -159,11 +159,11 @@ def test_values_for_people(value, shown):
         (Variant(VarType.I2, 3), 3),
     ],
 )
-def test_values_for_json(value, expected):
+def test_values_as_json(value, expected):
     assert plain(value) == expected
 
 
-def test_a_lone_surrogate_still_makes_good_json(run, url, rc8):
+def test_a_lone_surrogate_is_valid_in_json(run, url, rc8):
     with orinkit.connect(url) as controller:
         controller.variable("S1").value = "a\ud800"
     assert run("get", url, "S1", "--json").json["value"] == "a\ud800"
@@ -200,7 +200,7 @@ def test_info_as_json(run, url, rc8):
 
 
 class Silent(Provider):
-    """A device that has a controller and nothing else."""
+    """A device with a controller object that implements no functions."""
 
     provider_names = ("Test.Silent",)
 
@@ -208,7 +208,7 @@ class Silent(Provider):
         return ControllerObject(name)
 
 
-def test_info_of_a_controller_that_tells_little(run):
+def test_info_of_a_controller_without_functions(run):
     with orinkit.serve(Silent(), "tcp://127.0.0.1:0") as server:
         done = run("info", server.url, "--provider", "Test.Silent")
         facts = run("info", server.url, "--provider", "Test.Silent", "--json").json
@@ -219,7 +219,7 @@ def test_info_of_a_controller_that_tells_little(run):
     assert facts["names"]["robots"] == []
 
 
-def test_info_of_a_controller_that_answers_nonsense(run, recorder_url):
+def test_info_of_a_controller_with_invalid_replies(run, recorder_url):
     facts = run("info", recorder_url, "--provider", "Test.Recorder", "--json").json
     assert facts["errors"] is None
 

@@ -1,4 +1,4 @@
-"""move and stream with a VE026A: slave mode is all that moves it."""
+"""move and stream with a VE026A, which moves in slave mode only."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def url(arm) -> Iterator[str]:
 
 
 def wave(path: Path, first: float, count: int = 60) -> str:
-    """Write a trajectory that begins at an angle of J1, goes 2 degrees on, and back."""
+    """Write a trajectory that begins at an angle of J1, moves by 2 deg, and returns."""
     rows = [(first + 1 - math.cos(2 * math.pi * k / count), *HOME[1:]) for k in range(count + 1)]
     path.write_text("\n".join(["j1,j2,j3,j4,j5,j6,j7", *(",".join(f"{value:.6f}" for value in row) for row in rows)]))
     return str(path)
 
 
 @pytest.mark.parametrize("lang", ["en", "ja"])
-def test_it_has_no_motions_of_its_own(refused, arm, url, lang):
+def test_move_is_refused(refused, arm, url, lang):
     i18n.use(lang)
     line = refused("move", url, "J(10,30,120,0,30,0)")
     words = {"en": "a VE026A moves in slave mode only. Try: orinkit stream", "ja": "スレーブモードでのみ動作します"}
@@ -49,18 +49,18 @@ def test_it_has_no_motions_of_its_own(refused, arm, url, lang):
     assert (arm.joints, arm.servo_on, arm.error) == (HOME, False, 0)
 
 
-def test_a_stream_leads_it_to_the_first_set_point(run, refused, arm, url, tmp_path):
+def test_stream_moves_it_to_the_first_set_point(run, refused, arm, url, tmp_path):
     file = wave(tmp_path / "wave.csv", 20.0)
     assert "--move" in refused("stream", url, file, code=2)
     assert arm.joints == HOME
-    told = run("stream", url, file, "--move", "--json").json
-    assert (told["set_points"], told["underflows"]) == (61, 0)
+    report = run("stream", url, file, "--move", "--json").json
+    assert (report["set_points"], report["underflows"]) == (61, 0)
     assert arm.joints == pytest.approx((20.0, *HOME[1:]), abs=1e-3)
     assert (arm.servo_on, arm.slave_mode, arm.error) == (False, 0, 0)
-    assert run("stream", url, file, "--move").code == 0  # it is there already
+    assert run("stream", url, file, "--move").code == 0  # it is already there
 
 
-def test_speed_holds_on_the_way_there(run, arm, url, tmp_path):
+def test_speed_applies_to_the_approach(run, arm, url, tmp_path):
     path = tmp_path / "run.csv"
     assert (
         run("stream", url, wave(tmp_path / "wave.csv", 10.0), "--move", "--speed", "20", "--record", str(path)).code
@@ -73,7 +73,7 @@ def test_speed_holds_on_the_way_there(run, arm, url, tmp_path):
     assert max(abs(b - a) for a, b in pairwise(angles)) <= 180 * 0.2 * 0.008 * 1.001
 
 
-def test_ctrl_c_on_the_way_there(run, arm, url, tmp_path):
+def test_ctrl_c_during_the_approach(run, arm, url, tmp_path):
     def interrupt() -> None:
         until(lambda: arm.joints[0] > 2)
         os.kill(os.getpid(), signal.SIGINT)

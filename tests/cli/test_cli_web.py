@@ -1,4 +1,4 @@
-"""What belongs to e-CAP and to gateways on the command line: tokens, certificates, schemes, machine names, ports."""
+"""Command line options of e-CAP and gateways: tokens, certificates, schemes, machine names, ports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ADDRESS = HttpAddress("http", "127.0.0.1", 8080)
 # --- machine names ----------------------------------------------------------------------------------------------------
 
 
-def test_a_controller_behind_a_gateway_is_chosen(run, refused, url):
+def test_a_controller_behind_a_gateway_is_selected(run, refused, url):
     other = VirtualRC8(language="en")
     with (
         orinkit.serve(other, "tcp://127.0.0.1:0") as second,
@@ -40,7 +40,7 @@ def test_a_controller_behind_a_gateway_is_chosen(run, refused, url):
     other.close()
 
 
-# --- options that would do nothing ------------------------------------------------------------------------------------
+# --- options without effect -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_a_token_file_that_others_can_read(tmp_path):
     assert "他のアカウントからも読み書きできます" in warning
 
 
-def test_a_token_is_none_of_b_cap():
+def test_a_token_does_not_protect_b_cap():
     web = HttpServerOptions(token_file="token.txt")
     assert list(_warnings(ServerOptions(PlacesHere(http=("8080",)), web))) == []
     (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
@@ -95,17 +95,17 @@ def test_a_token_is_none_of_b_cap():
         (ServerOptions(PlacesHere(http=("0",)), HttpServerOptions(cert="c.pem")), ["https://127.0.0.1:0"]),
     ],
 )
-def test_a_port_alone_is_one_of_this_machine(listening, urls):
+def test_a_port_alone_means_the_loopback_address(listening, urls):
     assert _urls(listening) == urls
 
 
 @pytest.mark.parametrize("port", ["65536", "99999999999"])
-def test_a_port_that_is_none(port):
+def test_a_port_out_of_range(port):
     with pytest.raises(InvalidAddress, match="is not 0 to 65535"):
         _urls(ServerOptions(PlacesHere(tcp=(port,))))
 
 
-def test_a_client_still_needs_a_host(refused):
+def test_a_client_requires_a_host(refused):
     assert "5007 is not a host" in refused("get", "5007", "I1", code=2)
 
 
@@ -113,7 +113,7 @@ def test_a_client_still_needs_a_host(refused):
 
 
 def other_key(folder: Path) -> Path:
-    """Return a key that is of no certificate here: on P-256, with the secret 1 (RFC 5915)."""
+    """Return a key that does not match the certificate: on P-256, with the secret 1 (RFC 5915)."""
     curve = bytes.fromhex("a00a06082a8648ce3d030107")
     der = bytes.fromhex("3031020101") + b"\x04\x20" + (1).to_bytes(32, "big") + curve
     path = folder / "other.pem"
@@ -122,7 +122,7 @@ def other_key(folder: Path) -> Path:
 
 
 def test_certificates_that_cannot_be_used(rc8, tmp_path):
-    for options, said in (
+    for options, message in (
         (HttpOptions(), "https requires a certificate"),
         (HttpOptions(cert=str(CERTIFICATE)), "contains no private key"),
         (HttpOptions(cert=str(KEY), key=str(CERTIFICATE)), "they may be swapped"),
@@ -133,16 +133,16 @@ def test_certificates_that_cannot_be_used(rc8, tmp_path):
         ),
         (HttpOptions(cert=str(tmp_path / "none.pem"), key=str(KEY)), "No such file"),
     ):
-        with pytest.raises(ConnectFailed, match=said) as caught:
+        with pytest.raises(ConnectFailed, match=message) as caught:
             orinkit.serve(rc8, "https://127.0.0.1:0", http=options)
         assert "port 0" not in str(caught.value)
         assert "--key" in str(caught.value)
 
 
 def test_a_certificate_without_its_key(refused):
-    said = refused("serve", "rc8", "--http", "0", "--cert", str(CERTIFICATE))
-    assert said.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} contains no private key")
-    assert "another port" not in said
+    message = refused("serve", "rc8", "--http", "0", "--cert", str(CERTIFICATE))
+    assert message.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} contains no private key")
+    assert "another port" not in message
 
 
 # --- hints ------------------------------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ def test_hints_name_the_options_too(name):
     assert "--cafile" in str(no_certificates("x.pem", OSError("x")))
 
 
-def test_tls_at_the_door_of_http():
+def test_tls_on_an_http_port():
     contact = HttpServerInfo(ADDRESS, Credentials(), 1000)
     for begin in (b"", b"H", b"HTTP/"):
         contact.check_begin(begin)
@@ -176,9 +176,9 @@ def test_tls_at_the_door_of_http():
         (["Controller_GetVariable", "I1", "", "x"], False),
     ],
 )
-def test_several_values_are_one_argument(refused, argv, hinted):
-    said = refused("call", "tcp://192.0.2.1", *argv, code=2)
-    assert ('8197,10,50 or "8204,(5,1),(11,1)"' in said) is hinted
+def test_hint_for_several_values_of_one_argument(refused, argv, hinted):
+    message = refused("call", "tcp://192.0.2.1", *argv, code=2)
+    assert ('8197,10,50 or "8204,(5,1),(11,1)"' in message) is hinted
 
 
 # --- help -------------------------------------------------------------------------------------------------------------

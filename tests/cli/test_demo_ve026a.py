@@ -1,4 +1,4 @@
-"""demo ve026a: the procedure of VE026A 6.2, in both languages, and what is said when an answer is wrong."""
+"""demo ve026a: the procedure of VE026A 6.2, and the messages for wrong replies and late set-points."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def test_the_procedure(run):
     assert "more ..." in done.out
 
 
-def test_the_procedure_for_programs(run):
+def test_the_procedure_as_json(run):
     done = run("demo", "ve026a", "--json")
-    told = json.loads(done.out)
-    assert told["as_documented"] is True
-    assert [step["number"] for step in told["steps"]] == [1, 2, 3, 4, 5, 6, 7]
-    assert all(step["packets"] for step in told["steps"])
+    report = json.loads(done.out)
+    assert report["as_documented"] is True
+    assert [step["number"] for step in report["steps"]] == [1, 2, 3, 4, 5, 6, 7]
+    assert all(step["packets"] for step in report["steps"])
 
 
 def test_no_picture(refused):
@@ -42,7 +42,7 @@ def test_no_picture(refused):
 
 
 @pytest.mark.parametrize("reply", [Packet(1, 0x80004005, [], 1), Packet(2, 0, [], 1), Packet(1, 0, [], 0)])
-def test_a_wrong_answer(reply):
+def test_a_wrong_reply(reply):
     transcript = Transcript()
     transcript(">", packet.encode(Packet(1, 1, [], 1), crc=True))
     transcript("<", packet.encode(reply, crc=True))
@@ -53,7 +53,7 @@ def test_a_wrong_answer(reply):
 
 @pytest.fixture
 def arms(monkeypatch) -> list[VirtualVE026A]:
-    """The arms of demos."""
+    """The arms that the demo creates."""
     made: list[VirtualVE026A] = []
 
     class Noted(VirtualVE026A):
@@ -65,9 +65,9 @@ def arms(monkeypatch) -> list[VirtualVE026A]:
     return made
 
 
-def test_a_busy_computer_gets_another_try(monkeypatch, arms):
-    """The detector finds a set-point missing: the error is cleared, and the wave begins anew from where the arm is."""
-    said: list[str] = []
+def test_the_wave_is_repeated_on_a_busy_computer(monkeypatch, arms):
+    """A set-point is missing: the error is cleared, and the wave starts again at the current position."""
+    output: list[str] = []
     wave, waves = ve026a.VE026ADemo._wave, []
 
     def torn(self, robot, angles):
@@ -80,29 +80,29 @@ def test_a_busy_computer_gets_another_try(monkeypatch, arms):
         return wave(self, robot, angles)
 
     monkeypatch.setattr(ve026a.VE026ADemo, "_wave", torn)
-    told = ve026a.run(said.append, fields=False)
+    report = ve026a.run(output.append, fields=False)
     assert len(waves) > 1
     assert waves[0][0] != waves[1][0]
-    assert any("too busy" in line for line in said)
-    assert [step["number"] for step in told["steps"]] == [1, 2, 3, 4, 5, 6, 7]
+    assert any("too busy" in line for line in output)
+    assert [step["number"] for step in report["steps"]] == [1, 2, 3, 4, 5, 6, 7]
 
 
-@pytest.mark.parametrize(("count", "told"), [(0, False), (3, True)])
-def test_late_set_points_are_told(monkeypatch, count, told):
-    said: list[str] = []
+@pytest.mark.parametrize(("count", "reported"), [(0, False), (3, True)])
+def test_late_set_points_are_reported(monkeypatch, count, reported):
+    output: list[str] = []
     monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
     monkeypatch.setattr(ve026a.VE026ADemo, "_procedure", lambda *_: None)
-    ve026a.run(said.append, fields=False)
+    ve026a.run(output.append, fields=False)
     words = "3 late set-points, by up to 48 ms: this computer was too busy. A real VE026A would have stopped."
-    assert any(words in line for line in said) is told
+    assert any(words in line for line in output) is reported
 
 
-def test_the_log_does_not_tell_it_too():
-    """Python writes warnings to stderr where nobody has set logging up."""
+def test_the_log_does_not_repeat_it():
+    """Python writes warnings to stderr if logging is not configured."""
     script = """
 import logging
-from orinkit.cli.demo.rc8 import late_told_here
-with late_told_here():
+from orinkit.cli.demo.rc8 import quiet_logs
+with quiet_logs():
     logging.getLogger("orinkit.rc8").warning("unheard")
     logging.getLogger("orinkit.ve026a").warning("unheard")
 logging.getLogger("orinkit.rc8").warning("heard")

@@ -1,4 +1,4 @@
-"""stream: a trajectory is checked, streamed and told of; everything is as it was before; recordings become pictures."""
+"""stream: a trajectory is checked, streamed and reported; the previous state is restored; recordings can be plotted."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 SIGNALS = tuple(
     number
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    if signal.getsignal(number) is not signal.SIG_IGN  # as under nohup
+    if signal.getsignal(number) is not signal.SIG_IGN  # ignored under nohup
 )
 
 
@@ -45,7 +45,7 @@ def rc8() -> Iterator[VirtualRC8]:
 
 
 def wave(seconds: float = 0.4, amplitude: float = 2.0, home: Sequence[float] = HOME) -> list[tuple[float, ...]]:
-    """J1 goes there and back."""
+    """Return a trajectory in which J1 moves by an amplitude and back."""
     count = round(seconds / PERIOD)
     sways = [amplitude * (1 - math.cos(2 * math.pi * number / count)) / 2 for number in range(count + 1)]
     return [(home[0] + sway, *home[1:]) for sway in sways]
@@ -76,16 +76,16 @@ def joints(rc8: VirtualRC8) -> list[float]:
 
 
 @pytest.mark.parametrize("mode", ["0", "2"])
-def test_it_streams_and_tells(run, rc8, url, file, mode):
+def test_it_streams_and_reports(run, rc8, url, file, mode):
     done = run("stream", url, file, "--mode", mode)
     assert (done.code, done.err) == (0, "")
-    told = dict(line.split(maxsplit=1) for line in done.out.splitlines() if not line.startswith(" "))
-    assert told["set-points"] == "51"
-    assert told["underflows"] == "0"
-    assert told["gaps"].startswith("p50 ")
-    assert told["real"].startswith("time  ")
-    assert told["largest"].startswith("deviation  J1 ")
-    assert "record" not in told
+    report = dict(line.split(maxsplit=1) for line in done.out.splitlines() if not line.startswith(" "))
+    assert report["set-points"] == "51"
+    assert report["underflows"] == "0"
+    assert report["gaps"].startswith("p50 ")
+    assert report["real"].startswith("time  ")
+    assert report["largest"].startswith("deviation  J1 ")
+    assert "record" not in report
     assert "#" in done.out
     until(lambda: joints(rc8) == pytest.approx(HOME))
     assert status(rc8, "motor", "arm_holder", "moving") == ["on", "", False]  # the motor was on
@@ -93,14 +93,14 @@ def test_it_streams_and_tells(run, rc8, url, file, mode):
 
 def test_json_and_a_record(run, rc8, url, file, tmp_path):
     path = tmp_path / "run.csv"
-    told = run("stream", url, file, "--json", "--record", str(path)).json
-    assert (told["set_points"], told["underflows"], told["record"]) == (51, 0, str(path))
-    assert told["seconds"] > 0.3
-    assert 0 < told["gaps"]["p50"] <= told["gaps"]["p99"] <= told["gaps"]["max"]
-    assert sum(told["gaps"]["histogram_ms"].values()) == told["gaps"]["count"] >= 50
-    assert told["real_time"].keys() == {"priority", "memory_locked"}
-    assert 0.1 < told["largest_deviation"]["J1"] < 2
-    assert told["largest_deviation"]["J2"] == pytest.approx(0, abs=1e-6)
+    report = run("stream", url, file, "--json", "--record", str(path)).json
+    assert (report["set_points"], report["underflows"], report["record"]) == (51, 0, str(path))
+    assert report["seconds"] > 0.3
+    assert 0 < report["gaps"]["p50"] <= report["gaps"]["p99"] <= report["gaps"]["max"]
+    assert sum(report["gaps"]["histogram_ms"].values()) == report["gaps"]["count"] >= 50
+    assert report["real_time"].keys() == {"priority", "memory_locked"}
+    assert 0.1 < report["largest_deviation"]["J1"] < 2
+    assert report["largest_deviation"]["J2"] == pytest.approx(0, abs=1e-6)
     with path.open() as lines:
         commands = [float(row["J1_command"]) for row in csv.DictReader(lines)]
     assert max(commands) == pytest.approx(2.0, abs=0.01)
@@ -122,19 +122,19 @@ def test_a_recording_becomes_a_picture(run, rc8, url, file, tmp_path, suffix):
 def test_positions(run, rc8, url, tmp_path):
     points = [(364.159992, point[0], 278.535534, 180.0, 0.0, 180.0, 5.0) for point in wave()]
     path = tmp_path / "run.csv"
-    told = run(
+    report = run(
         "stream", url, write(tmp_path / "p.csv", points, "x,y,z,rx,ry,rz,fig"), "--json", "--record", str(path)
     ).json
-    assert list(told["largest_deviation"]) == ["X", "Y", "Z", "RX", "RY", "RZ"]
-    assert told["largest_deviation"]["Y"] > 0.1
-    assert told["largest_deviation"]["RX"] == pytest.approx(0, abs=1e-3)  # also where it turns from 180 to -180
+    assert list(report["largest_deviation"]) == ["X", "Y", "Z", "RX", "RY", "RZ"]
+    assert report["largest_deviation"]["Y"] > 0.1
+    assert report["largest_deviation"]["RX"] == pytest.approx(0, abs=1e-3)  # also across the step from 180 to -180
     trace = read_trace(path)
     assert trace.names == ["X", "Y", "Z", "RX", "RY", "RZ"]
     assert [trace.names[place] for place in trace.moving()] == ["Y"]
     assert trace.actual
 
 
-def test_an_arm_that_is_somewhere_else(run, refused, rc8, url, tmp_path):
+def test_an_arm_at_another_position(run, refused, rc8, url, tmp_path):
     file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
     line = refused("stream", url, file, code=2)
     assert "the trajectory begins at J(3, 45, 90, 0, 45, 0)" in line
@@ -145,7 +145,7 @@ def test_an_arm_that_is_somewhere_else(run, refused, rc8, url, tmp_path):
     until(lambda: joints(rc8)[0] == pytest.approx(3.0))
 
 
-def test_all_is_checked_before_anything_moves(run, refused, rc8, url, tmp_path):
+def test_the_whole_trajectory_is_checked_before_the_arm_moves(run, refused, rc8, url, tmp_path):
     points = [*wave(), (9.0, *HOME[1:])]
     file = write(tmp_path / "fast.csv", points)
     line = refused("stream", url, file, "--move", code=2)
@@ -159,7 +159,9 @@ def test_all_is_checked_before_anything_moves(run, refused, rc8, url, tmp_path):
 
 def test_limits(refused, url, tmp_path):
     file = write(tmp_path / "wave.csv", wave(amplitude=10.0))
-    assert "J1: acceleration 616.0 deg/s^2 of 212.5" in refused("stream", url, file, "--speed", "10", code=2)
+    assert "J1: acceleration 616.0 deg/s^2 exceeds the limit of 212.5" in refused(
+        "stream", url, file, "--speed", "10", code=2
+    )
     slow = tmp_path / "slow.toml"
     slow.write_text((Path(orinkit.__file__).parent / "arms" / "vs050.toml").read_text().replace("170", "5"))
     assert "outside the range of -5 to 5" in refused("stream", url, file, "--model", str(slow), code=2)
@@ -175,7 +177,7 @@ def test_the_motor_is_switched_on_and_off(run, refused, tmp_path, file):
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path, number):
+def test_ctrl_c_stops_the_arm(run, rc8, url, when, tmp_path, number):
     file, path = write(tmp_path / "long.csv", wave(8.0, 60.0)), tmp_path / "run.csv"
     handlers = [signal.getsignal(each) for each in SIGNALS]
     when(lambda: joints(rc8)[0] > 1, lambda: os.kill(os.getpid(), number))
@@ -187,7 +189,7 @@ def test_ctrl_c_brings_the_arm_to_rest(run, rc8, url, when, tmp_path, number):
     assert 1 < joints(rc8)[0] < 50
     assert rc8.pendant.status()["error"] == ""
     assert status(rc8, "motor", "arm_holder", "moving") == ["on", "", False]
-    assert len(path.read_text().splitlines()) > 5  # what it did until then
+    assert len(path.read_text().splitlines()) > 5  # the motion up to the interruption
 
 
 @pytest.mark.parametrize("number", SIGNALS)
@@ -199,7 +201,7 @@ def test_ctrl_c_before_it_streams(run, rc8, url, when, tmp_path, number):
     assert 0.5 < joints(rc8)[0] < 39
 
 
-def test_an_error_on_the_way(refused, rc8, url, when, tmp_path):
+def test_an_error_during_the_stream(refused, rc8, url, when, tmp_path):
     file = write(tmp_path / "long.csv", wave(8.0, 60.0))
     when(lambda: joints(rc8)[0] > 1, lambda: rc8.raise_error(0x83204071, "axis 1 is at its limit"))
     line = refused("stream", url, file)
@@ -236,7 +238,7 @@ def test_a_command_line_that_cannot_be_used(refused, rc8, url, tmp_path, monkeyp
     assert status(rc8, "arm_holder", "moving") == ["", False]
 
 
-def test_a_terminal_sees_a_bar(run, rc8, url, monkeypatch, tmp_path):
+def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):
     file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "120")
@@ -255,7 +257,7 @@ def test_in_japanese(run, refused, url, file, tmp_path):
     assert "--move" in refused("stream", url, write(tmp_path / "a.csv", wave(home=(3.0, *HOME[1:]))), code=2)
 
 
-# --- what is told -----------------------------------------------------------------------------------------------------
+# --- the report -------------------------------------------------------------------------------------------------------
 
 
 LATE = {"count": 2, "longest": 0.048, "total": 0.06}
@@ -263,7 +265,7 @@ LATE = {"count": 2, "longest": 0.048, "total": 0.06}
 
 @pytest.fixture
 def late_file(tmp_path, monkeypatch) -> str:
-    """A trajectory, of which the controller tells that two set-points were late."""
+    """A trajectory for which the controller reports two late set-points."""
 
     def lateness(slave: RC8SlaveMode, leave_out: int) -> Lateness:
         return Lateness(**LATE) if slave.newest > (1.0,) and leave_out == 0 else Lateness()
@@ -273,31 +275,31 @@ def late_file(tmp_path, monkeypatch) -> str:
 
 
 @pytest.mark.parametrize(
-    ("lang", "told"),
+    ("lang", "report"),
     [
         ("en", ("late 2 late set-points, by up to 48 ms", "(a real controller would have stopped the arm)")),
         ("ja", ("遅延 遅延した目標値 2 個 (最大 48 ms)", "(実機ではアームが停止していました)")),
     ],
 )
-def test_late_set_points_are_told(run, url, late_file, lang, told):
+def test_late_set_points_are_reported(run, url, late_file, lang, report):
     i18n.use(lang)
     done = run("stream", url, late_file)
     assert done.code == 0
     words = [" ".join(line.split()) for line in done.out.splitlines()]
-    assert words[words.index(told[0]) + 1] == told[1]
+    assert words[words.index(report[0]) + 1] == report[1]
 
 
 def test_late_set_points_in_json(run, url, late_file):
     assert run("stream", url, late_file, "--json").json["late"] == LATE
 
 
-def test_what_was_in_time_is_not_told():
+def test_punctual_set_points_are_not_reported():
     report = StreamReport(StreamResult(51, 0, (), 0, Timing()), RealTime(0, False), StreamTrace([], [], [], []))
     assert not [line for line in report.lines() if line.startswith("late")]
     assert report.document()["late"] == {"count": 0, "longest": 0.0, "total": 0.0}
 
 
-def test_a_histogram_has_few_lines_whatever_the_gaps():
+def test_a_histogram_has_few_lines_for_any_gaps():
     assert histogram(Timing()) == []
     lines = histogram(Timing((0.0081,) * 299 + (0.0079,)))
     assert [line.split()[::2] for line in lines] == [["7-8", "1"], ["8-9", "299"]]
@@ -340,7 +342,7 @@ def recording(request, tmp_path) -> Path:
     return path
 
 
-def test_what_is_recorded_is_read(recording):
+def test_a_recording_can_be_read(recording):
     assert is_recording(recording)
     trace = read_trace(recording)
     assert trace.names == ["J1", "J2", "J3", "J4", "J5", "J6"]
@@ -349,7 +351,7 @@ def test_what_is_recorded_is_read(recording):
     assert trace.command[100][0] == pytest.approx(1.0)
 
 
-def test_a_recording_that_was_cut_off(run, tmp_path):
+def test_a_truncated_recording(run, tmp_path):
     path = tmp_path / "run.mcap"
     with open_recorder(path, kind="J", period=PERIOD) as recorder:
         for number in range(2000):
@@ -373,7 +375,7 @@ def test_a_recording_that_was_cut_off(run, tmp_path):
         ("x.csv", b"time_s,J1_command,sent_s\n0,1\n", "line 2"),
     ],
 )
-def test_a_file_that_is_none(refused, tmp_path, name, content, words):
+def test_an_invalid_file(refused, tmp_path, name, content, words):
     path = tmp_path / name
     path.write_bytes(content)
     line = refused("plot", str(path), code=2)
@@ -390,7 +392,7 @@ def test_a_file_that_is_none(refused, tmp_path, name, content, words):
         b'{"number": 0, "command": [1e999]}', b'{"number": {}, "command": [1]}', b"[" * 100_000, b"\xff",
     ],
 )  # fmt: skip
-def test_messages_that_are_none(tmp_path, message):
+def test_invalid_messages(tmp_path, message):
     from mcap.writer import Writer
 
     path = tmp_path / "x.mcap"

@@ -185,7 +185,7 @@ def test_closing_with_an_unresponsive_server_takes_one_second_at_most(both: Both
 
 
 def test_a_cancelled_close_leaves_nothing_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orinkit.ecap.client._FAREWELL", PATIENCE)
+    monkeypatch.setattr("orinkit.ecap.client._STOP_TIMEOUT", PATIENCE)
 
     def script(line: Line) -> None:
         line.send(reply(line.request()))
@@ -257,7 +257,7 @@ def test_any_call_of_a_forgotten_client_reports_it(both: Both) -> None:
         with pytest.raises((CallTimeout, ConnectionLost)):
             both.run(controller.client.request(f.controller_get_name, controller.handle, timeout=0.0001))
         contact = controller.client._link._contact
-        while both.loop is not None and not contact._forgotten:
+        while both.loop is not None and not contact._session_ended:
             both.run(asyncio.sleep(0.002))  # the reply is dropped
         with pytest.raises((ConnectionLost, ConnectionClosed)):
             both.run(controller.get_name())

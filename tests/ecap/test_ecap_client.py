@@ -46,7 +46,7 @@ def test_a_call() -> None:
     assert trace == [(">", request), ("<", b"0x00000000,3,5")]
 
 
-def test_every_line_feed_starts_the_time_out_anew() -> None:
+def test_every_line_feed_restarts_the_time_out() -> None:
     call = EcapConversation().call(f.variable_get_value, (3,), 3.0)
     assert result_of(call, b"\n", b"\n\n", b"0x00000000,4,0.5") == (0, 0.5)
 
@@ -94,14 +94,14 @@ def test_failures() -> None:
     )
 
 
-def test_what_does_not_fit_is_not_sent() -> None:
+def test_an_invalid_request_is_not_sent() -> None:
     with pytest.raises(InvalidValue, match="Variable_GetValue"):
         next(EcapConversation().call(f.variable_get_value, (2**40,), 3.0))
-    with pytest.raises(InvalidValue, match="at most 1000"):
+    with pytest.raises(InvalidValue, match="exceeds the limit of 1000"):
         next(EcapConversation(PacketLimits(packet=1000)).call(f.variable_put_value, (3, "x" * 1000), 3.0))
 
 
-def test_goodbye_is_said_once_by_one_who_has_not_said_it() -> None:
+def test_the_close_sequence_is_sent_once() -> None:
     conversation = EcapConversation()
     assert conversation.close_sequence() == []
     result_of(conversation.call(f.service_start, ("",), 3.0), b"0x00000000")

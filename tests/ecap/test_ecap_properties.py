@@ -42,7 +42,7 @@ def single(value):
 @pytest.mark.parametrize("function", FUNCTIONS.values(), ids=lambda function: function.name)
 @given(data=st.data())
 @settings(max_examples=15)
-def test_any_call_arrives_as_it_was_made(function, data):
+def test_any_call_arrives_unchanged(function, data):
     count = data.draw(st.integers(function.required, len(function.arguments)))
     arguments = tuple(data.draw(OF_TYPE[argument.vt]) for argument in function.arguments[:count])
     bound = function.bind(arguments, {})
@@ -59,7 +59,7 @@ def test_any_call_arrives_as_it_was_made(function, data):
 
 @given(code=st.integers(0, 2**31 - 1), result=st.none() | variants())
 @settings(max_examples=500)
-def test_any_result_arrives_as_it_was(code, result):
+def test_any_result_arrives_unchanged(code, result):
     answered, read = read_reply(write_reply(code, result))
     assert answered == code
     if result is None or result.type == VarType.EMPTY:
@@ -91,7 +91,7 @@ def test_each_type_arrives_bit_by_bit(vt, data):
 
 
 @given(strings(), strings())
-def test_cutting_and_decoding_undo_writing(one, other):
+def test_splitting_and_decoding_reverse_the_encoding(one, other):
     fields = read_fields(write_request(FUNCTIONS[9], (2, one, other)))
     assert {name: field.text for name, field in fields.items()} == {
         "func": "9", "arg1": "2", "arg2": one, "arg3": other, "arg4": "", "arg5": "",
@@ -131,7 +131,7 @@ def harmless(body: bytes) -> None:
     ),
 )
 @settings(max_examples=500)
-def test_whatever_comes_is_told(data, start):
+def test_any_body_is_explained(data, start):
     harmless(start + data)
 
 
@@ -140,7 +140,7 @@ def test_whatever_comes_is_told(data, start):
     st.text('0123456789,()"& %+=x-.eEFuncArg\n', max_size=80),
 )
 @settings(max_examples=500)
-def test_whatever_is_made_of_the_signs_that_count_is_told(start, text):
+def test_any_body_of_significant_characters_is_explained(start, text):
     harmless(start + text.encode())
 
 
@@ -173,5 +173,5 @@ def mutated(draw):
 
 @given(mutated())
 @settings(max_examples=1000)
-def test_spoilt_bodies_are_told(body):
+def test_corrupted_bodies_are_explained(body):
     harmless(body)

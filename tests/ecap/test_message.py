@@ -61,14 +61,14 @@ def test_the_examples_of_the_document_as_results(text, value):
 
 
 @pytest.mark.parametrize("each", BODIES, ids=[each.name for each in BODIES])
-def test_what_clients_write_is_understood(each):
+def test_requests_of_clients(each):
     function, arguments = read_request(each.body)
     assert function.id == each.function
     assert same(arguments, each.arguments)
 
 
 @pytest.mark.parametrize("each", BAD_BODIES, ids=[each.name for each in BAD_BODIES])
-def test_what_is_no_request_is_refused_with_a_reason(each):
+def test_invalid_requests_are_refused_with_a_reason(each):
     error = refusal(each.body)
     assert error.code == each.code
     assert each.detail in error.detail
@@ -82,7 +82,7 @@ def test_reasons_are_also_in_japanese(each):
     assert explain_request(each.body)
 
 
-def test_what_our_client_writes():
+def test_requests_of_the_orinkit_client():
     connect = BY_NAME["Controller_Connect"]
     assert (
         write_request(connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""))
@@ -128,7 +128,7 @@ class Name(StrEnum):
     MOTOR = "Motor"
 
 
-def test_numbers_and_texts_of_other_kinds():
+def test_numbers_and_texts_of_other_types():
     start = BY_NAME["Task_Start"]
     assert write_request(start, (2, Mode.CYCLE, Name.MOTOR)).startswith(b"Func=88,Arg1=2,Arg2=2,Arg3=Motor,")
     assert write_request(start, (True, -1, "")).startswith(b"Func=88,Arg1=1,Arg2=-1,Arg3=,")
@@ -162,7 +162,7 @@ def test_numbers_and_texts_of_other_kinds():
         ("Variable_PutValue", (2, object)),
     ],
 )
-def test_what_does_not_fit_is_refused_as_by_b_cap(name, arguments):
+def test_invalid_arguments_are_refused_as_by_b_cap(name, arguments):
     with pytest.raises(InvalidValue) as other:
         encode_request(BY_NAME[name], arguments, 1)
     with pytest.raises(InvalidValue) as refused:
@@ -171,7 +171,7 @@ def test_what_does_not_fit_is_refused_as_by_b_cap(name, arguments):
     assert str(refused.value).startswith(f"{name}, argument ")
 
 
-def test_arrays_that_are_nested_too_deep_are_not_written():
+def test_arrays_that_are_nested_too_deep_are_not_encoded():
     value = Variant(VARIANT_ARRAY, [])
     for _ in range(16):
         value = Variant(VARIANT_ARRAY, [value])
@@ -192,7 +192,7 @@ def test_only_arguments_at_the_end_are_optional():
         assert len(optional) <= 5
 
 
-def test_what_is_left_out_has_its_default():
+def test_omitted_arguments_have_their_defaults():
     function, arguments = read_request(b"Func=112,Arg1=4")
     assert read_arguments(function, arguments) == [4, 0]
     function, arguments = read_request(b"Func=17,Arg1=4,Arg2=Motor")
@@ -239,7 +239,7 @@ def test_a_number_is_refused_with_the_code_that_b_cap_has(text, over_b_cap):
         (-2147024890, None, b"0x80070006"),
     ],
 )
-def test_what_our_server_answers(code, result, body):
+def test_replies_of_the_orinkit_server(code, result, body):
     assert write_reply(code, result) == body
     read = read_reply(body)
     assert read[0] == hresult.unsigned(code)
@@ -271,14 +271,14 @@ def test_what_our_server_answers(code, result, body):
         (b"0x80070057,\xff", 0x8007_0057, None),
     ],
 )
-def test_what_other_servers_answer(body, code, result):
+def test_replies_of_other_servers(body, code, result):
     read = read_reply(body)
     assert read[0] == code
     assert same(read[1], result)
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "message"),
     [
         (b"", "'' is not an e-CAP reply, which begins with a return code such as 0x00000000. Try: check the address"),
         (b" \r\n", "is not an e-CAP reply"),
@@ -305,9 +305,9 @@ def test_what_other_servers_answer(body, code, result):
         (b"0x00000000,8," + "座".encode("shift_jis"), "in an e-CAP reply: not UTF-8"),
     ],
 )
-def test_what_is_no_reply_is_quoted(body, told):
+def test_invalid_replies_are_quoted(body, message):
     error = unreadable(body)
-    assert told in str(error)
+    assert message in str(error)
     assert error.code == hresult.E_INVALIDRCVPACKET
     i18n.use("ja")
     assert any("ぁ" <= sign <= "ヿ" for sign in str(unreadable(body)))
@@ -322,7 +322,7 @@ NANS = [
 
 
 @pytest.mark.parametrize(("vt", "form", "bits"), NANS)
-def test_any_nan_arrives_as_the_one_that_python_has(vt, form, bits):
+def test_any_nan_arrives_as_the_nan_of_python(vt, form, bits):
     """There is only one notation for all NaNs; all other values are transmitted without loss."""
     (nan,) = struct.unpack(form, bits.to_bytes(struct.calcsize(form), "little"))
     _, result = read_reply(write_reply(0, Variant(vt, nan)))
@@ -335,7 +335,7 @@ def test_any_nan_arrives_as_the_one_that_python_has(vt, form, bits):
 SMALL = PacketLimits(variants=100)
 
 
-def test_a_body_has_a_greatest_length():
+def test_the_length_of_a_body_is_limited():
     limits = PacketLimits(packet=100)
     assert read_request(b"Func=9,Arg1=2,Arg2=".ljust(100, b"a"), limits).arguments[1] == bstr("a" * 81)
     assert refusal(b"Func=9,Arg1=2,Arg2=".ljust(101, b"a"), limits).code == hresult.E_PACKETSIZEOVER
@@ -359,7 +359,7 @@ def test_a_body_has_a_greatest_length():
         ("8195", "1", 1615),
     ],
 )
-def test_arrays_have_as_many_elements_as_in_b_cap_or_as_can_be_read_in_time(head, element, most):
+def test_the_number_of_elements_is_limited(head, element, most):
     for count, fits in ((most, True), (most + 1, False)):
         text = f"{head},{','.join([element] * count)}"
         if fits:
@@ -384,18 +384,18 @@ def test_arrays_have_as_many_elements_as_in_b_cap_or_as_can_be_read_in_time(head
         "8200," + '""' * 20_000,
     ],
 )
-def test_what_would_take_long_to_read_is_refused_before_it_is_read(text):
+def test_texts_that_take_long_to_parse_are_refused(text):
     error = refusal(PUT + text.encode(), SMALL)
     assert error.code == hresult.E_ARGSIZEOVER
     assert error.detail.startswith("Variable_PutValue: the arrays have too many elements as text")
 
 
 @pytest.mark.parametrize("text", ["8," + '(,"' * 9000, "8,8200," + "," * 9000, "5," + " " * 9000 + "1"])
-def test_a_scalar_may_be_long_whatever_is_in_it(text):
+def test_a_scalar_may_be_long(text):
     assert read_request(PUT + text.encode(), SMALL).arguments[1].type in (VarType.BSTR, VarType.R8)
 
 
-def test_what_is_long_and_no_notation_is_no_notation():
+def test_a_long_text_that_is_not_in_notation():
     assert refusal(PUT + b"x" * 9000, SMALL).code == hresult.E_INVALIDARG
 
 
@@ -406,7 +406,7 @@ def test_several_variants_are_bounded_together():
     assert error.code == hresult.E_ARGSIZEOVER
 
 
-def test_a_limit_of_depth_holds_for_long_arrays_too():
+def test_the_limit_on_depth_applies_to_long_arrays():
     error = refusal(
         PUT + b"8204,(8204,(8204," + b",".join([b"(3,1)"] * 50) + b"))", PacketLimits(variants=100, depth=2)
     )
@@ -414,7 +414,7 @@ def test_a_limit_of_depth_holds_for_long_arrays_too():
     assert error.detail.startswith("Variable_PutValue, argument 2 (value): VARIANT arrays nested deeper than 2")
 
 
-# --- for people -------------------------------------------------------------------------------------------------------
+# --- summaries --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

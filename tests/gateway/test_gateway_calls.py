@@ -508,7 +508,7 @@ def test_hosts_of_ipv6() -> None:
     ],
 )  # fmt: skip
 def test_ambiguous_names_are_refused(names: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="name of its own"):
+    with pytest.raises(ValueError, match="needs a unique name"):
         RemoteProvider(names)
 
 

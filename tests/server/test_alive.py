@@ -228,6 +228,6 @@ def test_a_client_that_sends_only_the_option() -> None:
 def test_no_watchdog_if_repeated_requests_are_the_signs_of_life(both: Both, listen_at: str) -> None:
     with (
         orinkit.serve(VirtualRC8(), listen_at) as server,
-        pytest.raises(InvalidValue, match="Try: leave WDT out"),
+        pytest.raises(InvalidValue, match="Try: remove WDT"),
     ):
         both.connect(server.url, dialect="rc8", alive=2.0, service="WDT = 400")

@@ -226,7 +226,7 @@ def test_a_streaming_process_that_hangs_is_ended(arm: Arm, robot: orinkit.Robot,
     with pytest.raises(OrinError), robot.slave_mode() as stream:
         assert stream._streaming is not None
         with stopped(stream._streaming._process.pid):
-            monkeypatch.setattr("orinkit.streaming.process.launcher._PATIENCE", 1.0)
+            monkeypatch.setattr("orinkit.streaming.process.launcher._HANG_TIMEOUT", 1.0)
             with pytest.raises(StreamError, match="killed"):
                 stream.wait()
         robot.get_joints()
@@ -237,7 +237,7 @@ def test_a_python_that_does_not_start(arm: Arm, robot: orinkit.Robot, monkeypatc
     script = tmp_path / "python"
     script.write_text("#!/bin/sh\nsleep 60\n")
     script.chmod(0o755)
-    monkeypatch.setattr("orinkit.streaming.process.launcher._PATIENCE", 0.5)
+    monkeypatch.setattr("orinkit.streaming.process.launcher._HANG_TIMEOUT", 0.5)
     monkeypatch.setattr(sys, "executable", str(script))
     with pytest.raises(StreamError), robot.slave_mode():
         pass

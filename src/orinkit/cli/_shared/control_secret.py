@@ -62,13 +62,13 @@ def find_secret(address: Address) -> str:
 
 
 @contextmanager
-def left_for(secret: str, port: int, path: str | None = None) -> Iterator[None]:
+def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[None]:
     """Store a secret for commands of this account; the file is removed when the ``with`` statement ends.
 
     Args:
         secret: The secret of the control port.
         port: The port, which determines the default name of the file.
-        path: Of the file to write instead; it must not exist yet.
+        path: File to write instead; it must not exist yet.
 
     Raises:
         CommandError: If the file cannot be written.

@@ -23,7 +23,7 @@ class Interrupts:
     Signals that nohup makes the program ignore stay ignored.
 
     Attributes:
-        resting: Motors are being brought to standstill, for a few seconds at most: no signal interrupts that.
+        resting: True while motors are being stopped, for a few seconds at most; signals do not interrupt that.
     """
 
     def __init__(self) -> None:

@@ -49,7 +49,7 @@ class MotionRecorder:
 
     Args:
         robot: The robot that moves.
-        path: Of the file.
+        path: File to write.
         progress: Called with the number of records read and the total number.
     """
 
@@ -106,7 +106,7 @@ def check_directory(path: Path) -> None:
 
 
 def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> MotionRecording:
-    """Return a recording made of pairs of command and encoder, 8 joints each; joints 7 and 8 only if they are used."""
+    """Return a recording from pairs of command and encoder, 8 joints each; joints 7 and 8 are included only if used."""
     used = [
         axis
         for axis in range(_AXES)
@@ -189,7 +189,7 @@ def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
 
 
 def joints_of(record: Any) -> tuple[list[float], list[float]]:
-    """Return command and encoder of a record of the control log (reference: RC8 provider, GetLogRecord)."""
+    """Return the commands and encoder values of a record of the control log (reference: RC8 provider, GetLogRecord)."""
     values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
     if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):
         raise _unexpected_reply("GetLogRecord", record)

@@ -19,7 +19,7 @@ _SETTLING: Final = 2.0  # s that the encoders may lag behind the command
 
 
 def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: ProgressBar) -> None:
-    """Show the progress of a motion until it has ended and the arm is at standstill.
+    """Show the progress of a motion; return when it has ended and the arm is at standstill.
 
     Args:
         robot: The robot that moves.
@@ -42,8 +42,8 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
 
 
 @contextmanager
-def errors_told(controller: orinkit.Controller, url: str) -> Iterator[None]:
-    """Add to a failed call the error that the controller reports, and how to clear it."""
+def explain_errors(controller: orinkit.Controller, url: str) -> Iterator[None]:
+    """Add the error that the controller reports, and how to clear it, to the exception of a failed call."""
     try:
         yield
     except CallError as error:
@@ -64,8 +64,8 @@ def errors_told(controller: orinkit.Controller, url: str) -> Iterator[None]:
 
 
 @contextmanager
-def notes_shown() -> Iterator[None]:
-    """Print the notes of an exception to stderr: errors while arm and motor were released."""
+def show_notes() -> Iterator[None]:
+    """Print the notes of an exception to stderr: errors that occurred while arm and motor were released."""
     try:
         yield
     except BaseException as error:
@@ -81,7 +81,7 @@ class ProgressBar:
         on_stderr: Show them on stderr instead of stdout.
 
     Attributes:
-        seen: The output is a terminal.
+        seen: True if the output is a terminal.
     """
 
     def __init__(self, *, on_stderr: bool = True) -> None:

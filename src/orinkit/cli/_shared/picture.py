@@ -34,7 +34,7 @@ FORMATS: Final = ("png", "svg", "pdf")
 DASHES: Final[tuple[Any, ...]] = (
     "-", (0, (6, 2)), (0, (4, 2)), (0, (6, 2, 1, 2)), (0, (3, 2)), (0, (4, 2, 1, 2, 1, 2)), (0, (8, 3)), (0, (2, 2)),
 )  # fmt: skip
-"""Line styles: of two lines that coincide, the dashed one leaves parts of the other visible."""
+"""Line styles; if two lines coincide, the gaps of the dashed one show the other."""
 
 _SIZE: Final = (9.0, 9.0)  # inch
 _DPI: Final = 120
@@ -60,7 +60,7 @@ def save(drawing: Drawing, path: Path) -> None:
 
     Args:
         drawing: Draws its content.
-        path: Of the picture; the extension selects the format.
+        path: File to write; the extension selects the format.
 
     Raises:
         CommandError: If matplotlib is not installed, or the file cannot be written.

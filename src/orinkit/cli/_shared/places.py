@@ -25,7 +25,7 @@ class ListenTransport(NamedTuple):
         scheme: URL scheme of its addresses, and the name of its option.
         help: Help text of the option, in the current language.
         option: The option as declared in the registry.
-        http: It is HTTP: clients may send a token, and servers may have a certificate.
+        http: True for HTTP: clients may send a token, and servers may have a certificate.
     """
 
     scheme: str
@@ -43,7 +43,7 @@ class ListenTransport(NamedTuple):
 
         Args:
             place: The value of the option.
-            secure: The server has a certificate.
+            secure: True if the server has a certificate.
 
         Raises:
             CommandError: If it is an address of another transport.

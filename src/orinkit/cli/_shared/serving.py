@@ -109,8 +109,8 @@ class PendantListener:
     Attributes:
         provider: The provider to serve.
         url: Its address, checked by :func:`check_control`.
-        offered: Given the port, makes its secret available to commands of the same account during a ``with`` statement,
-            which receives the lines to print about it.
+        offered: Returns, for a port, a context manager that makes the secret available to commands of the same account,
+            and yields the lines to print about it.
     """
 
     provider: Provider
@@ -119,7 +119,7 @@ class PendantListener:
 
 
 def check_control(url: str) -> None:
-    """Refuse a control port that other machines could reach: it allows to press every button.
+    """Refuse a control port that other machines could reach, because it gives access to every button.
 
     Raises:
         CommandError: If its host is not a loopback address.
@@ -136,7 +136,7 @@ def check_control(url: str) -> None:
 
 
 def begin_log(listening: ServerOptions) -> None:
-    """Send the log to stderr; :func:`run` does so too, so only commands that log before need this."""
+    """Send the log to stderr; :func:`run` does so too, so only commands that log earlier need this."""
     if not listening.verbose:  # it logs every request of a gateway
         logging.getLogger("httpx2").setLevel(logging.WARNING)
     logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)

@@ -91,7 +91,7 @@ class StreamReport:
 
 
 def histogram(timing: Timing) -> list[str]:
-    """Return the gaps as at most 12 lines of text, one for each millisecond with any, the last one for all the rest."""
+    """Return a histogram of the gaps, a line per millisecond that occurs; of at most 12 lines, the last covers the rest."""
     counts = timing.histogram(_WIDTH)
     places = sorted(counts)
     bars = [(f"{place}-{place + 1} ms", counts[place]) for place in places[:_BARS]]

@@ -62,7 +62,7 @@ class Screen(io.TextIOBase):
         self.rich_proxied_file.flush()
 
     def write(self, text: str) -> int:
-        """Write a text; all control characters but line ends and tabs are shown as escapes."""
+        """Write a text; control characters other than line ends and tabs are shown as escapes."""
         shown = visible(text, _LAID_OUT)
         if _KEY in shown:
             shown = shown.replace(_BOLD, "\x1b[1m").replace(_PLAIN, "\x1b[0m")

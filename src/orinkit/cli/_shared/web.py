@@ -60,7 +60,7 @@ class HttpServerOptions:
         """Return the options of the HTTP server.
 
         Args:
-            served: The server has an address for HTTP.
+            served: True if the server has an address for HTTP.
 
         Raises:
             CommandError: If a file cannot be read, or an option has no effect.

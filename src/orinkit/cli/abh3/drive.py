@@ -110,12 +110,12 @@ class DrivePlan:
     Attributes:
         ay: Command of A/Y in min^-1, or in % of the rated current.
         bx: Command of B/X in min^-1, or in % of the rated current.
-        torque: Commands are currents.
+        torque: True if the commands are currents.
         vehicle: Determines the commands instead of ``ay`` and ``bx``; or ``None``.
         seconds: Duration in s.
         period: Time between commands in s.
-        reset: Reset errors first.
-        keep_servo: Leave the servo on at the end.
+        reset: True to reset errors first.
+        keep_servo: True to leave the servo on at the end.
     """
 
     ay: float
@@ -157,7 +157,7 @@ class DrivePlan:
         """Return the commands of A/Y and B/X after checking that they can be encoded.
 
         Args:
-            travel: The driver has the travel-axis model.
+            travel: True if the driver has the travel-axis model.
 
         Raises:
             InvalidValue: If a command is out of range.
@@ -230,7 +230,7 @@ def drive(
     from orinkit.abh3.api.names import connect
 
     with (
-        FeedbackDisplay(as_json=json) as shown,  # outermost: when it waits for a reader at the end, the motors are stopped and signals work as usual
+        FeedbackDisplay(as_json=json) as shown,  # outermost: may wait for its reader after the motors have stopped
         Interrupts() as interrupts,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,

@@ -29,7 +29,7 @@ class FrameRow:
         at: Time of arrival of the latest frame in s.
         count: Number of frames.
         rate: Frames per s.
-        since: Begin of the current interval for the rate in s.
+        since: Start of the current interval for the rate in s.
         counted: Number of frames in the current interval.
     """
 
@@ -51,7 +51,7 @@ class FrameRow:
 
 
 class FrameRows:
-    """All rows; at most 200, then a new one replaces the one whose latest frame is oldest.
+    """All rows; at most 200: a further one replaces the row whose latest frame is oldest.
 
     Args:
         clock: Returns a monotonic time in s.

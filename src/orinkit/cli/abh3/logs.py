@@ -45,7 +45,7 @@ class FrameLog:
     """The frames of a log, one by one.
 
     Args:
-        name: Of the file, which may be a pipe; ``-`` for lines of candump from stdin.
+        name: Name of the file, which may be a pipe; ``-`` for lines of candump from stdin.
 
     Attributes:
         skipped: Number of frames that are not extended data frames of at most 8 bytes.
@@ -122,7 +122,7 @@ class FrameLog:
                 yield frame
 
     def _line(self, file: TextIO) -> str:
-        """Read a line. Errors are caught here only, to tell them from those of the code that handles the frames."""
+        """Read a line. Errors are caught here only, so as not to catch those of the code that handles the frames."""
         try:
             return file.readline(_LONGEST_LINE)
         except (OSError, ValueError) as error:

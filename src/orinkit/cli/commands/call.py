@@ -1,8 +1,8 @@
 """``orinkit call``: call any function.
 
 The command first connects and calls Service_Start and Controller_Connect, so ARGS never begin with a handle: the command
-inserts that of the controller, or of the object named by an option. Handles are valid for one connection only, so the
-user cannot have another one; ``--handle`` sends one nevertheless, to test the reaction of a controller.
+inserts that of the controller, or of the object named by an option. Handles are valid for one connection only, so a user
+cannot know any other; ``--handle`` sends one nevertheless, to test the reaction of a controller.
 """
 
 from __future__ import annotations

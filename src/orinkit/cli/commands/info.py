@@ -72,7 +72,7 @@ _NAMES: Final[dict[str, Callable[[orinkit.Controller], Any]]] = {
 
 
 def _ask(question: Callable[[orinkit.Controller], Any], controller: orinkit.Controller) -> Any:
-    """Return the answer; ``None`` if the controller has none."""
+    """Return the value of a fact; ``None`` if the controller does not report it."""
     try:
         return question(controller)
     except (CallError, ProtocolError):  # it refuses, or the reply has an unexpected form

@@ -12,7 +12,7 @@ import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import ProgressBar, errors_told, follow, notes_shown, reading, rounded, shown
+from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, reading, rounded, show_notes, shown
 from orinkit.client._shared.robot import MoveOptions, option_text
 from orinkit.core.i18n import tr
 from orinkit.values.poses import parse_target, to_text
@@ -67,7 +67,7 @@ def move(
     mark = mark or ""
     parse_target(to_text(pose, mark))
     with (
-        notes_shown(),
+        show_notes(),
         connection.open(url, alive or None) as controller,
         controller.robot() as robot,
         ExitStack() as stack,
@@ -77,7 +77,7 @@ def move(
         recorder = None
         if record is not None:
             recorder = stack.enter_context(MotionRecorder(robot, Path(record), reading(bar)))
-        with Interrupts() as interrupts, errors_told(controller, url):
+        with Interrupts() as interrupts, explain_errors(controller, url):
             _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
         joints, position = shown(robot.joints), robot.position
     if json:

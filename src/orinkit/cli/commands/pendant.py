@@ -45,7 +45,7 @@ class PendantAction:
         values: The arguments of the action, for people.
         read: Returns the parameter of the command from the arguments; raises CommandError.
         shows: Items of the status that are shown afterwards; all if empty.
-        waits: The action supports ``--wait``.
+        waits: True if the action supports ``--wait``.
     """
 
     command: str
@@ -61,7 +61,7 @@ class PendantArguments:
 
     Attributes:
         given: The words.
-        wait: Wait until the action has ended.
+        wait: True to wait until the action has ended.
         usage: Usage of the action, for error messages.
     """
 

@@ -10,7 +10,7 @@ from typing import Annotated, Final
 from cyclopts import Group, Parameter
 
 from orinkit.arms import MODEL_NAMES
-from orinkit.cli._shared.control_secret import OPTION, left_for, read_secret
+from orinkit.cli._shared.control_secret import OPTION, read_secret, stored_secret
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.places import LISTENING
 from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run
@@ -232,7 +232,7 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
         if secret:  # from a file of the user, who knows it
             yield ()
         else:
-            with left_for(provider.secret, port, path):
+            with stored_secret(provider.secret, port, path):
                 yield (f"control secret {provider.secret}",)
 
     return PendantListener(provider, url, offered)

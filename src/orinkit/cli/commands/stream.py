@@ -14,7 +14,7 @@ import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import ProgressBar, errors_told, follow, notes_shown, rounded, shown
+from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, shown
 from orinkit.client._shared.motion import POLL
 from orinkit.core.i18n import tr
 from orinkit.transport.runner import pause
@@ -101,10 +101,10 @@ def stream(
         connection.known_dialect, trajectory, mode, pose, record, speed, model,
         retime=retime, move=move, motor=not no_motor,
     )  # fmt: skip
-    with notes_shown(), connection.open(url) as controller, controller.robot() as robot, ProgressBar() as bar:
+    with show_notes(), connection.open(url) as controller, controller.robot() as robot, ProgressBar() as bar:
         job.options = job.read(robot.client.dialect)
         try:
-            with Interrupts() as interrupts, errors_told(controller, url):
+            with Interrupts() as interrupts, explain_errors(controller, url):
                 report = _carry_out(robot, job, interrupts, bar)
         except KeyboardInterrupt as interrupt:
             if interrupt is job.interrupt:
@@ -128,7 +128,9 @@ class _StreamRequest:
         read: Reads the options of slave mode for a dialect.
         options: The options that ``read`` has returned.
         speed: Limits in percent.
-        retime, move, motor: Retime the trajectory, move to its first set-point, switch the motor on.
+        retime: True to retime the trajectory.
+        move: True to move to its first set-point.
+        motor: True to switch the motor on.
         progress: Progress of the stream.
         interrupt: The KeyboardInterrupt that ended the stream, if any.
     """
@@ -227,7 +229,7 @@ def _carry_out(robot: orinkit.Robot, job: _StreamRequest, interrupts: Interrupts
         with mode as entered:
             try:
                 if lead:
-                    _lead(entered, first, interrupts, bar)
+                    _move_to_first(entered, first, interrupts, bar)
                 return _streamed(entered, points, job, interrupts, bar)
             except KeyboardInterrupt as interrupt:
                 job.interrupt = interrupt
@@ -280,7 +282,7 @@ def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...]
         check_trajectory(points, limits, start, job.options.period)
 
 
-def _lead(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: ProgressBar) -> None:
+def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: ProgressBar) -> None:
     """Move an arm that supports slave mode only to the first set-point, within the limits of the stream."""
     entered.target = first
     whole = _distance(entered, first)

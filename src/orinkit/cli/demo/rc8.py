@@ -56,7 +56,7 @@ def demo(
     say: Callable[[str], None] = (lambda _line: None) if json else print
     if picture is not None and device != "rc8":
         raise unusable(tr("--picture is available for rc8 only"))
-    with late_told_here():
+    with quiet_logs():
         if device == "rc8":
             document = _demo_rc8(say, picture, fields=fields)
         else:
@@ -68,7 +68,7 @@ def demo(
 
 
 @contextmanager
-def late_told_here() -> Iterator[None]:
+def quiet_logs() -> Iterator[None]:
     """Keep the logs of the virtual controllers off stderr: the demo itself reports late set-points."""
     handler = NullHandler()
     for name in _LOGS:
@@ -138,7 +138,7 @@ def run_program(
         program: The program.
         documents: Receives each step with its packets, for JSON.
         say: Called with each line for people.
-        fields: Explain packets field by field.
+        fields: True to explain packets field by field.
         recording: Receives the watched motion.
 
     Raises:
@@ -206,7 +206,7 @@ class MotionDisplay:
 
         Args:
             call: The call.
-            log: Keep the control log.
+            log: True to keep the control log.
         """
         import orinkit
         from orinkit.cli.demo.stream import joints_line

@@ -45,8 +45,8 @@ class DemoStep:
         check: Checks the reply.
         keep: Name under which the result is stored for later steps, usually a handle.
         before: Called with the virtual controller before the call.
-        watch: Show the joint position while the call is executing.
-        log: Keep the control log of the motion, for a picture.
+        watch: True to show the joint position while the call is executing.
+        log: True to keep the control log of the motion, for a picture.
     """
 
     text: str

@@ -29,7 +29,7 @@ class VE026ADemo:
 
     Attributes:
         say: Called with each line for people.
-        fields: Explain packets field by field.
+        fields: True to explain packets field by field.
         steps: The steps with their packets, for JSON.
         answers: Number of replies checked.
     """
