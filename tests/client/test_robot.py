@@ -743,6 +743,25 @@ def test_cancelling_the_wait_for_a_motion(rc8: VirtualRC8, url: str) -> None:
     asyncio.run(body())
 
 
+def test_a_cancelled_call_does_not_stop_the_arm(rc8: VirtualRC8, url: str) -> None:
+    """On HTTP a cancelled call closes the connection: the next call opens another one, before the server gives up the client."""
+
+    async def body() -> None:
+        async with aio.connect(url) as controller:
+            robot = await controller.robot()
+            async with robot.arm(), robot.motor():
+                await robot.move(THERE, speed=SLOWLY, wait=False)
+                for turns in range(0, 40, 4):  # of the loop, until the call is cancelled
+                    call = asyncio.create_task(robot.get_moving())
+                    for _ in range(turns):
+                        await asyncio.sleep(0)
+                    call.cancel()
+                    await asyncio.gather(call, return_exceptions=True)
+                    assert await robot.get_moving()
+
+    asyncio.run(body())
+
+
 # --- a scripted robot -----------------------------------------------------------------------------------------------
 
 

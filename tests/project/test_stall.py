@@ -70,9 +70,8 @@ def test_nothing_stays_stopped_when_it_is_ended(number):
         program.send_signal(number)
         program.wait(PATIENCE)
         if number == signal.SIGKILL:
-            until(lambda: state(child) != "T")
             time.sleep(0.2)
-            assert state(child) == "S"
+            until(lambda: state(child) == "S")  # another injector may be at work, which stops it for a while
         else:
             until(lambda: not Path(f"/proc/{child}").exists())
     finally:

@@ -37,6 +37,7 @@ back."""
 
 _SERVICE_START: Final = 1
 _YOUNG: Final = 1.0  # s for a client to send its cookie before its session may be replaced
+_RECONNECT_TIME: Final = 0.3  # s in which a client may replace its last connection while its arm moves
 
 
 class RunningCall:
@@ -141,9 +142,16 @@ class HttpSession:
         self._liveness.start()
 
     def disconnected(self, connection: Hashable) -> None:
-        """End the session if its last persistent connection has been closed while its arm moves."""
+        """End the session soon if its last persistent connection has been closed while its arm moves.
+
+        A client that cancels a call closes the connection, and makes its next call over a new one.
+        """
         kept = self._connections.pop(connection, False)
-        if kept and not self.plain and not self._has_persistent and not self.ended and self.session.is_moving():
+        if kept and not self.ended and not self._has_persistent:
+            self._loop.call_later(_RECONNECT_TIME, self._check_reconnected)
+
+    def _check_reconnected(self) -> None:
+        if not self.ended and not self._connections and not self.plain and self.session.is_moving():
             self.end("its last connection was closed while its arm moves")
 
     @property
