@@ -231,11 +231,11 @@ class UdpListener:
         found = await loop.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
         listener = cls()
         try:
-            socket_addresses: dict[socket.AddressFamily, _SocketAddress] = {}
+            socket_addresses: dict[int, _SocketAddress] = {}
             for family, *_, socket_address in found:
                 socket_addresses.setdefault(family, socket_address)
-            for family, (host, _, *more) in socket_addresses.items():
-                bound = _bound(family, (host, address.port, *more))
+            for number, (host, _, *more) in socket_addresses.items():
+                bound = _bound(number, (host, address.port, *more))
                 address = address._replace(port=bound.getsockname()[1])
                 _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)
                 listener._sockets.append(opened)
