@@ -325,7 +325,7 @@ def test_an_idle_client_without_keep_alive_gets_an_error(server, provider, devic
         allow_silence(provider, 0.3)
         time.sleep(0.8)
         error = refused(hresult.E_ABORT, setattr, brake, "value", False)
-        assert "silent for 0.3 s" in motor.error_description(error.code)
+        assert "made no call for 0.3 s" in motor.error_description(error.code)
         allow_silence(provider, 30)
         brake.value = False
         assert at_rest(device)
@@ -338,7 +338,7 @@ def test_an_idle_client_loses_the_motor(server, provider, device, option):
         allow_silence(provider, 0.4)
         until(lambda: at_rest(device))
         error = refused(hresult.E_ABORT, setattr, motor.variable("COMMAND"), "value", [50.0, 50.0])
-        assert "silent for 0.4 s" in motor.error_description(error.code)
+        assert "made no call for 0.4 s" in motor.error_description(error.code)
         allow_silence(provider, 30)
         assert motor.variable("COMMAND").value == [0.0, 0.0]
         turn(motor)  # once is enough

@@ -77,7 +77,7 @@ def test_japanese():
     assert decoded(FEEDBACK, GOLDEN[0][0]).text == (
         "DP0R 1 -> 2: A 速度帰還 = -14.8 min^-1, B 速度帰還 = 0.0 min^-1, Y 速度帰還 = -7.4 min^-1, X 速度帰還 = -7.4 min^-1"
     )
-    assert decoded(0x00EAFF02, "28ff00").text == "REQUEST 2 -> 全体: 対象 = BR0, グループ = 5"
+    assert decoded(0x00EAFF02, "28ff00").text == "REQUEST 2 -> 全体: 要求対象 = BR0, グループ = 5"
     assert "2 バイト" in decoded(COMMAND, "0000").text
 
 

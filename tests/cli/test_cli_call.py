@@ -136,7 +136,7 @@ def test_in_japanese(refused, url):
     i18n.use("ja")
     assert (
         refused("call", url, "Variable_GetValue", code=2)
-        == "Variable_GetValue の対象を --variable 名前 で指定してください"
+        == "Variable_GetValue には variable が必要です。対処: --variable 名前"
     )
     assert "ハンドルは自動で補われます" in refused("call", url, "Controller_GetName", "1", code=2)
 

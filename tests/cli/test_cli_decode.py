@@ -105,7 +105,7 @@ def test_a_wrong_packet_is_explained_and_fails(run):
         {
             "offset": 0,
             "bytes": "ff",
-            "name": "no packet",
+            "name": "not a packet",
             "meaning": "a packet must begin with SOH 01",
             "level": 0,
             "error": True,

@@ -70,7 +70,7 @@ def test_a_token_file_that_others_can_read(tmp_path):
         assert f"--token-file {file}: other accounts can read or change the file. Try: chmod 600" in warning
     i18n.use("ja")
     (warning,) = _warnings(listening)
-    assert "他のアカウントからも読み書きできます" in warning
+    assert "他のアカウントから読み書きできるファイルです" in warning
 
 
 def test_a_token_does_not_protect_b_cap():
@@ -81,7 +81,7 @@ def test_a_token_does_not_protect_b_cap():
     assert "--tcp, --pty" in warning
     i18n.use("ja")
     (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), udp=("5007",)), web))
-    assert "--udp に接続できる人" in warning
+    assert "--udp に接続できるクライアント" in warning
 
 
 # --- addresses --------------------------------------------------------------------------------------------------------

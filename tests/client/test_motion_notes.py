@@ -22,7 +22,7 @@ def note_lost(wire: TransportProfile) -> str:
 @pytest.mark.parametrize(
     ("wire", "en", "ja"),
     [
-        (STREAM, "the controller stops the arm and releases its semaphore; the motor", "停止と占有解除はコントローラが行います"),
+        (STREAM, "the controller stops the arm and releases its semaphore; the motor", "コントローラがアームを停止し、アームセマフォを解放します"),
         (DATAGRAM, "after 10 s or more without a request, then stops the arm", "10 秒以上無通信が続いた後に"),
         (HTTP, "after 60 s or more without a request, then stops the arm", "60 秒以上無通信が続いた後に"),
         (LINE, "may keep moving, and its semaphore stays taken, until the next client connects", "シリアル回線では"),

@@ -966,7 +966,7 @@ def test_the_end_of_a_block_may_fail(both: Both, scripted: Any, device: Scripted
 @pytest.fixture
 def patient_with_halting(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in ("_sync", "_async"):
-        monkeypatch.setattr(f"orinkit.client.{module}.leases._HALT_PATIENCE", PATIENCE)
+        monkeypatch.setattr(f"orinkit.client.{module}.leases._HALT_TIMEOUT", PATIENCE)
 
 
 @TIMES_OUT

@@ -210,7 +210,7 @@ def test_connections_without_the_option() -> None:
     check_alive(1.0, "WDT=400", RC8)
     with pytest.raises(InvalidValue, match="ve026a"):
         check_alive(1.0, None, VE026A)
-    with pytest.raises(InvalidValue, match="both"):
+    with pytest.raises(InvalidValue, match="cannot be combined with Alive in service="):
         check_alive(1.0, "WDT=400, Alive = 500", RC8)
 
 
