@@ -1,7 +1,7 @@
 # make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types bench soak coverage sync messages release-check test-lowest clean setup-all setup-dev
+.PHONY: help demo test lint types bench soak collect coverage sync messages release-check test-lowest clean setup-all setup-dev
 export PYTHON
 # The tests start hundreds of programs: none of them is to compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -14,11 +14,14 @@ help: ## this list
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
 
-# Tests are selected by markers (pyproject.toml): those of the core run once, under coverage, and then all the others.
-# Most of these wait, so there are more workers than cores; --no-loadscope-reorder keeps the slow files first (tests/conftest.py).
-test: lint ## lint, types, coverage of the core and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
-	@$(MAKE) --no-print-directory -j2 --output-sync=target types coverage
-	$(RUN) pytest -m "not core and not soak" -n 5 --dist loadfile --no-loadscope-reorder
+# Tests are selected by markers (pyproject.toml). Many of them wait, so there are more workers than cores.
+# --no-loadscope-reorder keeps the slow files first (tests/conftest.py). collect compiles the tests once, before the workers start.
+test: lint ## lint, types, and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
+	@$(MAKE) --no-print-directory -j2 --output-sync=target types collect
+	$(RUN) pytest -m "not soak" -n 5 --dist loadfile --no-loadscope-reorder
+
+collect: setup-dev
+	@$(RUN) pytest -q --collect-only -m "not soak" > /dev/null || true  # the tests report the error
 
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
 	$(RUN) ruff check .

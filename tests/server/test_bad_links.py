@@ -135,11 +135,11 @@ def patiently(total_calls: int, least: int, run: Callable[[float], Counter[str]]
 
 
 @pytest.mark.timeout(300)
-def test_ten_thousand_calls_over_udp(both: Both) -> None:
+def test_three_thousand_calls_over_udp(both: Both) -> None:
     total = patiently(
-        10_000, 9_500, lambda pace: over_udp(both, 50, 200, Harm(delay=SHORT / 2 * pace), seconds=SHORT * pace)
+        3_000, 2_850, lambda pace: over_udp(both, 50, 60, Harm(delay=SHORT / 2 * pace), seconds=SHORT * pace)
     )
-    assert total["done"] + total["time-out"] == 10_000
+    assert total["done"] + total["time-out"] == 3_000
 
 
 @pytest.mark.timeout(300)
