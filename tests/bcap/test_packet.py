@@ -329,7 +329,7 @@ def test_a_length_that_no_packet_can_have(length):
     lost(Framer(), data, f"packet of {length} bytes is below the minimum of 16 bytes")
     lost(Framer(), data[:5], f"packet of {length} bytes is below the minimum of 16 bytes")
     i18n.use("ja")
-    lost(Framer(), data, f"パケット長 {length} は不正です")
+    lost(Framer(), data, f"パケット長 {length} バイトは最小の 16 バイト未満です")
 
 
 @pytest.mark.parametrize("length", [2**24 + 1, 2**31, 2**32 - 1])

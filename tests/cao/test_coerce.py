@@ -129,7 +129,7 @@ def test_a_number_of_thousands_of_digits():
 def test_invalid_real_numbers(given):
     refused(to_real, given, hresult.E_INVALIDARG, "is not a finite number")
     i18n.use("ja")
-    refused(to_real, given, hresult.E_INVALIDARG, "使えない値です")
+    refused(to_real, given, hresult.E_INVALIDARG, "は有限の数値ではありません")
 
 
 # --- handles and texts ------------------------------------------------------------------------------------------------

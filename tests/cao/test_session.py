@@ -242,7 +242,7 @@ def test_a_handle_that_is_not_in_use(session):
     assert value(session, "Controller_Disconnect", controller) is None
     assert code(session, "Controller_Disconnect", controller) == hresult.E_HANDLE
     i18n.use("ja")
-    assert "使われていません" in call(session, "Variable_GetValue", 9).detail
+    assert call(session, "Variable_GetValue", 9).detail == "ハンドル 9 は存在しません"
 
 
 def test_a_handle_of_another_interface(session):
@@ -629,7 +629,7 @@ def test_a_device_that_returns_no_object(session, device, made):
     device.kind = lambda name, log: made
     reply = call(session, "Controller_Connect", "", PROVIDER, "", "")
     assert reply.code == hresult.E_FAIL
-    assert "for a Controller" in reply.detail
+    assert "instead of a Controller" in reply.detail
     assert len(session) == 0
 
 

@@ -706,7 +706,9 @@ def test_a_plain_member_that_the_server_cannot_use_is_refused(name, member):
     with pytest.raises(TypeError, match=rf"^Mine\.{name} must be .*: it is reserved for the server\. Try: "):
         make(name, member)
     i18n.use("ja")
-    with pytest.raises(TypeError, match=rf"^Mine\.{name} はサーバが"):
+    with pytest.raises(
+        TypeError, match=rf"^Mine\.{name} は .* でなければなりません: サーバ用に予約された名前です。対処: "
+    ):
         make(name, member)
 
 
@@ -775,7 +777,7 @@ def test_a_decorator_without_a_name_raises_immediately(decorator):
         with pytest.raises(TypeError, match=rf'@{decorator}\("NAME"\)$'):
             DECLARATIONS[decorator](wrong)
     i18n.use("ja")
-    with pytest.raises(TypeError, match=rf'コントローラでの名前が必要です: @{decorator}\("名前"\)$'):
+    with pytest.raises(TypeError, match=rf'コントローラでの名前が必要です。対処: @{decorator}\("名前"\)$'):
         DECLARATIONS[decorator](lambda self: 1)
 
 

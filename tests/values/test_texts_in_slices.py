@@ -107,7 +107,7 @@ def test_names_and_options_have_a_maximum_length():
     handle, name = variant(2), variant("x" * 1024)
     assert read_arguments(controller_get_variable, [handle, name, variant("y" * 4096)])[1] == "x" * 1024
     for arguments in ([handle, variant("x" * 1025), variant("")], [handle, name, variant("y" * 4097)]):
-        with pytest.raises(CallError, match="characters, at most") as caught:
+        with pytest.raises(CallError, match="characters exceeds the limit of") as caught:
             read_arguments(controller_get_variable, arguments)
         assert caught.value.code == hresult.E_INVALIDARG
     i18n.use("ja")

@@ -645,5 +645,5 @@ def test_texts_are_in_both_languages():
         with pytest.raises(CallError) as caught:
             plan_ptp(VS050, HOME, (200, *HOME[1:]), Rates())
         details[name] = caught.value.detail
-    assert "the limits are -170 to 170 deg" in details["en"]
+    assert "200 deg is outside the soft limits, -170 to 170 deg" in details["en"]
     assert "ソフトリミット" in details["ja"]

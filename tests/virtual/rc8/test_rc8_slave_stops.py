@@ -445,7 +445,7 @@ def test_a_queue_does_not_mix_motions_and_commands():
         queue.follow(HOME)
     queue = MotionQueue(VS050, HOME)
     queue.follow((0.1, *HOME[1:]))
-    with pytest.raises(ValueError, match="outside"):
+    with pytest.raises(ValueError, match="external commands"):
         queue.add(MOTION)
     queue.halt()  # before the step: it is not executed
     queue.step()
@@ -466,7 +466,7 @@ def test_a_braking_queue_takes_no_motions():
         queue.add(MOTION)
     with pytest.raises(ValueError, match="motions"):
         queue.follow(HOME)
-    with pytest.raises(ValueError, match="placed"):
+    with pytest.raises(ValueError, match="cannot be set while motions"):
         queue.place(HOME)
 
 
