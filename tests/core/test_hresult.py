@@ -340,7 +340,7 @@ def test_a_number_of_more_than_32_bits_is_refused(function, value):
     with pytest.raises(ValueError, match="32 bits"):
         function(value)
     i18n.use("ja")
-    with pytest.raises(ValueError, match="32ビット"):
+    with pytest.raises(ValueError, match="32 ビット"):
         function(value)
 
 
@@ -444,7 +444,7 @@ def test_an_unknown_name_is_refused_with_similar_names():
     with pytest.raises(ValueError, match=r"'e_handel'.*did you mean.*E_HANDLE"):
         by_name("e_handel")
     i18n.use("ja")
-    with pytest.raises(ValueError, match=r"'e_handel'.*近い名前.*E_HANDLE"):
+    with pytest.raises(ValueError, match=r"'e_handel'.*候補: .*E_HANDLE"):
         by_name("e_handel")
 
 

@@ -154,7 +154,7 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         (form([*POSE[:6], 5.5], "P"), BAD, "P: fig must be a whole number of 32 bits, not 5.5"),
         (form([math.nan] * 6, "P"), BAD, "P: x must be a finite number, not nan"),
         (Variant(R8 | ARRAY, [0, math.inf, 0, 0, 0, 0, 0]), BAD, "P: y must be a finite number, not inf"),
-        (form(-1, "P"), BAD, "variable number -1"),
+        (form(-1, "P"), BAD, "invalid variable of kind 'P' and number -1"),
         (form(1.5, "P"), BAD, "1.5 is not a whole number"),
         (form(math.nan, "P"), BAD, "nan is not a whole number"),
         (form(Variant(VarType.UI8, 2**64 - 1), "P"), BAD, "18446744073709551615 is out of range"),

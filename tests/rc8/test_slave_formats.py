@@ -226,9 +226,9 @@ def test_too_few_and_too_many_numbers_for_slv_recv_format(parameter):
         ("0x123456789", "receive format: .*'0x123456789'"),
         ("17,", "unit of timestamps: .*not ''"),
         (["x", "1"], "receive format: .*'x'"),
-        (form(17, None), "unit of timestamps: VT_EMPTY"),
-        (form(17, [1, 2]), r"unit of timestamps: VT_I4\|VT_ARRAY"),
-        (Variant(VarType.DATE, 1.0), "receive format: VT_DATE"),
+        (form(17, None), "unit of timestamps: got VT_EMPTY, expected a number"),
+        (form(17, [1, 2]), r"unit of timestamps: got VT_I4\|VT_ARRAY, expected a number"),
+        (Variant(VarType.DATE, 1.0), "receive format: got VT_DATE, expected a number"),
         ("x" * HUGE, "receive format: .*not 'xxx"),
     ],
     ids=label,
@@ -579,9 +579,9 @@ def test_set_points_that_are_not_as_the_formats_say(parameter, match):
         (form("J(1,2,3)", 1, 2), "pose: got VT_BSTR"),
         (form(1.0, 2.0, 3.0), "pose: got VT_R8"),
         (form(["x"] * 8, 1, 2), "pose: got VT_BSTR"),
-        (form(r8(*J), "x", 2), "mini I/O: VT_BSTR was given"),
-        (form(r8(*J), 1, None), "hand I/O: VT_EMPTY was given"),
-        (form(r8(*J), 1, [1, 2]), r"hand I/O: VT_I4\|VT_ARRAY was given"),
+        (form(r8(*J), "x", 2), "mini I/O: got VT_BSTR, expected a number"),
+        (form(r8(*J), 1, None), "hand I/O: got VT_EMPTY, expected a number"),
+        (form(r8(*J), 1, [1, 2]), r"hand I/O: got VT_I4\|VT_ARRAY, expected a number"),
     ],
 )
 def test_parts_of_a_wrong_type(parameter, match):
@@ -674,10 +674,10 @@ def test_states_of_user_io_that_cannot_be_sent(states, match):
 @pytest.mark.parametrize(
     ("elements", "match"),
     [
-        (("x", 1, b"\1"), "offset of user I/O to send: VT_BSTR"),
-        ((8, None, b"\1"), "size of user I/O to send: VT_EMPTY"),
-        ((8, 1, ["x"]), "user I/O to send: VT_BSTR"),
-        ((8, 1, None), "user I/O to send: VT_EMPTY"),
+        (("x", 1, b"\1"), "offset of user I/O to send: got VT_BSTR"),
+        ((8, None, b"\1"), "size of user I/O to send: got VT_EMPTY"),
+        ((8, 1, ["x"]), "user I/O to send: got VT_BSTR"),
+        ((8, 1, None), "user I/O to send: got VT_EMPTY"),
     ],
 )
 def test_user_io_of_a_wrong_type(elements, match):

@@ -476,7 +476,7 @@ def test_check_says_what_is_exceeded(point: Pose, english: str, japanese: str) -
 def test_check_says_that_the_tool_has_not_caught_up() -> None:
     tool = Stream()
     tool("track", pose("P", (350.0, 0.0, 300.0, 150.0, 0.0, 180.0)))
-    for text, tongue in (("position: the arm lags behind", "en"), ("位置: まだ追いついていません", "ja")):
+    for text, tongue in (("position: the arm lags behind", "en"), ("位置: アームがまだ追いついていません", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text):
             tool.planner.check(tool.planner.command)
@@ -599,10 +599,10 @@ def test_limits_scaled_down_to_a_crawl() -> None:
     ("kind", "values", "said"),
     [
         ("P", (300.0, math.nan, 300.0, 180.0, 0.0, 180.0, 5.0), "P: y must be a finite number, not nan"),
-        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, -math.inf, 5.0), "P: rz is -inf"),
+        ("P", (300.0, 0.0, 300.0, 180.0, 0.0, -math.inf, 5.0), "P: rz must be a finite number, not -inf"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.5), "P: fig must be a whole number of 32 bits, not 5.5"),
         ("P", (300.0, 0.0, 300.0, 180.0, 0.0, 180.0), "P: got 6 values, expected 7: x, y, z, rx, ry, rz, fig"),
-        ("P", (None, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0), "P: x is None"),
+        ("P", (None, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0), "P: x must be a finite number, not None"),
         ("T", (300.0, 0.0, 300.0, 0.0, 1.0, math.inf, 0.0, 0.0, 1.0, 5.0), "T: oz must be a finite number, not inf"),
         ("T", (300.0, 0.0, 300.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient and approach vectors are parallel"),
         ("T", (300.0, 0.0, 300.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0), "orient or approach vector is zero"),

@@ -493,7 +493,7 @@ def test_files(tmp_path, text, kind, period, rows):
         (b"t,j1\n0,1\n0.008,1\n0.016,1\n0.025,1\n", "line 3: the interval to the row before is 0.008 s"),
         (b"t,j1\n0,1\n0,1\n", "line 3: the interval to the row before is 0 s"),
         (b"t,j1\n0,1\n-1,1\n", "line 3: the interval to the row before is -1 s"),
-        (b"t,j1\n0,1\n99,1\n", "equal (within 1 %) and at most 10 s"),
+        (b"t,j1\n0,1\n99,1\n", r"equal \(within 1 %\) and at most 10 s"),
         (b"\x89PNG\r\n\x1a\n\x00\xff", "not a CSV file"),
         (bytes(range(256)) * 50, "not a CSV file"),
         (b'time_s,"J1', "not a CSV file"),
