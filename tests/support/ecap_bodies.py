@@ -171,7 +171,7 @@ BAD_BODIES = [
     BadBody("too many arguments", b"Func=101,Arg1=3,Arg2=,Arg3=x", _ARG, "Variable_GetValue has no argument 3; Arg3 must be empty"),
     BadBody("an argument for none", b"Func=2,Arg5=1", _ARG, "Service_Stop has no argument 5"),
     BadBody("no handle", b"Func=101", _ARG, "Variable_GetValue, argument 1 (handle): expected a number, got an empty value"),
-    BadBody("a handle of blanks", b"Func=9,Arg1= ,Arg2=a", _ARG, "Controller_GetVariable, argument 1 (handle): empty"),
+    BadBody("a handle of blanks", b"Func=9,Arg1= ,Arg2=a", _ARG, "Controller_GetVariable, argument 1 (handle): expected a number, got an empty value"),
     BadBody("a word for a handle", b"Func=101,Arg1=abc", _TYPE, "argument 1 (handle): 'abc' is not a number"),
     BadBody("a fraction for a handle", b"Func=101,Arg1=2.5", _TYPE, "argument 1 (handle): '2.5' is not a handle"),
     BadBody("a handle beyond 32 bits", b"Func=101,Arg1=0x100000000", _TYPE, "'0x100000000' is not a handle"),
