@@ -178,7 +178,7 @@ class Bus:
         return TransportError(
             tr(
                 "{bus}: the frame could not be sent ({reason}). Try: check that another node acknowledges frames "
-                "(driver on, bit rate, wiring, termination)?",
+                "(driver on, bit rate, wiring, termination)",
                 bus=self,
                 reason=reason,
             )
