@@ -42,7 +42,7 @@ class Place(NamedTuple):
     """A position in the lines of a module."""
 
     module: str
-    index: int
+    begin: int
 
 
 Modules = dict[str, list[Line]]
@@ -89,18 +89,18 @@ def repeated(modules: Modules) -> Iterator[tuple[Place, Place, int]]:
     windows: defaultdict[tuple[str, ...], list[Place]] = defaultdict(list)
     for module, lines in modules.items():
         texts = [line.text for line in lines]
-        for index in range(len(texts) - LEAST + 1):
-            windows[tuple(texts[index : index + LEAST])].append(Place(module, index))
+        for begin in range(len(texts) - LEAST + 1):
+            windows[tuple(texts[begin : begin + LEAST])].append(Place(module, begin))
     for places in windows.values():
         for first, second in combinations(places, 2):
             here, there = modules[first.module], modules[second.module]
-            if first.index and second.index and here[first.index - 1].text == there[second.index - 1].text:
+            if first.begin and second.begin and here[first.begin - 1].text == there[second.begin - 1].text:
                 continue  # the block begins earlier
-            most = min(len(here) - first.index, len(there) - second.index)
+            most = min(len(here) - first.begin, len(there) - second.begin)
             if first.module == second.module:
-                most = min(most, second.index - first.index)
+                most = min(most, second.begin - first.begin)
             length = 0
-            while length < most and here[first.index + length].text == there[second.index + length].text:
+            while length < most and here[first.begin + length].text == there[second.begin + length].text:
                 length += 1
             if length >= LEAST:
                 yield first, second, length
@@ -108,13 +108,13 @@ def repeated(modules: Modules) -> Iterator[tuple[Place, Place, int]]:
 
 def justified(modules: Modules, place: Place, other: Place, length: int) -> bool:
     """Return True if a comment in a block, or directly above it, names the module of the other place."""
-    block = modules[place.module][place.index : place.index + length]
+    block = modules[place.module][place.begin : place.begin + length]
     return any(other.module in line.justified for line in block)
 
 
 def name(modules: Modules, place: Place, length: int) -> str:
     """Return a place as text."""
-    lines = modules[place.module][place.index : place.index + length]
+    lines = modules[place.module][place.begin : place.begin + length]
     return f"{place.module}:{lines[0].number}-{lines[-1].number}"
 
 

@@ -28,6 +28,7 @@ from orinkit.core.errors import (
 )
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import Address
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.aio_windows import AsyncPortLink
 from orinkit.transport.serial.settings import open_port
@@ -309,7 +310,7 @@ def test_a_link_is_closed_with_its_last_reference(peer: Any) -> None:
     other = peer()
     free = os.dup(0)
     os.close(free)
-    link = links.open_link(other.address, PATIENT)
+    link = links.open_link(other.address, LinkOptions(PATIENT))
     assert link.fileno() >= free
     del link
     gc.collect()
@@ -405,7 +406,7 @@ def test_a_flood_of_empty_datagrams_does_not_prolong_a_receive(both: Both) -> No
 def test_datagrams_that_are_there_do_not_keep_other_tasks_from_running() -> None:
     async def body() -> None:
         peer = UdpPeer()
-        link: Any = await aio_links.open_link(peer.address, PATIENT)
+        link: Any = await aio_links.open_link(peer.address, LinkOptions(PATIENT))
         turns = 0
 
         async def other() -> None:
@@ -491,7 +492,7 @@ def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.Monk
         return opened[-1]
 
     async def body() -> None:
-        task = asyncio.create_task(aio_links.open_link(peer.address, PATIENT))
+        task = asyncio.create_task(aio_links.open_link(peer.address, LinkOptions(PATIENT)))
         await asyncio.to_thread(begun.wait, PATIENT)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -536,7 +537,7 @@ def test_what_to_try(number: int, advice: str, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(os, "open", refuse)
     with pytest.raises(ConnectFailed, match=advice):
-        links.open_link(SerialAddress("/dev/ttyUSB0"), PATIENT)
+        links.open_link(SerialAddress("/dev/ttyUSB0"), LinkOptions(PATIENT))
 
 
 @pytest.mark.parametrize("change", [{"baudrate": 12_345_678}, {"flow": 2}, {"flow": 1}, {"parity": "M"}, {"bits": 5}])

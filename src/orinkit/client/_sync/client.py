@@ -8,7 +8,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from random import randint
-from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit.bcap.client import sign_of_life
@@ -30,11 +29,13 @@ from orinkit.client._shared.endpoint import (
     share,
 )
 from orinkit.core import hresult
+from orinkit.core.closing import Closing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.keepalive import KeepAlive, take_now
 from orinkit.transport.links import open_link
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import Deadline, DetachedLink, Link, run, send_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -46,7 +47,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class Client:
+class Client(Closing):
     """A connection to a controller for raw calls of CAO functions.
 
     Calls are executed one at a time; several threads may use one client. A call that times out leaves the
@@ -192,9 +193,8 @@ class Client:
         """
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
-        link = open_link(
-            address, seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after)
-        )
+        opening = LinkOptions(seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after))
+        link = open_link(address, opening)
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
 
     def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -436,11 +436,3 @@ class Client:
         finally:  # close the links even if this is cancelled or interrupted
             link.close()
             self._link.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
