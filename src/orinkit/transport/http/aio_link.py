@@ -20,9 +20,9 @@ from orinkit.transport.address import HttpAddress
 from orinkit.transport.http.response import KEPT, NEED, SHOWING, SHOWN, HttpServerInfo, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
+from orinkit.transport.sockets.aio_byte_link import AsyncSocketLink
 from orinkit.transport.sockets.socket_link import CHUNK
-from orinkit.transport.tcp_keepalive import prepare
+from orinkit.transport.waiter import Waiter
 
 require(tr(NEED), "http", "httpx2")
 
@@ -188,7 +188,7 @@ class _PendingRequest:
         self.task: asyncio.Task[bytes] | None = None
         self.done = False
         self._taken: asyncio.Future[None] | None = None  # while an "executing" sign is not consumed
-        self._waiter: asyncio.Future[None] | None = None
+        self._waiter = Waiter()
 
     @property
     def news(self) -> bool:
@@ -199,19 +199,12 @@ class _PendingRequest:
         """Wait until :attr:`news` is True, or the time has passed."""
         if self.news or seconds <= 0:
             return
-        loop = asyncio.get_running_loop()
-        self._waiter = loop.create_future()
-        alarm = loop.call_later(seconds, self._wake)
-        try:
-            await self._waiter
-        finally:
-            alarm.cancel()
-            self._waiter = None
+        await self._waiter.wait(seconds)
 
     async def sign(self) -> None:
         """Set the "executing" sign and wait until it is taken, so that a flooding server fills its own buffers."""
         self._taken = asyncio.get_running_loop().create_future()
-        self._wake()
+        self._waiter.wake()
         await self._taken
 
     def take_sign(self) -> bytes | None:
@@ -226,25 +219,20 @@ class _PendingRequest:
     def finish(self) -> None:
         """Mark the task as ended."""
         self.done = True
-        self._wake()
+        self._waiter.wake()
 
     def give_up(self) -> None:
         """Cancel the task."""
         if self.task is not None and not self.task.cancel() and not self.task.cancelled():
             self.task.exception()  # marks the exception as retrieved
-        self._wake()
-
-    def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+        self._waiter.wake()
 
 
-class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
+class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
     """A TCP connection, with or without TLS; created by :meth:`open`."""
 
     def __init__(self, dead_after: float) -> None:
-        super().__init__()
-        self._dead_after = dead_after
+        super().__init__(dead_after)
         self._view = memoryview(bytearray(CHUNK))
 
     @classmethod
@@ -267,11 +255,6 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
             raise connect_failed(address, error) from error
         return wire
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport, and set the options of the socket."""
-        super().connection_made(transport)
-        prepare(transport.get_extra_info("socket"), self._dead_after)
-
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Return the buffer for the next bytes: a view, because with TLS asyncio fills slices, not copies."""
         return self._view
@@ -279,10 +262,6 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Store received bytes."""
         self._came(self._view[:nbytes])
-
-    def _descriptor(self, transport: asyncio.Transport) -> int:
-        descriptor: int = transport.get_extra_info("socket").fileno()
-        return descriptor
 
     @property
     def has_news(self) -> bool:
