@@ -39,7 +39,7 @@ PATIENT = 20.0  # s: a time-out that no test may reach
 SHORT = 0.05  # s: a time-out that is expected to pass
 
 
-Openers = tuple[Callable[[Any, float], Any], Callable[[Any, float], Any]]
+Openers = tuple[Callable[[Any, LinkOptions], Any], Callable[[Any, LinkOptions], Any]]
 
 
 class UdpPeer:
@@ -106,7 +106,10 @@ class SerialPeer:
 class PortPeer(SerialPeer):
     """A peer for the links of Windows, with the serialx of this system."""
 
-    openers = (lambda address, seconds: PortLink(open_port(address)), AsyncPortLink.open)
+    openers = (
+        lambda address, _: PortLink(open_port(address)),
+        lambda address, opening: AsyncPortLink.open(address, opening.seconds),
+    )
 
 
 PEERS = [UdpPeer, SerialPeer, PortPeer]
@@ -131,7 +134,7 @@ class Way:
         return function(*arguments) if self._both.loop is None else self._both.run(body())
 
     def open(self, address: Any) -> Any:
-        return self.do(self.peer.openers[self._both.loop is not None], address, PATIENT)
+        return self.do(self.peer.openers[self._both.loop is not None], address, LinkOptions(PATIENT))
 
     def send(self, data: bytes) -> None:
         self.do(self.link.send, data, *((PATIENT,) if self._both.loop is None else ()))
@@ -323,7 +326,7 @@ def test_a_link_is_closed_with_its_last_reference(peer: Any) -> None:
 def test_pseudo_terminals_are_for_servers(both: Both) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(InvalidAddress, match="for servers"):
-        both.run(opening(PtyAddress(), PATIENT))
+        both.run(opening(PtyAddress(), LinkOptions(PATIENT)))
 
 
 # --- UDP ------------------------------------------------------------------------------------------------------------
@@ -377,7 +380,7 @@ def test_nobody_listens_any_more(udp: Way) -> None:
 def test_a_host_that_is_not_known(both: Both) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(ConnectFailed, match=r"udp://robot\.invalid:5007"):
-        both.run(opening(Address("udp", "robot.invalid", 5007), PATIENT))
+        both.run(opening(Address("udp", "robot.invalid", 5007), LinkOptions(PATIENT)))
     if both.loop is not None:
         both.run(both.loop.shutdown_default_executor())
 
@@ -521,7 +524,7 @@ def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.Monk
 def test_ports_that_cannot_be_opened(both: Both, path: str, advice: str) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(ConnectFailed, match=advice) as caught:
-        both.run(opening(SerialAddress(path), PATIENT))
+        both.run(opening(SerialAddress(path), LinkOptions(PATIENT)))
     assert path in str(caught.value)
     if both.loop is not None:
         both.run(both.loop.shutdown_default_executor())
@@ -565,7 +568,7 @@ def test_without_serialx(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.core.optional_deps.find_spec", lambda name: None)
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
-        both.run(opening(SerialAddress("/dev/ttyS0"), PATIENT))
+        both.run(opening(SerialAddress("/dev/ttyS0"), LinkOptions(PATIENT)))
 
 
 def test_a_line_that_takes_nothing_does_not_keep_a_program(serial: Way) -> None:
