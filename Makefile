@@ -30,6 +30,7 @@ lint: setup-dev ## style, layers, generated code / スタイル、層、生成�
 	.venv/bin/python tools/make_sync.py --check
 	.venv/bin/python tools/messages.py --check
 	.venv/bin/python tools/prose.py
+	.venv/bin/python tools/duplicates.py
 
 types: setup-dev ## mypy, strict / 型検査
 	$(RUN) mypy

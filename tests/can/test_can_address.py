@@ -16,6 +16,7 @@ from orinkit.core.errors import ConnectFailed, InvalidAddress, InvalidValue, Mis
 from orinkit.server.aio_server import AsyncServer
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import CanAddress, parse_address
+from orinkit.transport.registry import LinkOptions
 from orinkit.virtual.rc8.provider import VirtualRC8
 from support.both import Both
 from support.can_ptys import crossed_ptys
@@ -149,7 +150,7 @@ def test_a_controller_is_not_on_a_can_bus(both: Both) -> None:
             opening("can://virtual/x")
     address = parse_address("can://virtual/x")
     with pytest.raises(InvalidAddress, match="For ABH3 drivers"):
-        both.run((links.open_link if both.loop is None else aio_links.open_link)(address, 1.0))
+        both.run((links.open_link if both.loop is None else aio_links.open_link)(address, LinkOptions(1.0)))
 
 
 def test_a_controller_is_not_served_on_a_can_bus() -> None:

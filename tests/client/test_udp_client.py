@@ -17,6 +17,7 @@ from orinkit.server import udp
 from orinkit.server.threaded import Server
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import parse_address
+from orinkit.transport.registry import LinkOptions
 from support.both import Both
 from support.devices import Recorder
 from support.waiting import until
@@ -27,7 +28,7 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) ->
     wire = replace(DATAGRAM, memory=0.1) if silent else DATAGRAM
     with orinkit.serve(Recorder(), "udp://127.0.0.1:0") as server:
         address = parse_address(server.url)
-        link: Any = both.run((links if both.loop is None else aio_links).open_link(address, 10.0))
+        link: Any = both.run((links if both.loop is None else aio_links).open_link(address, LinkOptions(10.0)))
         kind: Any = orinkit.Client if both.loop is None else aio.AsyncClient
         client = kind(link, profile=wire, timeout=10.0)
         both.run(client.call(f.controller_connect, "", Recorder.provider_names[0], "", ""))

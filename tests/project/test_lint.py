@@ -110,7 +110,85 @@ def test_code_in_documents_is_not_prose(copy: Path, tmp_path: Path) -> None:
     assert run("prose.py", copy, str(page)).stdout == ""
 
 
+BLOCK = "".join(f"    total += {number} * width\n" for number in range(7))
+
+
+def function(name: str, block: str) -> str:
+    return f'def {name}(width: float, total: float) -> float:\n    """Return a sum."""\n{block}    return total\n'
+
+
+def repeated(copy: Path, planted: Path, first: str, second: str) -> str:
+    planted.write_text(f'"""Sums."""\n\n\n{first}\n\n{second}', encoding="utf-8")
+    result = run("duplicates.py", copy, str(planted))
+    assert not result.stderr
+    assert (result.returncode == 1) == bool(result.stdout)
+    return result.stdout
+
+
+def test_a_block_that_stands_twice(copy: Path, planted: Path) -> None:
+    found = repeated(copy, planted, function("one", BLOCK), function("two", BLOCK))
+    assert found.startswith("core.planted:5-13 repeats core.planted:17-25: 9 lines")
+
+
+def test_a_block_that_stands_in_another_module(copy: Path, planted: Path) -> None:
+    other = copy / "src/orinkit/values/planted.py"
+    other.write_text(function("two", BLOCK), encoding="utf-8")
+    try:
+        assert "repeats values.planted:2-10" in repeated(copy, planted, function("one", BLOCK), "")
+    finally:
+        other.unlink()
+
+
+def test_indentation_blank_lines_comments_and_imports_do_not_hide_a_block(copy: Path, planted: Path) -> None:
+    lines = BLOCK.replace("2 * width\n", "2 * width  # twice\n\n    # thrice\n    import math\n\n")
+    indented = "    if width:\n" + lines.replace("    ", "        ")
+    assert ": 8 lines" in repeated(copy, planted, function("one", BLOCK), function("two", indented))
+
+
+def test_shorter_blocks_may_stand_twice(copy: Path, planted: Path) -> None:
+    short = "".join(BLOCK.splitlines(keepends=True)[:3])
+    assert repeated(copy, planted, function("one", short), function("two", short)) == ""
+
+
+def test_a_multi_line_import_is_not_a_block(copy: Path, planted: Path) -> None:
+    names = "".join(f"    name_{number},\n" for number in range(8))
+    imports = f"from orinkit.core.names import (\n{names})\n"
+    assert repeated(copy, planted, imports + "one = 1\n", imports) == ""
+
+
+@pytest.mark.parametrize(
+    ("comment", "accepted"),
+    [
+        ("# Also in core.planted: the two must not be coupled.", True),
+        ("# Also in core.planted:", False),
+        ("# Also in core.other: the two must not be coupled.", False),
+        ("# The two must not be coupled.", False),
+    ],
+)
+@pytest.mark.parametrize("position", ["above", "within"])
+def test_a_justified_block(copy: Path, planted: Path, comment: str, accepted: bool, position: str) -> None:
+    second = function("two", BLOCK).replace("    total += 0", f"    {comment}\n    total += 0")
+    if position == "above":
+        second = f"{comment}\n" + function("one", BLOCK)
+    found = repeated(copy, planted, function("one", BLOCK), second)
+    assert (found == "") == accepted
+
+
+def test_generated_modules_may_repeat_their_sources(copy: Path, planted: Path) -> None:
+    generated = copy / "src/orinkit/client/_sync/planted.py"
+    generated.write_text(function("one", BLOCK), encoding="utf-8")
+    try:
+        assert repeated(copy, planted, function("one", BLOCK), "") == ""
+    finally:
+        generated.unlink()
+
+
+def test_no_block_stands_twice(copy: Path) -> None:
+    assert run("duplicates.py", copy).stdout == ""
+
+
 def test_make_lint_runs_these_tools() -> None:
     lint = (paths.ROOT / "Makefile").read_text(encoding="utf-8").partition("\nlint:")[2].partition("\n\n")[0]
     assert "tools/messages.py --check" in lint
     assert "tools/prose.py" in lint
+    assert "tools/duplicates.py" in lint

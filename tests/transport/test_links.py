@@ -28,6 +28,7 @@ from orinkit.core.errors import (
 )
 from orinkit.transport import aio_links, links
 from orinkit.transport.address import Address
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.aio_windows import AsyncPortLink
 from orinkit.transport.serial.settings import open_port
@@ -38,7 +39,7 @@ PATIENT = 20.0  # s: a time-out that no test may reach
 SHORT = 0.05  # s: a time-out that is expected to pass
 
 
-Openers = tuple[Callable[[Any, float], Any], Callable[[Any, float], Any]]
+Openers = tuple[Callable[[Any, LinkOptions], Any], Callable[[Any, LinkOptions], Any]]
 
 
 class UdpPeer:
@@ -105,7 +106,10 @@ class SerialPeer:
 class PortPeer(SerialPeer):
     """A peer for the links of Windows, with the serialx of this system."""
 
-    openers = (lambda address, seconds: PortLink(open_port(address)), AsyncPortLink.open)
+    openers = (
+        lambda address, _: PortLink(open_port(address)),
+        lambda address, opening: AsyncPortLink.open(address, opening.seconds),
+    )
 
 
 PEERS = [UdpPeer, SerialPeer, PortPeer]
@@ -130,7 +134,7 @@ class Way:
         return function(*arguments) if self._both.loop is None else self._both.run(body())
 
     def open(self, address: Any) -> Any:
-        return self.do(self.peer.openers[self._both.loop is not None], address, PATIENT)
+        return self.do(self.peer.openers[self._both.loop is not None], address, LinkOptions(PATIENT))
 
     def send(self, data: bytes) -> None:
         self.do(self.link.send, data, *((PATIENT,) if self._both.loop is None else ()))
@@ -309,7 +313,7 @@ def test_a_link_is_closed_with_its_last_reference(peer: Any) -> None:
     other = peer()
     free = os.dup(0)
     os.close(free)
-    link = links.open_link(other.address, PATIENT)
+    link = links.open_link(other.address, LinkOptions(PATIENT))
     assert link.fileno() >= free
     del link
     gc.collect()
@@ -322,7 +326,7 @@ def test_a_link_is_closed_with_its_last_reference(peer: Any) -> None:
 def test_pseudo_terminals_are_for_servers(both: Both) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(InvalidAddress, match="for servers"):
-        both.run(opening(PtyAddress(), PATIENT))
+        both.run(opening(PtyAddress(), LinkOptions(PATIENT)))
 
 
 # --- UDP ------------------------------------------------------------------------------------------------------------
@@ -376,7 +380,7 @@ def test_nobody_listens_any_more(udp: Way) -> None:
 def test_a_host_that_is_not_known(both: Both) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(ConnectFailed, match=r"udp://robot\.invalid:5007"):
-        both.run(opening(Address("udp", "robot.invalid", 5007), PATIENT))
+        both.run(opening(Address("udp", "robot.invalid", 5007), LinkOptions(PATIENT)))
     if both.loop is not None:
         both.run(both.loop.shutdown_default_executor())
 
@@ -405,7 +409,7 @@ def test_a_flood_of_empty_datagrams_does_not_prolong_a_receive(both: Both) -> No
 def test_datagrams_that_are_there_do_not_keep_other_tasks_from_running() -> None:
     async def body() -> None:
         peer = UdpPeer()
-        link: Any = await aio_links.open_link(peer.address, PATIENT)
+        link: Any = await aio_links.open_link(peer.address, LinkOptions(PATIENT))
         turns = 0
 
         async def other() -> None:
@@ -491,7 +495,7 @@ def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.Monk
         return opened[-1]
 
     async def body() -> None:
-        task = asyncio.create_task(aio_links.open_link(peer.address, PATIENT))
+        task = asyncio.create_task(aio_links.open_link(peer.address, LinkOptions(PATIENT)))
         await asyncio.to_thread(begun.wait, PATIENT)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -520,7 +524,7 @@ def test_an_open_that_was_cancelled_leaves_no_port_open(monkeypatch: pytest.Monk
 def test_ports_that_cannot_be_opened(both: Both, path: str, advice: str) -> None:
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(ConnectFailed, match=advice) as caught:
-        both.run(opening(SerialAddress(path), PATIENT))
+        both.run(opening(SerialAddress(path), LinkOptions(PATIENT)))
     assert path in str(caught.value)
     if both.loop is not None:
         both.run(both.loop.shutdown_default_executor())
@@ -536,7 +540,7 @@ def test_what_to_try(number: int, advice: str, monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(os, "open", refuse)
     with pytest.raises(ConnectFailed, match=advice):
-        links.open_link(SerialAddress("/dev/ttyUSB0"), PATIENT)
+        links.open_link(SerialAddress("/dev/ttyUSB0"), LinkOptions(PATIENT))
 
 
 @pytest.mark.parametrize("change", [{"baudrate": 12_345_678}, {"flow": 2}, {"flow": 1}, {"parity": "M"}, {"bits": 5}])
@@ -564,7 +568,7 @@ def test_without_serialx(both: Both, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orinkit.core.optional_deps.find_spec", lambda name: None)
     opening = links.open_link if both.loop is None else aio_links.open_link
     with pytest.raises(MissingExtra, match=r"orinkit\[serial\]"):
-        both.run(opening(SerialAddress("/dev/ttyS0"), PATIENT))
+        both.run(opening(SerialAddress("/dev/ttyS0"), LinkOptions(PATIENT)))
 
 
 def test_a_line_that_takes_nothing_does_not_keep_a_program(serial: Way) -> None:

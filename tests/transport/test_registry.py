@@ -16,7 +16,7 @@ from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core.errors import ConnectFailed, InvalidAddress, InvalidValue, StreamError
 from orinkit.transport import links, registry
 from orinkit.transport.address import parse_address
-from orinkit.transport.registry import GROUP, Transport, find, register, resolve, row_of, rows
+from orinkit.transport.registry import GROUP, LinkOptions, Transport, find, register, resolve, row_of, rows
 from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
 from support.both import Both
@@ -243,4 +243,4 @@ def test_an_address_of_no_registry() -> None:
         scheme = "gopher"
 
     with pytest.raises(InvalidAddress, match="unknown transport 'gopher'"):
-        links.open_link(Elsewhere(), 1.0)
+        links.open_link(Elsewhere(), LinkOptions(1.0))

@@ -109,11 +109,7 @@ class Differential:
         return Twist(_finite("v", v), 0.0 - _finite("omega", omega))
 
     def to_wheels(self, v: float, omega: float) -> Wheels:
-        """Return the velocities of the motors A and B in min^-1 for a motion.
-
-        Args:
-            v: Forward velocity in m/s.
-            omega: Angular velocity in rad/s, positive to the left.
+        """Return the velocities of the motors A and B in min^-1 for a motion, as for :meth:`to_travel`.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.

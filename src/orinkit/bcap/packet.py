@@ -184,7 +184,20 @@ def _no_packet(data: bytes | bytearray) -> ProtocolError:
     )
 
 
-class Framer:
+class FramerBase:
+    """Base of the framers: the limits and the received bytes."""
+
+    def __init__(self, limits: PacketLimits) -> None:
+        self.limits = limits
+        self._buffer = bytearray()
+
+    @property
+    def pending(self) -> int:
+        """Number of buffered bytes of an incomplete packet."""
+        return len(self._buffer)
+
+
+class Framer(FramerBase):
     """Extracts packets from a byte stream that may be split anywhere.
 
     Every packet must begin where the previous one ends. Anything else is refused: a first byte other than SOH, an impossible
@@ -196,14 +209,8 @@ class Framer:
     """Always 0: no bytes are skipped in a stream."""
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
-        self.limits = limits
-        self._buffer = bytearray()
+        super().__init__(limits)
         self._error: ProtocolError | None = None
-
-    @property
-    def pending(self) -> int:
-        """Number of buffered bytes of an incomplete packet."""
-        return len(self._buffer)
 
     @property
     def partial_serial(self) -> int:

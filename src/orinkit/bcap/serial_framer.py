@@ -19,7 +19,7 @@ _MAX_ARGUMENTS: Final = 8
 _HEAD: Final = packet.HEADER.size
 
 
-class LineFramer:
+class LineFramer(packet.FramerBase):
     """Finds packets between noise: each must be complete and have a correct CRC.
 
     If a sequence of bytes is not a packet, the search continues right after its first byte, so that no packet is lost with
@@ -37,17 +37,11 @@ class LineFramer:
     """
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, reports_too_long: bool = False) -> None:
-        self.limits = limits
+        super().__init__(limits)
         self.skipped = 0
         self._reports_too_long = reports_too_long
         self._reported = False  # whether the buffered data has been reported
-        self._buffer = bytearray()
         self._work = 0
-
-    @property
-    def pending(self) -> int:
-        """Number of buffered bytes of an incomplete packet."""
-        return len(self._buffer)
 
     @property
     def partial_serial(self) -> int:

@@ -1,6 +1,6 @@
 """A CAN bus shared by several tasks of an event loop; the synchronous twin is :mod:`orinkit.can.shared_bus`.
 
-If the bus has a descriptor that reports pending frames, the loop watches it; otherwise (virtual, limit drivers of Windows,
+If the bus has a descriptor that reports pending frames, the loop watches it; otherwise (virtual, most drivers of Windows,
 python-can's serial) a thread reads the bus and passes on the frames. Frames are read whether or not a task waits for them.
 All methods must be called in the event loop in which the shared bus was created.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Final, Protocol, Self, TypeVar, cast
@@ -17,15 +16,15 @@ from typing import Final, Protocol, Self, TypeVar, cast
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation, checked
 from orinkit.can.reader_thread import BusReader
-from orinkit.can.shared_bus import SIZE, Accepts
+from orinkit.can.receiving import SIZE, Accepts, ReceiverBase, SharedBusBase
 from orinkit.core.errors import ConnectionLost, OrinError
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress
-from orinkit.transport.link_errors import closed, other_loop
+from orinkit.transport.link_errors import other_loop
 
 T = TypeVar("T")
 _BURST: Final = 64  # frames read per turn of the loop
-_MAX_DRAINED: Final = 10_000  # limit frames read by clear()
+_MAX_DRAINED: Final = 10_000  # largest number of frames read by clear()
 _MAX_SEND_BLOCK: Final = 0.05  # s, longest time that sending may block the loop
 _STOP_TIMEOUT: Final = 2.0  # s to wait for the thread to end
 _GLANCES: Final = 40  # polls until the thread has passed on all; a count, not a time, as the machine may be suspended
@@ -45,19 +44,13 @@ class AsyncFrameLink(Protocol):
         """Drop the frames that have arrived for this receiver."""
 
 
-class AsyncSharedCanBus:
-    """A bus shared by several receivers in the event loop in which it is created.
-
-    Args:
-        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
-    """
+class AsyncSharedCanBus(SharedBusBase):
+    """A bus shared by several receivers in the event loop in which it is created."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus = bus
+        super().__init__(bus)
         self._loop = asyncio.get_running_loop()
         self._ports: tuple[AsyncCanReceiver, ...] = ()
-        self._closed = False
-        self._broken: str | None = None  # reason for the loss
         self._watched = -1  # descriptor watched by the loop
         self._thread: BusReader | None = None
         self._leaving: BusReader | None = None
@@ -77,19 +70,6 @@ class AsyncSharedCanBus:
         except asyncio.CancelledError:
             opening.add_done_callback(_close_unused)
             raise
-
-    def __str__(self) -> str:
-        return str(self._bus)
-
-    @property
-    def broken(self) -> bool:
-        """True if the bus was lost: pending waits have raised, and so do all calls until :meth:`reopen`."""
-        return self._broken is not None
-
-    @property
-    def closed(self) -> bool:
-        """True if the shared bus was closed."""
-        return self._closed
 
     def port(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanReceiver:
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
@@ -111,25 +91,18 @@ class AsyncSharedCanBus:
 
     def check(self, port: AsyncCanReceiver | None = None) -> None:
         """Raise an exception if the shared bus or a receiver is closed, the bus is lost, or this is another event loop."""
-        if self._closed or (port is not None and port.closed):
-            raise closed()
-        if self._broken is not None:
-            raise ConnectionLost(self._broken)
+        self._check_usable(port)
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, in order. Blocks the loop until the interface accepts them, which limit interfaces do at once.
+        """Send frames, in order, with the exceptions of :meth:`orinkit.can.shared_bus.SharedCanBus.send`.
+
+        It blocks the loop until the interface accepts them, which most interfaces do at once.
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Seconds that each may wait until the interface accepts it, at limit 0.05.
-
-        Raises:
-            InvalidValue: If one is not a valid frame; none was sent.
-            TransportError: If one was not accepted in time; those after it were not sent, and the bus stays usable.
-            ConnectionLost: If the bus is lost.
-            ConnectionClosed: If the shared bus was closed.
+            seconds: Seconds that each may wait until the interface accepts it, at most 0.05.
         """
         for frame in frames:
             checked(frame)
@@ -225,17 +198,9 @@ class AsyncSharedCanBus:
             port.wake()
 
     async def reopen(self, *, force: bool = False) -> None:
-        """Reopen a lost bus; receivers stay valid, and are emptied. A thread does what may block.
+        """Reopen a lost bus, as :meth:`orinkit.can.shared_bus.SharedCanBus.reopen`; a thread does what may block.
 
-        If several tasks call it, one of them reopens the bus and the others wait. It does nothing if the bus is not lost.
-
-        Args:
-            force: Reopen the bus even if no loss is known; pending waits end with ConnectionLost.
-
-        Raises:
-            InvalidValue: If the bus was not opened by an address.
-            InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`; the bus stays broken.
-            ConnectionClosed: If the shared bus was closed.
+        If several tasks call it, one of them reopens the bus and the others wait.
         """
         first = not self._reopening.locked()
         async with self._reopening:
@@ -254,10 +219,6 @@ class AsyncSharedCanBus:
                 port.frames.clear()
             self._broken = None
             self._begin()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise closed()
 
     async def _open_again(self) -> None:
         opening = _in_thread(self._bus.reopen)
@@ -285,29 +246,21 @@ class AsyncSharedCanBus:
             self._bus.close()
 
 
-class AsyncCanReceiver:
+class AsyncCanReceiver(ReceiverBase):
     """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.port`.
 
     Attributes:
         line: The shared bus.
-        accepts: The filter.
-        frames: The buffered frames.
-        dropped: Number of frames dropped from the full buffer.
-        closed: True if the receiver was closed.
     """
 
     def __init__(self, line: AsyncSharedCanBus, accepts: Accepts, size: int) -> None:
+        super().__init__(accepts, size)
         self.line = line
-        self.accepts = accepts
-        self.frames: deque[CanFrame] = deque(maxlen=size)
-        self.dropped = 0
-        self.closed = False
         self._waiters: list[asyncio.Future[None]] = []
 
     def put(self, frame: CanFrame) -> None:
-        """Buffer a frame."""
-        self.dropped += len(self.frames) == self.frames.maxlen
-        self.frames.append(frame)
+        """Buffer a frame, and wake the waiting tasks."""
+        super().put(frame)
         if self._waiters:
             self.wake()
 
@@ -385,6 +338,7 @@ async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
         ConnectionLost, ConnectionClosed, TransportError: As for :meth:`AsyncSharedCanBus.send` and
             :meth:`AsyncCanReceiver.receive`.
     """
+    # Also in can.shared_bus: the loop differs by await only.
     received: CanFrame | None = None
     deadline = 0.0
     try:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable
-from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final
 
 from orinkit.can.device import CanDevice as CanDevice
 from orinkit.core.errors import InvalidAddress, InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.thread_server import ThreadServer
 from orinkit.transport.address import CanAddress, parse_address
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ DEFAULT_BUS: Final = "can://udp_multicast/239.74.163.2"
 _JOIN: Final = 5.0  # s
 
 
-class CanServer:
+class CanServer(ThreadServer):
     """Devices on a bus, served from a thread; created by :func:`serve_can`."""
 
     def __init__(self, devices: Iterable[CanDevice], at: str | can.BusABC) -> None:
@@ -42,16 +42,6 @@ class CanServer:
         """Address of the bus: ``can://INTERFACE/CHANNEL``."""
         return self._wire.url
 
-    def wait(self, seconds: float | None = None) -> None:
-        """Wait until another thread closes the server, ``seconds`` have passed, or Ctrl-C is pressed.
-
-        Ctrl-C ends the wait without an exception, so ``with serve_can(...) as server: server.wait()`` is a complete program.
-        """
-        try:
-            self._thread.join(seconds)
-        except KeyboardInterrupt:
-            pass
-
     def close(self) -> None:
         """Close the bus and the devices. May be called again."""
         self._ending.set()
@@ -62,14 +52,6 @@ class CanServer:
         self._wire.close()
         for device in devices:
             device.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def serve_can(*devices: CanDevice, at: str | can.BusABC = DEFAULT_BUS) -> CanServer:

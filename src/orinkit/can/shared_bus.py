@@ -10,24 +10,19 @@ A lost bus stays broken until :meth:`SharedCanBus.reopen`. The asyncio twin is :
 from __future__ import annotations
 
 import threading
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import monotonic, sleep
-from typing import Final, Protocol, Self, TypeAlias, TypeVar
+from typing import Final, Protocol, Self, TypeVar
 
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation, checked
+from orinkit.can.receiving import SIZE, Accepts, ReceiverBase, SharedBusBase
 from orinkit.core.errors import ConnectionLost, OrinError, TransportError
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress
 from orinkit.transport.link_errors import closed
 
 T = TypeVar("T")
-Accepts: TypeAlias = Callable[[CanFrame], bool]
-"""Filter of a receiver. Called on any thread that reads; must neither block nor raise."""
-
-SIZE: Final = 256
-"""Frames buffered in a receiver."""
 _SLICE: Final = 0.25  # s between checks for a closed bus
 _STOP_TIMEOUT: Final = 2.0  # s to wait for the reading thread to stop
 _DRAIN_TIMEOUT: Final = 0.5  # s, longest time for draining while frames keep arriving
@@ -51,15 +46,11 @@ class FrameLink(Protocol):
         """Drop the frames that have arrived for this receiver."""
 
 
-class SharedCanBus:
-    """A bus shared by several receivers. Every method may be called from any thread.
-
-    Args:
-        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
-    """
+class SharedCanBus(SharedBusBase):
+    """A bus shared by several receivers. Every method may be called from any thread."""
 
     def __init__(self, bus: Bus) -> None:
-        self._bus = bus
+        super().__init__(bus)
         # Protects the following attributes; never held while the bus is read. Reentrant, as the garbage collector may close a
         # receiver while it is held.
         self._lock = threading.RLock()
@@ -67,8 +58,6 @@ class SharedCanBus:
         self._waiting: list[CanReceiver] = []  # receivers whose thread waits while another one reads
         self._reader: int | None = None  # identifier of the thread that reads the bus
         self._quiet = False  # the reading thread has read everything, and waits for more
-        self._closed = False
-        self._broken: str | None = None  # reason for the loss
         self._unusable = False  # closed or broken
         self._sending = threading.RLock()
         self._reopening = threading.RLock()
@@ -82,19 +71,6 @@ class SharedCanBus:
         """
         return cls(Bus.open(address))
 
-    def __str__(self) -> str:
-        return str(self._bus)
-
-    @property
-    def broken(self) -> bool:
-        """True if the bus was lost: pending waits have raised, and so do all calls until :meth:`reopen`."""
-        return self._broken is not None
-
-    @property
-    def closed(self) -> bool:
-        """True if the shared bus was closed."""
-        return self._closed
-
     def port(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
@@ -106,12 +82,6 @@ class SharedCanBus:
         with self._lock:
             self._ports += (port,)
         return port
-
-    def _check(self, port: CanReceiver | None = None) -> None:
-        if self._closed or (port is not None and port.closed):
-            raise closed()
-        if self._broken is not None:
-            raise ConnectionLost(self._broken)
 
     # --- sending ------------------------------------------------------------------------------------------------------
 
@@ -137,7 +107,7 @@ class SharedCanBus:
                     tr("{bus}: other threads occupied the bus for the whole timeout. Try: a longer timeout", bus=self)
                 )
             if self._unusable:
-                self._check()
+                self._check_usable(None)
             for frame in frames:
                 self._bus.send(frame, seconds)
         except ConnectionLost as error:
@@ -159,7 +129,7 @@ class SharedCanBus:
             with self._lock:
                 while True:
                     if self._unusable or port.closed:
-                        self._check(port)
+                        self._check_usable(port)
                     if port.frames:
                         return port.frames.popleft()
                     if self._reader is None or self._reader == threading.get_ident():  # in a signal handler
@@ -210,7 +180,7 @@ class SharedCanBus:
                 # a thread that clears another receiver waits until all pending frames are read
                 frame = self._receive_frame(0.0)
             if self._unusable or port.closed:
-                self._check(port)
+                self._check_usable(port)
             left = end - monotonic()
             if left <= 0:
                 return None
@@ -238,7 +208,7 @@ class SharedCanBus:
     def clear(self, port: CanReceiver) -> None:
         """Drop the frames that have arrived for a receiver, as :meth:`CanReceiver.clear`."""
         if self._unusable or port.closed:
-            self._check(port)
+            self._check_usable(port)
         if self._bus.tells and not self._bus.waiting() and self._reader is None and not port.frames:
             return  # in this order: frames read by a thread that just stopped reading are in the receiver by now
         polls = _GLANCES
@@ -246,7 +216,7 @@ class SharedCanBus:
         try:
             while True:
                 with self._lock:
-                    self._check(port)
+                    self._check_usable(port)
                     if self._reader is None or self._reader == threading.get_ident():
                         reads = True
                         self._reader = threading.get_ident()
@@ -338,10 +308,6 @@ class SharedCanBus:
             except RuntimeError:  # not acquired
                 pass
 
-    def _check_open(self) -> None:
-        if self._closed:
-            raise closed()
-
     def close(self) -> None:
         """Close the shared bus; waits in other threads end with ConnectionClosed within a fraction of a second."""
         with self._lock:
@@ -361,32 +327,20 @@ class SharedCanBus:
             port.woken.notify_all()
 
 
-class CanReceiver:
+class CanReceiver(ReceiverBase):
     """Receives the frames of a shared bus that match a filter; created by :meth:`SharedCanBus.port`.
 
     Every method may be called from any thread; only one thread at a time should receive, as each frame goes to one caller.
 
     Attributes:
-        line: The shared bus.
-        accepts: The filter.
-        frames: The buffered frames; protected by the lock of the shared bus.
+        line: The shared bus, whose lock protects :attr:`frames` and is held by :meth:`put`.
         woken: Condition that wakes a waiting thread; uses the lock of the shared bus.
-        dropped: Number of frames dropped from the full buffer.
-        closed: True if the receiver was closed.
     """
 
     def __init__(self, line: SharedCanBus, accepts: Accepts, size: int, lock: threading.RLock) -> None:
+        super().__init__(accepts, size)
         self.line = line
-        self.accepts = accepts
-        self.frames: deque[CanFrame] = deque(maxlen=size)
         self.woken = threading.Condition(lock)
-        self.dropped = 0
-        self.closed = False
-
-    def put(self, frame: CanFrame) -> None:
-        """Buffer a frame; the lock of the shared bus is held."""
-        self.dropped += len(self.frames) == self.frames.maxlen
-        self.frames.append(frame)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, as :meth:`SharedCanBus.send`."""

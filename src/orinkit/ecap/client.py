@@ -77,6 +77,7 @@ class EcapConversation:
         later: float = 0.0,  # noqa: ARG002
         deadline: float | None = None,
     ) -> Operation:
+        # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
         """Call a function; return a generator, see the module's docstring.
 
         Args:

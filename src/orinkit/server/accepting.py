@@ -11,9 +11,11 @@ import errno
 import logging
 import os
 import socket
+from collections.abc import Iterable
 from typing import Any, Final
 
 from orinkit.core.i18n import tr
+from orinkit.transport.fork_safety import keep_from_children
 
 logger = logging.getLogger("orinkit.server")
 
@@ -46,6 +48,27 @@ async def close(server: asyncio.Server) -> None:
         for _ in range(_ACCEPT_TURNS):
             await asyncio.sleep(0)
     server.close()
+
+
+class StreamListener:
+    """Accepts clients at one address: the base of the listeners with a server of asyncio.
+
+    Attributes:
+        url: the address, with the actual port.
+    """
+
+    def __init__(self, server: asyncio.Server, url: str) -> None:
+        self._server = server
+        self.url = url
+        keep_from_children(self)
+
+    def left_behind(self) -> Iterable[int]:
+        """Return the descriptors to replace in a forked child."""
+        return [each.fileno() for each in self._server.sockets]
+
+    async def close(self) -> None:
+        """Stop accepting clients."""
+        await close(self._server)
 
 
 def watch(loop: asyncio.AbstractEventLoop) -> None:

@@ -10,8 +10,7 @@ from typing import Final, Self, cast
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
-from orinkit.server import accepting
-from orinkit.server.accepting import ONE_AT_A_TIME, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, deepen
 from orinkit.server.context import ServerContext
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
@@ -196,17 +195,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._transport.abort()
 
 
-class TcpListener:
-    """Accepts TCP clients at one address.
-
-    Attributes:
-        url: the address, with the actual port.
-    """
-
-    def __init__(self, server: asyncio.Server, url: str) -> None:
-        self._server = server
-        self.url = url
-        keep_from_children(self)
+class TcpListener(StreamListener):
+    """Accepts TCP clients at one address."""
 
     @classmethod
     async def open(cls, address: Address, shared: ServerContext) -> Self:
@@ -222,11 +212,3 @@ class TcpListener:
         )
         deepen(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))
-
-    def left_behind(self) -> Iterable[int]:
-        """Return the descriptors to replace in a forked child."""
-        return [each.fileno() for each in self._server.sockets]
-
-    async def close(self) -> None:
-        """Stop accepting clients."""
-        await accepting.close(self._server)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from orinkit.cao.provider import Provider
+from orinkit.core.thread_server import ThreadServer
 from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orinkit.server.aio_server import AsyncServer
 
 
-class Server:
+class Server(ThreadServer):
     """A server that runs in a background thread; created by :func:`serve`."""
 
     def __init__(self, server: AsyncServer) -> None:
@@ -64,35 +64,15 @@ class Server:
         """The number of connected clients."""
         return self._server.clients
 
-    def wait(self, seconds: float | None = None) -> None:
-        """Wait until the server is closed by another thread, the time has passed, or Ctrl-C is pressed.
-
-        Ctrl-C ends the wait without an exception, so that ``with serve(...) as server: server.wait()`` is a complete program.
-
-        Args:
-            seconds: how long to wait, s; ``None`` for no limit.
-        """
-        try:
-            self._thread.join(seconds)
-        except KeyboardInterrupt:
-            pass
-
     def close(self) -> None:
         """Stop listening, disconnect all clients, and close the providers; further calls do nothing."""
         if not self._closed and self._thread.is_alive():
             self._asyncio.run_coroutine_threadsafe(self._server.close(), self._loop).result()
             self._stop()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
 
 def serve(
+    # Also in server.aio_server: the parameters of public functions are written out, so that help() and editors show them.
     providers: Provider | Iterable[Provider],
     *urls: str,
     clients: int = DEFAULT_CLIENTS,

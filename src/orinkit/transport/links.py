@@ -4,28 +4,12 @@ from __future__ import annotations
 
 from orinkit.core.errors import InvalidAddress, StreamError
 from orinkit.core.i18n import tr
-from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.registry import AnyAddress, LinkOptions, Transport, find, resolve, row_of
 from orinkit.transport.runner import Link
-from orinkit.transport.tcp_keepalive import DEAD_AFTER
-from orinkit.values.codec import DEFAULT_LIMITS
 
 
-def open_link(
-    address: AnyAddress,
-    seconds: float,
-    access: Credentials = NOTHING,
-    most: int = DEFAULT_LIMITS.packet,
-    dead_after: float = DEAD_AFTER,
-) -> Link:
-    """Open a link to an address.
-
-    Args:
-        address: The address of the controller.
-        seconds: Time-out, s.
-        access: Credentials for HTTP.
-        most: The largest number of bytes of a reply over HTTP.
-        dead_after: s without a response from the controller's machine after which a TCP connection is given up.
+def open_link(address: AnyAddress, opening: LinkOptions) -> Link:
+    """Open a link to the address of a controller.
 
     Raises:
         InvalidAddress: If the address is one for servers, or of a CAN bus.
@@ -35,7 +19,7 @@ def open_link(
     row = row_of(address)
     if not row.link:
         raise refused(address)
-    link: Link = resolve(row.link)(address, LinkOptions(seconds, access, most, dead_after))
+    link: Link = resolve(row.link)(address, opening)
     return link
 
 

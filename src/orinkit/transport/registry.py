@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, TypeAlias
 
 from orinkit.core.errors import InvalidAddress, InvalidValue, MissingExtra
 from orinkit.core.i18n import N_, tr
+from orinkit.transport.credentials import NOTHING, Credentials
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
+from orinkit.values.codec import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
-
-    from orinkit.transport.credentials import Credentials
 
 GROUP: Final = "orinkit.transports"
 """The group of the entry points."""
@@ -70,9 +71,9 @@ class LinkOptions(NamedTuple):
     """
 
     seconds: float
-    access: Credentials
-    most: int
-    dead_after: float
+    access: Credentials = NOTHING
+    most: int = DEFAULT_LIMITS.packet
+    dead_after: float = DEAD_AFTER
 
 
 class ServeOption(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable
 from time import monotonic, sleep
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 from orinkit.core.errors import OrinError, StreamError
 from orinkit.core.i18n import tr
@@ -62,70 +62,61 @@ class AsyncLink(Protocol):
         """Close the link; calls after the first have no effect."""
 
 
-class DetachedLink:
-    """Placeholder for a link that was handed over to another process; it cannot send."""
+L = TypeVar("L", Link, AsyncLink)
 
-    def __init__(self, link: Link, closing: Callable[[], None]) -> None:
-        self.link = link
+
+class _Handed(Generic[L]):
+    """Placeholder for a link that was handed over to another process.
+
+    Args:
+        link: The link, of which this process keeps a descriptor.
+        closing: Callback that requests the other process to close the link.
+    """
+
+    def __init__(self, link: L, closing: Callable[[], None]) -> None:
+        self.link: L = link
         self._closing = closing
 
-    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - signature of every link
+    def fileno(self) -> int:
         """Raise StreamError: the link is in another process.
 
         Raises:
             StreamError: Always.
         """
+        raise _handed_over()
+
+    def release(self) -> None:
+        """Close the underlying link in this process."""
+        self.link.release()
+
+    def close(self) -> None:
+        """Request the other process to close the link in good order, and close it here."""
+        self._closing()
+        self.link.release()
+
+
+class DetachedLink(_Handed[Link]):
+    """Placeholder for a link that was handed over to another process; it cannot send."""
+
+    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - signature of every link
+        """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
     def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
-        """Raise StreamError, as :meth:`send`."""
+        """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
-    def fileno(self) -> int:
-        """Raise StreamError, as :meth:`send`."""
-        raise _handed_over()
 
-    def release(self) -> None:
-        """Close the underlying link in this process."""
-        self.link.release()
-
-    def close(self) -> None:
-        """Request the other process to close the link in good order, and close it here."""
-        self._closing()
-        self.link.release()
-
-
-class AsyncDetachedLink:
-    """Placeholder for a link that was handed over to another process, in asyncio."""
-
-    def __init__(self, link: AsyncLink, closing: Callable[[], None]) -> None:
-        self.link = link
-        self._closing = closing
+class AsyncDetachedLink(_Handed[AsyncLink]):
+    """Placeholder for a link that was handed over to another process, in asyncio; it cannot send."""
 
     def send(self, data: bytes) -> None:  # noqa: ARG002 - signature of every link
-        """Raise StreamError: the link is in another process.
-
-        Raises:
-            StreamError: Always.
-        """
+        """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
     async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
-        """Raise StreamError, as :meth:`send`."""
+        """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
-
-    def fileno(self) -> int:
-        """Raise StreamError, as :meth:`send`."""
-        raise _handed_over()
-
-    def release(self) -> None:
-        """Close the underlying link in this process."""
-        self.link.release()
-
-    def close(self) -> None:
-        """Request the other process to close the link in good order, and close it here."""
-        self._closing()
-        self.link.release()
 
 
 def _handed_over() -> StreamError:

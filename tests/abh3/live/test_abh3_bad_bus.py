@@ -15,7 +15,7 @@ import serial
 
 import can
 from orinkit.abh3.session.multipacket import exchange
-from orinkit.can.shared_bus import SIZE
+from orinkit.can.receiving import SIZE
 from orinkit.core.errors import DriverFault, DriverTimeout, ProtocolError, TransportError
 from support.abh3_wires import (
     COMMAND,

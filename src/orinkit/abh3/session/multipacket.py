@@ -87,16 +87,9 @@ def exchange(
     pause: float = PAUSE,
     afresh: bool = False,
 ) -> CanOperation[bytes]:
-    """Send a message to a driver and receive its reply.
+    """Send a message to a driver and receive its reply; the arguments are those of :func:`send_message`.
 
-    Args:
-        message: 1 to 1785 bytes; if shorter than 9 bytes, it is padded with SYN, which drivers ignore.
-        host: Address of this side.
-        driver: Address of the driver.
-        priority: Priority of the frames, 0 to 7.
-        seconds: Time-out for each frame of the driver, in s.
-        pause: Pause between data packets, in s.
-        afresh: A previous exchange may be incomplete: send an Abort for it first.
+    If a previous exchange may be incomplete, ``afresh`` sends an Abort for it first.
 
     Returns:
         9 to 1785 bytes, including the SYN that pads a short reply.

@@ -51,17 +51,9 @@ class Chain:
         )
 
     def forward(self, joints: ArrayLike) -> Array:
-        """Return the flange frame in the base frame.
+        """Return the flange frame in the base frame, as :meth:`orinkit.arms.kinematics.solver.Kinematics.forward`.
 
-        Args:
-            joints: (..., n >= 6) deg; joints after the sixth have no influence.
-
-        Returns:
-            The frames, (..., 4, 4), mm.
-
-        Raises:
-            CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+        Joints after the sixth have no influence.
         """
         values = joints_of(joints)
         if values.ndim == 1:
@@ -75,19 +67,7 @@ class Chain:
         return frames
 
     def jacobian(self, joints: ArrayLike) -> Array:
-        """Return the Jacobian of the flange in the base frame.
-
-        Args:
-            joints: (..., n >= 6) deg.
-
-        Returns:
-            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per
-            deg; columns are the joints.
-
-        Raises:
-            CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
-        """
+        """Return the Jacobian of the flange in the base frame, as :meth:`orinkit.arms.kinematics.solver.Kinematics.jacobian`."""
         values = joints_of(joints)
         if values.ndim == 1:
             result = np.array(self._jacobian_entries(*_cosines_and_sines(values))).reshape(ARM_AXES, 6).T

@@ -108,8 +108,8 @@ class ArmGeometry:
         return second, second + total - self.fore_angle, margin
 
 
-class SphericalWrist:
-    """Closed-form solution of an arm whose axes 4, 5 and 6 cross in the wrist centre.
+class InverseSolver:
+    """Base of the two solutions of the inverse kinematics.
 
     Args:
         model: The arm model.
@@ -121,6 +121,10 @@ class SphericalWrist:
         self._arm = ArmGeometry.of(chain)
         self._centres = turn_centres(model)
         self._base = np.array(chain.base)
+
+
+class SphericalWrist(InverseSolver):
+    """Closed-form solution of an arm whose axes 4, 5 and 6 cross in the wrist centre."""
 
     @staticmethod
     def fits(chain: Chain) -> bool:

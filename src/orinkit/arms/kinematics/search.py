@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
-from orinkit.arms.kinematics.figures import around, turn_centres
-from orinkit.arms.kinematics.inverse import ArmGeometry, Mask, seen_from_forearm
+from orinkit.arms.kinematics.figures import around
+from orinkit.arms.kinematics.inverse import InverseSolver, Mask, seen_from_forearm
 from orinkit.arms.kinematics.roots import Samples, all_roots
 
 _SAMPLES: Final = 96  # of one turn of joint 6
@@ -30,19 +30,11 @@ _OFFSET_ROUNDS: Final = 8
 _POSTURES: Final = np.array(list(itertools.product((True, False), repeat=2)))  # lefty, bent to the positive side
 
 
-class Search:
-    """Numeric inverse kinematics of an arm; finds all solutions.
-
-    Args:
-        model: The arm model.
-        chain: The frames of the arm.
-    """
+class Search(InverseSolver):
+    """Numeric inverse kinematics of an arm; finds all solutions."""
 
     def __init__(self, model: ArmModel, chain: Chain) -> None:
-        self._chain = chain
-        self._arm = ArmGeometry.of(chain)
-        self._centres = turn_centres(model)
-        self._base = np.array(chain.base)
+        super().__init__(model, chain)
         self._scale = 1.0 / (RADIAN * chain.reach)  # converts mm at the flange to deg
 
     def solutions(self, flanges: Array) -> tuple[Array, NDArray[np.int_]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeAlias
 
 from cyclopts import Group, Parameter
 
@@ -26,7 +26,9 @@ from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 
 _CONTROLLER: Final = Group(tr("Controller"), sort_key=7)
-_ROBOT: Final = Group(tr("Robot"), sort_key=7)
+ROBOT: Final = Group(tr("Robot"), sort_key=7)
+JOINTS: Final = Parameter(group=ROBOT, allow_leading_hyphen=True)
+MotorOn: TypeAlias = Annotated[bool, Parameter(group=ROBOT, help=tr("Start with the motor on."))]
 _PROVIDERS: Final = Group(tr("Additional devices"), sort_key=7)
 _LISTENING: Final = ServerOptions()
 
@@ -69,28 +71,25 @@ def serve_rc8(
     model: Annotated[
         str,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr("Model of the arm: {models}, or your own TOML file.", models=", ".join(MODEL_NAMES)),
         ),
     ] = "VS-050",
     mode: Annotated[
-        str, Parameter(group=_ROBOT, help=tr("Initial position of the mode switch: manual, teach or auto."))
+        str, Parameter(group=ROBOT, help=tr("Initial position of the mode switch: manual, teach or auto."))
     ] = "auto",
     token: Annotated[
         str,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr("Executable token (who may start motions): any, tp, io, ethernet or ethernet:ADDRESS."),
         ),
     ] = "any",  # noqa: S107 - not a password
-    motor_on: Annotated[
-        bool, Parameter(group=_ROBOT, help=tr("Start with the motor on."))
-    ] = False,
+    motor_on: MotorOn = False,
     joints: Annotated[
         str | None,
+        JOINTS,
         Parameter(
-            group=_ROBOT,
-            allow_leading_hyphen=True,
             help=tr(
 "Initial joint position in deg: \"J(0, 30, 90, 0, 60, 0)\" or 0,30,90,0,60,0; the home "
 "pose by default."),
@@ -99,21 +98,21 @@ def serve_rc8(
     no_samples: Annotated[
         bool,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr("Do not add sample programs to an empty file store."),
         ),
     ] = False,
     no_slave_licence: Annotated[
         bool,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr("Refuse slave mode, as a controller without its licence does."),
         ),
     ] = False,
     slave_limit: Annotated[
         int,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             converter=whole_number,
             help=tr(
 "Limits in slave mode (RC8 4.8): 0 servo, 1 servo x external speed, 2 command, 3 command "
@@ -123,7 +122,7 @@ def serve_rc8(
     strict_time: Annotated[
         bool,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr(
 "Treat late set-points in slave mode as a real controller does, instead of waiting for "
 "them (250 ms): as an error at once, in mode 1 as a stop in place."),

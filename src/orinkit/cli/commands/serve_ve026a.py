@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Final
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.serving import ServerOptions, check, run
-from orinkit.cli.commands.serve_rc8 import read_joints
+from orinkit.cli.commands.serve_rc8 import JOINTS, ROBOT, MotorOn, read_joints
 from orinkit.core.i18n import tr
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.ve026a import VirtualVE026A
 
-_ROBOT: Final = Group(tr("Robot"), sort_key=7)
 _LISTENING: Final = ServerOptions()
 
 
@@ -21,21 +20,18 @@ def serve_ve026a(
     *,
     joints: Annotated[
         str | None,
+        JOINTS,
         Parameter(
-            group=_ROBOT,
-            allow_leading_hyphen=True,
             help=tr(
 "Initial joint position in deg, J7 is the hand: \"J(0, 30, 120, 0, 30, 0, 0)\" or "
 "0,30,120,0,30,0,0; the home pose by default."),
         ),
     ] = None,
-    motor_on: Annotated[
-        bool, Parameter(group=_ROBOT, help=tr("Start with the motor on."))
-    ] = False,
+    motor_on: MotorOn = False,
     strict_time: Annotated[
         bool,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr(
 "Treat a late set-point as an error at once, as a real VE026A does, instead of waiting "
 "for it (250 ms)."),
@@ -44,7 +40,7 @@ def serve_ve026a(
     time_scale: Annotated[
         float,
         Parameter(
-            group=_ROBOT,
+            group=ROBOT,
             help=tr("Simulated seconds per real second; 20 makes the arm 20 times as fast."),
         ),
     ] = 1.0,

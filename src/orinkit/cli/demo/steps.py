@@ -135,6 +135,25 @@ def a_text(answer: list[Variant]) -> str:
     return "" if right else tr("a text (VT_BSTR)")
 
 
+# --- common steps -----------------------------------------------------------------------------------------------------
+
+_CONTROLLER: Final = HandleOf("controller")
+
+# fmt: off
+_ENTER: Final[tuple[DemoStep, ...]] = (
+    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
+         f.service_start, (), nothing),
+    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
+         f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+)
+_LEAVE: Final[tuple[DemoStep, ...]] = (
+    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
+         f.controller_disconnect, (_CONTROLLER,), nothing),
+    DemoStep(N_("Stop the service"), "RC8 3.1.5",
+         f.service_stop, (), nothing),
+)
+# fmt: on
+
 # --- List 3-1 ---------------------------------------------------------------------------------------------------------
 
 
@@ -142,17 +161,13 @@ def _raise_error(rc8: VirtualRC8) -> None:
     rc8.raise_error(DEMO_ERROR)
 
 
-_CONTROLLER: Final = HandleOf("controller")
 _IO150: Final = HandleOf("IO150")
 _MODE: Final = HandleOf("@MODE")
 _AUTOMATIC: Final = 3
 
 # fmt: off
 LIST_3_1: Final[tuple[DemoStep, ...]] = (
-    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
-         f.service_start, (), nothing),
-    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
-         f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+    *_ENTER,
     DemoStep(N_("Connect to the variable IO150"), "RC8 3.1.2",
          f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, keep=_IO150.name),
     DemoStep(N_("Read it: the point is off"), "RC8 3.1.3",
@@ -179,10 +194,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
          f.variable_release, (_MODE,), nothing),
     DemoStep(N_("Release IO150"), "RC8 3.1.4",
          f.variable_release, (_IO150,), nothing),
-    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
-         f.controller_disconnect, (_CONTROLLER,), nothing),
-    DemoStep(N_("Stop the service"), "RC8 3.1.5",
-         f.service_stop, (), nothing),
+    *_LEAVE,
 )
 # fmt: on
 
@@ -200,14 +212,10 @@ _POLL: Final = 0.02
 _TASK: Final = HandleOf("Pro1")
 _CONTINUOUS: Final = 2
 _CYCLE_STOP: Final = 3
-_CONNECT: Final = ("", "CaoProv.DENSO.VRC", "localhost", "")
 
 # fmt: off
 LIST_3_2: Final[tuple[DemoStep, ...]] = (
-    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
-         f.service_start, (), nothing),
-    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
-         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    *_ENTER,
     DemoStep(N_("Connect to the task Pro1"), "RC8 3.2.1",
          f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
     DemoStep(N_("Start it in continuous mode; the motor has been switched on at the pendant"), "RC8 3.2.2",
@@ -218,10 +226,7 @@ LIST_3_2: Final[tuple[DemoStep, ...]] = (
          f.task_stop, (_TASK, _CYCLE_STOP, ""), nothing),
     DemoStep(N_("Release the task"), "RC8 3.2.3",
          f.task_release, (_TASK,), nothing),
-    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
-         f.controller_disconnect, (_CONTROLLER,), nothing),
-    DemoStep(N_("Stop the service"), "RC8 3.1.5",
-         f.service_stop, (), nothing),
+    *_LEAVE,
 )
 # fmt: on
 
@@ -247,10 +252,7 @@ def near_p1(answer: list[Variant]) -> str:
 
 # fmt: off
 LIST_3_3: Final[tuple[DemoStep, ...]] = (
-    DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
-         f.service_start, (), nothing),
-    DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
-         f.controller_connect, _CONNECT, a_handle, keep=_CONTROLLER.name),
+    *_ENTER,
     DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
          f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, keep=_ROBOT.name),
     DemoStep(N_("Take the arm, as the sample does: an empty text"), "RC8 3.3.2",
@@ -267,10 +269,7 @@ LIST_3_3: Final[tuple[DemoStep, ...]] = (
          f.robot_execute, (_ROBOT, "Givearm", ""), exactly(VarType.EMPTY)),
     DemoStep(N_("Release the robot"), "RC8 3.3.5",
          f.robot_release, (_ROBOT,), nothing),
-    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
-         f.controller_disconnect, (_CONTROLLER,), nothing),
-    DemoStep(N_("Stop the service"), "RC8 3.1.5",
-         f.service_stop, (), nothing),
+    *_LEAVE,
 )
 # fmt: on
 
@@ -332,10 +331,7 @@ LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
          f.robot_execute, (_ROBOT, "Givearm", None), exactly(VarType.EMPTY)),
     DemoStep(N_("Release the robot"), "RC8 3.3.5",
          f.robot_release, (_ROBOT,), nothing),
-    DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
-         f.controller_disconnect, (_CONTROLLER,), nothing),
-    DemoStep(N_("Stop the service"), "RC8 3.1.5",
-         f.service_stop, (), nothing),
+    *_LEAVE,
 )
 # fmt: on
 

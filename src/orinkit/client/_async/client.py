@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable
 from random import randint
-from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from orinkit.bcap.client import sign_of_life
@@ -18,7 +17,14 @@ from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
-from orinkit.client._shared.common import HandleTable, check_deadline, check_timeout, check_tries, expired_handle_hint
+from orinkit.client._shared.common import (
+    CallRequest,
+    HandleTable,
+    check_deadline,
+    check_timeout,
+    check_tries,
+    expired_handle_hint,
+)
 from orinkit.client._shared.endpoint import (
     access_to,
     another,
@@ -30,11 +36,13 @@ from orinkit.client._shared.endpoint import (
     share,
 )
 from orinkit.core import hresult
+from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.aio_keepalive import AsyncKeepAlive, atake_now
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
+from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, arun, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -46,7 +54,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class AsyncClient:
+class AsyncClient(AsyncClosing):
     """A connection to a controller for raw calls of CAO functions.
 
     Calls are executed one at a time; several tasks may use one client. A call that is cancelled or times out leaves the
@@ -192,9 +200,8 @@ class AsyncClient:
         """
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
-        link = await open_link(
-            address, seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after)
-        )
+        opening = LinkOptions(seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after))
+        link = await open_link(address, opening)
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -257,9 +264,10 @@ class AsyncClient:
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
+        call = CallRequest(function, arguments, seconds, exact, deadline)
         if self._sends_signs:
-            return await self._execute_with_signs(function, arguments, seconds, exact, deadline)
-        return await self._execute_now(function, arguments, seconds, exact, deadline)
+            return await self._execute_with_signs(call)
+        return await self._execute_now(call)
 
     async def promise(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
@@ -287,7 +295,7 @@ class AsyncClient:
         if await atake_now(self._lock):
             try:
                 if self._idle.passed and not self._finished:
-                    await self._execute_remembered(controller_get_name, (self._controller,), self._timeout, exact=False)
+                    await self._get_name()
             finally:
                 self._lock.release()
         elif self._second is not None:
@@ -295,23 +303,16 @@ class AsyncClient:
         elif not self.profile.lossy:
             send_during_call(self._link, sign_of_life(self._controller))
 
-    async def _execute_with_signs(
-        self,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-        deadline: float | None,
-    ) -> tuple[int, Any]:
+    async def _execute_with_signs(self, call: CallRequest) -> tuple[int, Any]:
         """Execute a call; with the first one that may start a motion, start sending signs of life (:meth:`_keep_alive`)."""
-        if function.id in MOVING and self._pulse is None and not self._finished:
+        if call.function.id in MOVING and self._pulse is None and not self._finished:
             self._pulse = AsyncKeepAlive(self._keep_alive, _SIGN_INTERVAL)
         try:
-            code, result = await self._execute_remembered(function, arguments, seconds, exact, deadline)
+            code, result = await self._execute_remembered(call)
         finally:
             self._idle = Deadline(self._sign_interval / 2)
-        if function is controller_connect:
-            self._controller = result.value if exact else result
+        if call.function is controller_connect:
+            self._controller = result.value if call.exact else result
         return code, result
 
     async def _keep_alive(self) -> None:
@@ -321,20 +322,17 @@ class AsyncClient:
         """
         async with self._lock:
             if self._idle.passed and not self._finished:
-                await self._execute_remembered(controller_get_name, (self._controller,), self._timeout, exact=False)
+                await self._get_name()
 
-    async def _execute_remembered(
-        self,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-        deadline: float | None = None,
-    ) -> tuple[int, Any]:
+    async def _get_name(self) -> None:
+        """Request the controller's name, as a sign of life."""
+        await self._execute_remembered(CallRequest(controller_get_name, (self._controller,), self._timeout))
+
+    async def _execute_remembered(self, call: CallRequest) -> tuple[int, Any]:
         """Execute a call; explain E_HANDLE if the controller may have forgotten this client after a long idle period."""
         forgotten = self._memory is not None and self._memory.passed
         try:
-            return await self._execute_now(function, arguments, seconds, exact, deadline)
+            return await self._execute_now(call)
         except CallError as error:
             if forgotten and error.code == hresult.E_HANDLE:
                 error.detail = expired_handle_hint(self.profile)
@@ -343,17 +341,15 @@ class AsyncClient:
             if self._memory is not None:
                 self._memory = Deadline(self.profile.memory)
 
-    async def _execute_now(
-        self,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-        deadline: float | None,
-    ) -> tuple[int, Any]:
+    async def _execute_now(self, call: CallRequest) -> tuple[int, Any]:
         try:
             operation = self._conversation.call(
-                function, arguments, seconds, exact=exact, tries=self._tries, deadline=deadline
+                call.function,
+                call.arguments,
+                call.seconds,
+                exact=call.exact,
+                tries=self._tries,
+                deadline=call.deadline,
             )
             return await arun(operation, self._link, self._conversation.close_sequence)
         except (ConnectFailed, ConnectionLost):
@@ -436,11 +432,3 @@ class AsyncClient:
         finally:  # close the links even if this is cancelled or interrupted
             link.close()
             self._link.close()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()

@@ -5,14 +5,14 @@ The synchronous version is generated from this file (:mod:`orinkit.client._async
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
+from typing import Any, ClassVar, Concatenate, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._async.client import AsyncClient
 from orinkit.client._shared.common import ObjectFunctions, text_list
+from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value
@@ -22,7 +22,7 @@ R = TypeVar("R")
 N = TypeVar("N", bound="AsyncObjectBase")
 
 
-class AsyncObjectBase:
+class AsyncObjectBase(AsyncClosing):
     """Base class of all objects of a controller.
 
     An object is released at the end of ``async with``, by :meth:`close`, or when the controller is closed. An object that is
@@ -119,14 +119,6 @@ class AsyncObjectBase:
         except OrinError:  # already released with its parent or with the connection
             pass
         return True
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
 
 
 class AsyncNamedObject(AsyncObjectBase):

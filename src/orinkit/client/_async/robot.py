@@ -370,6 +370,7 @@ class AsyncRobot(AsyncArmBase):
         await self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
 
     async def _drive(
+        # Also in client._async.robot: the overload of drive repeats its signature.
         self,
         axes: Mapping[int, float],
         mark: str | PassMark = "",

@@ -49,6 +49,24 @@ class ObjectFunctions(NamedTuple):
     execute: Function[[int, str, Value], Any] | None = None
 
 
+class CallRequest(NamedTuple):
+    """A call to be made.
+
+    Attributes:
+        function: Function of CAO.
+        arguments: Its arguments, bound.
+        seconds: Time-out in s; on UDP and serial lines, of each attempt.
+        exact: True to return the result with its type.
+        deadline: Maximum duration of the call in s; ``None`` for no limit.
+    """
+
+    function: Function[..., Any]
+    arguments: tuple[Any, ...]
+    seconds: float
+    exact: bool = False
+    deadline: float | None = None
+
+
 class ErrorInfo(NamedTuple):
     """An error that is present on the controller (GetCurErrorInfo).
 

@@ -5,14 +5,14 @@ Generated from ``objects.py`` by ``tools/make_sync.py``: do not edit.
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Any, ClassVar, Concatenate, ParamSpec, Self, TypeVar
+from typing import Any, ClassVar, Concatenate, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._shared.common import ObjectFunctions, text_list
 from orinkit.client._sync.client import Client
+from orinkit.core.closing import Closing
 from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value
@@ -22,7 +22,7 @@ R = TypeVar("R")
 N = TypeVar("N", bound="ObjectBase")
 
 
-class ObjectBase:
+class ObjectBase(Closing):
     """Base class of all objects of a controller.
 
     An object is released at the end of ``with``, by :meth:`close`, or when the controller is closed. An object that is
@@ -119,14 +119,6 @@ class ObjectBase:
         except OrinError:  # already released with its parent or with the connection
             pass
         return True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class NamedObject(ObjectBase):

@@ -368,6 +368,7 @@ class Robot(ArmBase):
         self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
 
     def _drive(
+        # Also in client._sync.robot: the overload of drive repeats its signature.
         self,
         axes: Mapping[int, float],
         mark: str | PassMark = "",

@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
@@ -16,12 +15,10 @@ from typing import TYPE_CHECKING, Final, Self
 from orinkit.core import optional_deps
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
-from orinkit.server import accepting
-from orinkit.server.accepting import ONE_AT_A_TIME, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, deepen
 from orinkit.server.context import ServerContext
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.fork_safety import keep_from_children
 
 if TYPE_CHECKING:
     from uvicorn.config import Config
@@ -34,17 +31,8 @@ LEAST_TOKEN: Final = 16
 """Number of characters below which a token causes a warning."""
 
 
-class HttpListener:
-    """Accepts HTTP clients at one address.
-
-    Attributes:
-        url: the address, with the actual port.
-    """
-
-    def __init__(self, server: asyncio.Server, url: str) -> None:
-        self._server = server
-        self.url = url
-        keep_from_children(self)
+class HttpListener(StreamListener):
+    """Accepts HTTP clients at one address."""
 
     @classmethod
     async def open(cls, address: HttpAddress, shared: ServerContext, options: HttpOptions) -> Self:
@@ -92,14 +80,6 @@ class HttpListener:
             server.close()
             raise
         return cls(server, str(address._replace(port=port)))
-
-    def left_behind(self) -> Iterable[int]:
-        """Return the descriptors to replace in a forked child."""
-        return [each.fileno() for each in self._server.sockets]
-
-    async def close(self) -> None:
-        """Stop accepting clients."""
-        await accepting.close(self._server)
 
 
 def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:

@@ -158,12 +158,7 @@ class PathLimits:
         )
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> PathLimits:
-        """Return limits scaled by factors, the same for the tip and for the orientation.
-
-        Args:
-            velocity: Factor of speed and rotation, above 0 and up to 1.
-            acceleration: Factor, above 0 and up to 1.
-            jerk: Factor, above 0 and up to 1.
+        """Return limits scaled by factors, as :meth:`Limits.scaled`: the same for the tip and for the orientation.
 
         Raises:
             InvalidValue: If a factor is out of range.

@@ -17,13 +17,12 @@ from orinkit.core.errors import ConnectionLost, OrinError
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import NOTHING, Credentials
-from orinkit.transport.http.response import BEGIN, KEPT, MOST, NEED, SHOWING, SHOWN, HttpServerInfo, tls_failed
+from orinkit.transport.http.response import KEPT, NEED, SHOWING, SHOWN, HttpServerInfo, tls_failed
 from orinkit.transport.link_errors import closed, connect_failed, other_loop
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
+from orinkit.transport.sockets.aio_byte_link import AsyncSocketLink
 from orinkit.transport.sockets.socket_link import CHUNK
-from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
+from orinkit.transport.waiter import Waiter
 
 require(tr(NEED), "http", "httpx2")
 
@@ -31,7 +30,8 @@ import httpcore2  # noqa: E402 - report a missing package first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
-from orinkit.transport.http.connection import KnownServer, has_news, url_of  # noqa: E402
+from orinkit.transport.http.connection import has_news  # noqa: E402
+from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamState  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -40,27 +40,10 @@ _TLS_FAILURES: Final = (ssl.SSLError, ConnectionResetError, ConnectionAbortedErr
 
 
 class AsyncHttpLink(HttpLinkBase):
-    """A link to an e-CAP server, in asyncio; the first request opens the connection.
+    """A link to an e-CAP server, in asyncio."""
 
-    Args:
-        address: The address of the server.
-        access: The client's credentials.
-        most: The largest number of bytes of a reply.
-        known: Known properties of the server, ``None`` if there are none.
-        dead_after: s without a response from the server's machine after which a connection is given up.
-
-    Raises:
-        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
-    """
-
-    def __init__(
-        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None =
-        None,
-        dead_after: float = DEAD_AFTER,
-    ) -> None:  # fmt: skip
+    def _begin(self) -> None:
         self._loop = asyncio.get_running_loop()
-        super().__init__(address, access, most, known=known, dead_after=dead_after)
-        self._url = url_of(self._contact)
         self._transport = _HttpConnection(self._known, self._url)
         self._client = httpx2.AsyncClient(transport=self._transport, trust_env=False)
         self._asked: _PendingRequest | None = None
@@ -205,7 +188,7 @@ class _PendingRequest:
         self.task: asyncio.Task[bytes] | None = None
         self.done = False
         self._taken: asyncio.Future[None] | None = None  # while an "executing" sign is not consumed
-        self._waiter: asyncio.Future[None] | None = None
+        self._waiter = Waiter()
 
     @property
     def news(self) -> bool:
@@ -216,19 +199,12 @@ class _PendingRequest:
         """Wait until :attr:`news` is True, or the time has passed."""
         if self.news or seconds <= 0:
             return
-        loop = asyncio.get_running_loop()
-        self._waiter = loop.create_future()
-        alarm = loop.call_later(seconds, self._wake)
-        try:
-            await self._waiter
-        finally:
-            alarm.cancel()
-            self._waiter = None
+        await self._waiter.wait(seconds)
 
     async def sign(self) -> None:
         """Set the "executing" sign and wait until it is taken, so that a flooding server fills its own buffers."""
         self._taken = asyncio.get_running_loop().create_future()
-        self._wake()
+        self._waiter.wake()
         await self._taken
 
     def take_sign(self) -> bytes | None:
@@ -243,108 +219,20 @@ class _PendingRequest:
     def finish(self) -> None:
         """Mark the task as ended."""
         self.done = True
-        self._wake()
+        self._waiter.wake()
 
     def give_up(self) -> None:
         """Cancel the task."""
         if self.task is not None and not self.task.cancel() and not self.task.cancelled():
             self.task.exception()  # marks the exception as retrieved
-        self._wake()
-
-    def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+        self._waiter.wake()
 
 
-class _HttpConnection(httpx2.AsyncBaseTransport):
-    """A single connection to a server, opened on demand.
-
-    Attributes:
-        connecting: True while it is being opened.
-    """
-
-    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
-        contact = known.contact
-        self.connecting = False
-        self._contact = contact
-        self._url = httpcore2.URL(
-            scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
-        )
-        self._known = known
-        self._connection: httpcore2.AsyncHTTP11Connection | None = None
-        self._stream: _Stream | None = None
-
-    @property
-    def ended(self) -> bool:
-        """True if the server has closed the connection."""
-        return self._stream is not None and self._stream.ended
-
-    @property
-    def unanswered(self) -> bool:
-        """True if the server has closed the connection without a byte of a reply."""
-        return self._stream is not None and self._stream.ended and not self._stream.begin
-
-    async def connect(self) -> None:
-        """Ensure that there is an idle connection that the server has not closed.
-
-        Raises:
-            ConnectFailed: If the connection cannot be opened.
-        """
-        if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
-            return
-        self.hang_up()
-        self.connecting = True
-        try:
-            wire = await _TcpStream.open(self._known)
-        finally:
-            self.connecting = False
-        self._stream = _Stream(wire, self._contact)
-        self._connection = httpcore2.AsyncHTTP11Connection(self._url.origin, self._stream, KEPT)
-
-    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
-        """Send a request once over the connection, and return the reply after its headers were received."""
-        reply = await self._exchange(request)
-        if reply is None:
-            self.hang_up()
-            await self.connect()
-            reply = await self._exchange(request)
-        assert reply is not None
-        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
-
-    async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
-        assert self._connection is not None
-        assert self._stream is not None
-        assert isinstance(request.stream, httpx2.AsyncByteStream)
-        self._stream.begin = b""
-        try:
-            reply = await self._connection.handle_async_request(
-                httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
-            )
-        except httpcore2.ProtocolError:
-            if self._stream.unsent:
-                return None
-            raise
-        return None if self._stream.unsent else reply
-
-    def drop(self) -> None:
-        """Close the connection unless it is idle."""
-        if self._connection is not None and not self._connection.is_idle():
-            self.hang_up()
-
-    def hang_up(self) -> None:
-        """Close the connection at once."""
-        self._connection = None
-        if self._stream is not None:
-            self._stream.hang_up()
-
-
-class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
+class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
     """A TCP connection, with or without TLS; created by :meth:`open`."""
 
     def __init__(self, dead_after: float) -> None:
-        super().__init__()
-        self._dead_after = dead_after
+        super().__init__(dead_after)
         self._view = memoryview(bytearray(CHUNK))
 
     @classmethod
@@ -367,11 +255,6 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
             raise connect_failed(address, error) from error
         return wire
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport, and set the options of the socket."""
-        super().connection_made(transport)
-        prepare(transport.get_extra_info("socket"), self._dead_after)
-
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Return the buffer for the next bytes: a view, because with TLS asyncio fills slices, not copies."""
         return self._view
@@ -379,10 +262,6 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Store received bytes."""
         self._came(self._view[:nbytes])
-
-    def _descriptor(self, transport: asyncio.Transport) -> int:
-        descriptor: int = transport.get_extra_info("socket").fileno()
-        return descriptor
 
     @property
     def has_news(self) -> bool:
@@ -399,21 +278,12 @@ class _TcpStream(AsyncStreamLink, asyncio.BufferedProtocol):
         super().close()
 
 
-class _Stream(httpcore2.AsyncNetworkStream):
-    """A connection with the interface that httpx2 requires.
-
-    Attributes:
-        unsent: Bytes that were written; they are sent by the next read.
-        begin: The first bytes of the reply.
-        ended: True if the server has closed the connection.
-    """
+class _Stream(StreamState, httpcore2.AsyncNetworkStream):
+    """A connection with the interface that httpx2 requires."""
 
     def __init__(self, wire: _TcpStream, contact: HttpServerInfo) -> None:
+        super().__init__(contact)
         self._wire = wire
-        self._contact = contact
-        self.unsent = bytearray()
-        self.begin = b""
-        self.ended = False
 
     async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
         """Store bytes, so that headers and body are sent together."""
@@ -430,11 +300,7 @@ class _Stream(httpcore2.AsyncNetworkStream):
         data = None
         while data is None:
             data = await self._wire.receive(_LONG)
-        self.ended = not data
-        if len(self.begin) < BEGIN:
-            self.begin += data[:BEGIN]
-            self._contact.check_begin(self.begin)
-        return data
+        return self._received(data)
 
     async def aclose(self) -> None:
         """Close the connection."""
@@ -447,6 +313,61 @@ class _Stream(httpcore2.AsyncNetworkStream):
     def get_extra_info(self, info: str) -> Any:
         """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
         return self._wire.has_news if info == "is_readable" else None
+
+
+class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream], httpx2.AsyncBaseTransport):
+    """A single connection to a server, opened on demand.
+
+    Attributes:
+        connecting: True while it is being opened.
+    """
+
+    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
+        super().__init__(known, url)
+        self.connecting = False
+
+    async def connect(self) -> None:
+        """Ensure that there is an idle connection that the server has not closed.
+
+        Raises:
+            ConnectFailed: If the connection cannot be opened.
+        """
+        if not self._must_connect():
+            return
+        self.connecting = True
+        try:
+            wire = await _TcpStream.open(self._known)
+        finally:
+            self.connecting = False
+        self._stream = _Stream(wire, self._contact)
+        self._connection = httpcore2.AsyncHTTP11Connection(self._url.origin, self._stream, KEPT)
+
+    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
+        """Send a request once over the connection, and return the reply after its headers were received."""
+        reply = await self._exchange(request)
+        if reply is None:
+            self.hang_up()
+            await self.connect()
+            reply = await self._exchange(request)
+        assert reply is not None
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
+
+    async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
+        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
+        connection, stream = self._begin_exchange()
+        try:
+            reply = await connection.handle_async_request(self._to_send(request))
+        except httpcore2.ProtocolError:
+            if stream.unsent:
+                return None
+            raise
+        return None if stream.unsent else reply
+
+    def hang_up(self) -> None:
+        """Close the connection at once."""
+        self._connection = None
+        if self._stream is not None:
+            self._stream.hang_up()
 
 
 class _BodyStream(httpx2.AsyncByteStream):

@@ -11,14 +11,15 @@ from orinkit.core.i18n import tr
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
-from orinkit.transport.http.connection import KnownServer, context_of
+from orinkit.transport.http.connection import context_of, url_of
 from orinkit.transport.http.response import MOST, HttpServerInfo
+from orinkit.transport.http.single_connection import KnownServer
 from orinkit.transport.registry import rows
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
 class HttpLinkBase(ProcessBound, ABC):
-    """Base of the two links: the properties of their server.
+    """Base of the two links to an e-CAP server; the first request opens the connection.
 
     Args:
         address: The address of the server.
@@ -40,8 +41,14 @@ class HttpLinkBase(ProcessBound, ABC):
             known = KnownServer(HttpServerInfo(address, access, most), context_of(address, access), dead_after)
         self._known = known
         self._contact = known.contact
+        self._url = url_of(known.contact)
         self._open = True
+        self._begin()
         keep_from_children(self)
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Create the HTTP client, and the rest of the state of an idle link."""
 
     @property
     def tells(self) -> bool | None:

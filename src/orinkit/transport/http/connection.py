@@ -12,225 +12,30 @@ import socket
 import ssl
 import threading
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import httpcore2
 import httpx2
 
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.credentials import Credentials
-from orinkit.transport.http.response import BEGIN, KEPT, HttpServerInfo, no_certificates, no_url, tls_failed
+from orinkit.transport.http.response import KEPT, HttpServerInfo, no_certificates, no_url, tls_failed
+from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamState
 from orinkit.transport.link_errors import closed, connect_failed, lost
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import prepare
 
 
-class HttpConnection(httpx2.BaseTransport):
-    """A single connection to a server, opened on demand.
-
-    Attributes:
-        deadline: The deadline of every wait.
-        closed: True if it is closed for good.
-        halted: True if the thread that uses it must stop.
-    """
-
-    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
-        contact = known.contact
-        self.deadline = Deadline(0.0)
-        self._contact = contact
-        self._url = httpcore2.URL(
-            scheme=url.raw_scheme, host=url.raw_host, port=contact.address.port, target=url.raw_path
-        )
-        self._context = known.context
-        self._dead_after = known.dead_after
-        self._connection: httpcore2.HTTP11Connection | None = None
-        self._stream: _Stream | None = None
-        self._socket: socket.socket | None = None
-        self._left: socket.socket | None = None  # the socket of the parent process
-        self._changing = threading.RLock()  # no other thread may use a socket while it is being closed
-        self.closed = False
-        self.halted = False
-
-    @property
-    def stopped(self) -> bool:
-        """True if waiting must end."""
-        return self.closed or self.halted
-
-    @property
-    def ended(self) -> bool:
-        """True if the server has closed the connection."""
-        return self._stream is not None and self._stream.ended
-
-    @property
-    def unanswered(self) -> bool:
-        """True if the server has closed the connection without a byte of a reply."""
-        return self._stream is not None and self._stream.ended and not self._stream.begin
-
-    def connect(self) -> None:
-        """Ensure that there is an idle connection that the server has not closed.
-
-        Raises:
-            ConnectFailed: If the connection cannot be opened.
-        """
-        if self._connection is not None and self._connection.is_available() and not self._connection.has_expired():
-            return
-        self._hang_up()
-        self._stream = _Stream(self._open(), self, self._contact)
-        self._connection = httpcore2.HTTP11Connection(self._url.origin, self._stream, KEPT)
-
-    def handle_request(self, request: httpx2.Request) -> httpx2.Response:
-        """Send a request once over the connection, and return the reply after its headers were received."""
-        reply = self._exchange(request)
-        if reply is None:
-            self._hang_up()
-            self.connect()
-            reply = self._exchange(request)
-        assert reply is not None
-        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
-
-    def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
-        assert self._connection is not None
-        assert self._stream is not None
-        assert isinstance(request.stream, httpx2.SyncByteStream)
-        self._stream.begin = b""
-        try:
-            reply = self._connection.handle_request(
-                httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
-            )
-        except httpcore2.ProtocolError:
-            if self._stream.unsent:
-                return None
-            raise
-        return None if self._stream.unsent else reply
-
-    def drop(self) -> None:
-        """Close the connection unless it is idle."""
-        if self._connection is not None and not self._connection.is_idle():
-            self._hang_up()
-
-    def close(self) -> None:
-        """Close the connection for good; may be called from another thread, and repeatedly."""
-        self.closed = True
-        self.halt()
-
-    def halt(self) -> None:
-        """Make the thread that uses the connection stop; called from another thread."""
-        self.halted = True
-        with self._changing:
-            self._end()
-
-    def left_behind(self) -> Iterable[int]:
-        """Mark the connection as closed for good in a forked child, and return the descriptor."""
-        self.closed = self.halted = True
-        self._changing = threading.RLock()
-        left, self._socket = self._socket, None  # must not be shut down here
-        self._left = left
-        return () if left is None else (left.fileno(),)
-
-    def let_go(self) -> None:
-        """Close the descriptor; the connection must be idle."""
-        if self._socket is not None:
-            self.part(self._socket)
-
-    def part(self, connection: socket.socket) -> None:
-        """Close a socket, while no other thread uses it."""
-        with self._changing:
-            connection.close()
-
-    def _hang_up(self) -> None:
-        self._connection = None
-        with self._changing:
-            self._end()
-        self.let_go()
-
-    def _end(self) -> None:
-        try:
-            if self._socket is not None:
-                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket.shutdown would continue without TLS
-        except OSError:  # the peer may have closed first
-            pass
-
-    def _open(self) -> socket.socket:
-        """Connect to the first address that can be reached."""
-        address = self._contact.address
-        try:
-            places = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
-            connection = self._first(places)
-        except (OSError, ValueError) as error:
-            raise connect_failed(address, error) from error
-        if self._context is None:
-            return connection
-        try:
-            return self._secure(connection, self._context)
-        except (OSError, ValueError) as error:
-            raise tls_failed(address, error) from error
-
-    def _first(self, places: list[tuple[Any, ...]]) -> socket.socket:
-        failure: OSError = closed()
-        for left, (family, kind, protocol, _, place) in zip(range(len(places), 0, -1), places, strict=True):
-            if self.stopped:
-                break
-            try:
-                return self._reach(socket.socket(family, kind, protocol), place, self.deadline.left / left)
-            except OSError as error:
-                failure = error
-        raise failure
-
-    def _reach(self, connection: socket.socket, place: Any, seconds: float) -> socket.socket:
-        try:
-            self._take(connection, seconds)
-            prepare(connection, self._dead_after)
-            connection.connect(place)
-        except BaseException:
-            self.part(connection)
-            raise
-        return connection
-
-    def _secure(self, connection: socket.socket, context: ssl.SSLContext) -> socket.socket:
-        secure = connection
-        try:
-            host = self._contact.address.host
-            with self._changing:  # ssl would leave a socket open that another thread shuts down meanwhile
-                if self.stopped:
-                    raise closed()
-                secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
-            self._take(secure, self.deadline.left)
-            secure.do_handshake()
-        except BaseException:
-            self.part(secure)
-            raise
-        return secure
-
-    def _take(self, connection: socket.socket, seconds: float) -> None:
-        """Make a socket the current one, so that another thread can shut it down."""
-        if not seconds:
-            raise TimeoutError("timed out")
-        connection.settimeout(seconds)
-        self._socket = connection
-        if self.stopped:
-            raise closed()
-
-
-class _Stream(httpcore2.NetworkStream):
-    """A connection of which every wait ends at the transport's deadline.
-
-    Attributes:
-        unsent: Bytes that were written; they are sent by the next read.
-        begin: The first bytes of the reply.
-        ended: True if the server has closed the connection.
-    """
+class _Stream(StreamState, httpcore2.NetworkStream):
+    """A connection of which every wait ends at the transport's deadline."""
 
     def __init__(self, connection: socket.socket, transport: HttpConnection, contact: HttpServerInfo) -> None:
+        super().__init__(contact)
         self._socket = connection
         self._transport = transport
-        self._contact = contact
         self._can_poll = hasattr(select, "poll") and not isinstance(connection, ssl.SSLSocket)
         self._sending = memoryview(b"")  # bytes being sent
         self._torn = False
-        self.unsent = bytearray()
-        self.begin = b""
-        self.ended = False
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
         """Store bytes, so that headers and body are sent together."""
@@ -250,11 +55,7 @@ class _Stream(httpcore2.NetworkStream):
             raise httpcore2.ReadTimeout from error
         except (OSError, ValueError) as error:  # a ValueError from TLS that another thread has closed
             raise lost(error) from error
-        self.ended = not data
-        if len(self.begin) < BEGIN:
-            self.begin += data[:BEGIN]
-            self._contact.check_begin(self.begin)
-        return data
+        return self._received(data)
 
     def _send(self) -> None:
         try:
@@ -294,6 +95,164 @@ class _Stream(httpcore2.NetworkStream):
         return None
 
 
+class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], httpx2.BaseTransport):
+    """A single connection to a server, opened on demand.
+
+    Attributes:
+        deadline: The deadline of every wait.
+        closed: True if it is closed for good.
+        halted: True if the thread that uses it must stop.
+    """
+
+    def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
+        super().__init__(known, url)
+        self.deadline = Deadline(0.0)
+        self._socket: socket.socket | None = None
+        self._left: socket.socket | None = None  # the socket of the parent process
+        self._changing = threading.RLock()  # no other thread may use a socket while it is being closed
+        self.closed = False
+        self.halted = False
+
+    @property
+    def stopped(self) -> bool:
+        """True if waiting must end."""
+        return self.closed or self.halted
+
+    def connect(self) -> None:
+        """Ensure that there is an idle connection that the server has not closed.
+
+        Raises:
+            ConnectFailed: If the connection cannot be opened.
+        """
+        if self._must_connect():
+            self._stream = _Stream(self._open(), self, self._contact)
+            self._connection = httpcore2.HTTP11Connection(self._url.origin, self._stream, KEPT)
+
+    def handle_request(self, request: httpx2.Request) -> httpx2.Response:
+        """Send a request once over the connection, and return the reply after its headers were received."""
+        reply = self._exchange(request)
+        if reply is None:
+            self.hang_up()
+            self.connect()
+            reply = self._exchange(request)
+        assert reply is not None
+        return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
+
+    def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
+        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
+        connection, stream = self._begin_exchange()
+        try:
+            reply = connection.handle_request(self._to_send(request))
+        except httpcore2.ProtocolError:
+            if stream.unsent:
+                return None
+            raise
+        return None if stream.unsent else reply
+
+    def close(self) -> None:
+        """Close the connection for good; may be called from another thread, and repeatedly."""
+        self.closed = True
+        self.halt()
+
+    def halt(self) -> None:
+        """Make the thread that uses the connection stop; called from another thread."""
+        self.halted = True
+        with self._changing:
+            self._end()
+
+    def left_behind(self) -> Iterable[int]:
+        """Mark the connection as closed for good in a forked child, and return the descriptor."""
+        self.closed = self.halted = True
+        self._changing = threading.RLock()
+        left, self._socket = self._socket, None  # must not be shut down here
+        self._left = left
+        return () if left is None else (left.fileno(),)
+
+    def let_go(self) -> None:
+        """Close the descriptor; the connection must be idle."""
+        if self._socket is not None:
+            self.part(self._socket)
+
+    def part(self, connection: socket.socket) -> None:
+        """Close a socket, while no other thread uses it."""
+        with self._changing:
+            connection.close()
+
+    def hang_up(self) -> None:
+        """Close the connection, unless a thread is using it: then it ends."""
+        self._connection = None
+        with self._changing:
+            self._end()
+        self.let_go()
+
+    def _end(self) -> None:
+        try:
+            if self._socket is not None:
+                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket.shutdown would continue without TLS
+        except OSError:  # the peer may have closed first
+            pass
+
+    def _open(self) -> socket.socket:
+        """Connect to the first address that can be reached."""
+        address = self._contact.address
+        try:
+            places = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
+            connection = self._first(places)
+        except (OSError, ValueError) as error:
+            raise connect_failed(address, error) from error
+        if self._known.context is None:
+            return connection
+        try:
+            return self._secure(connection, self._known.context)
+        except (OSError, ValueError) as error:
+            raise tls_failed(address, error) from error
+
+    def _first(self, places: list[tuple[Any, ...]]) -> socket.socket:
+        failure: OSError = closed()
+        for left, (family, kind, protocol, _, place) in zip(range(len(places), 0, -1), places, strict=True):
+            if self.stopped:
+                break
+            try:
+                return self._reach(socket.socket(family, kind, protocol), place, self.deadline.left / left)
+            except OSError as error:
+                failure = error
+        raise failure
+
+    def _reach(self, connection: socket.socket, place: Any, seconds: float) -> socket.socket:
+        try:
+            self._take(connection, seconds)
+            prepare(connection, self._known.dead_after)
+            connection.connect(place)
+        except BaseException:
+            self.part(connection)
+            raise
+        return connection
+
+    def _secure(self, connection: socket.socket, context: ssl.SSLContext) -> socket.socket:
+        secure = connection
+        try:
+            host = self._contact.address.host
+            with self._changing:  # ssl would leave a socket open that another thread shuts down meanwhile
+                if self.stopped:
+                    raise closed()
+                secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
+            self._take(secure, self.deadline.left)
+            secure.do_handshake()
+        except BaseException:
+            self.part(secure)
+            raise
+        return secure
+
+    def _take(self, connection: socket.socket, seconds: float) -> None:
+        """Make a socket the current one, so that another thread can shut it down."""
+        if not seconds:
+            raise TimeoutError("timed out")
+        connection.settimeout(seconds)
+        self._socket = connection
+        if self.stopped:
+            raise closed()
+
+
 class _BodyStream(httpx2.SyncByteStream):
     """The body of a reply."""
 
@@ -318,20 +277,6 @@ def url_of(contact: HttpServerInfo) -> httpx2.URL:
         return httpx2.URL(contact.url)
     except httpx2.InvalidURL as error:
         raise no_url(contact.address, error) from error
-
-
-class KnownServer(NamedTuple):
-    """Properties of a server that several links share.
-
-    Attributes:
-        contact: The state of the HTTP exchange with the server.
-        context: TLS settings to verify the server's certificate, ``None`` without TLS.
-        dead_after: s without a response from the server's machine after which a connection is given up.
-    """
-
-    contact: HttpServerInfo
-    context: ssl.SSLContext | None
-    dead_after: float
 
 
 def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | None:

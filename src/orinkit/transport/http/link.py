@@ -13,13 +13,11 @@ from orinkit.core.errors import OrinError
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 from orinkit.transport.address import HttpAddress
-from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.http.body import Body
-from orinkit.transport.http.response import MOST, NEED, SHOWING, SHOWN
+from orinkit.transport.http.response import NEED, SHOWING, SHOWN
 from orinkit.transport.link_errors import closed
 from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import Deadline
-from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 require(tr(NEED), "http", "httpx2")
 
@@ -27,33 +25,16 @@ import httpcore2  # noqa: E402 - report a missing package first
 import httpx2  # noqa: E402
 
 from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
-from orinkit.transport.http.connection import HttpConnection, KnownServer, url_of  # noqa: E402
+from orinkit.transport.http.connection import HttpConnection  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
 
 
 class HttpLink(HttpLinkBase):
-    """A link to an e-CAP server, used by one thread at a time; the first request opens the connection.
+    """A link to an e-CAP server, used by one thread at a time."""
 
-    Args:
-        address: The address of the server.
-        access: The client's credentials.
-        most: The largest number of bytes of a reply.
-        known: Known properties of the server, ``None`` if there are none.
-        dead_after: s without a response from the server's machine after which a connection is given up.
-
-    Raises:
-        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
-    """
-
-    def __init__(
-        self, address: HttpAddress, access: Credentials = NOTHING, most: int = MOST, *, known: KnownServer | None =
-        None,
-        dead_after: float = DEAD_AFTER,
-    ) -> None:  # fmt: skip
-        super().__init__(address, access, most, known=known, dead_after=dead_after)
-        self._url = url_of(self._contact)
+    def _begin(self) -> None:
         self._transport = HttpConnection(self._known, self._url)
         self._client = httpx2.Client(transport=self._transport, trust_env=False)
         self._busy = threading.Lock()

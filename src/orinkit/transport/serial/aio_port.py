@@ -17,6 +17,7 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import other_loop
 from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import CHUNK, gone, open_file
+from orinkit.transport.waiter import Waiter
 
 _UNSENT: Final = 1024 * 1024
 """The largest number of bytes that may wait to be sent when a call begins; otherwise its bytes are dropped."""
@@ -35,7 +36,7 @@ class AsyncSerialLink(ProcessBound):
         self._open = True
         self._failure: ConnectionLost | None = None  # not raised yet
         self._unsent = bytearray()
-        self._waiter: asyncio.Future[None] | None = None
+        self._waiter = Waiter()
         keep_from_children(self)
 
     @classmethod
@@ -91,14 +92,10 @@ class AsyncSerialLink(ProcessBound):
         """
         self._check()
         loop = asyncio.get_running_loop()
-        self._waiter = loop.create_future()
-        alarm = loop.call_later(seconds, self._wake)
-        loop.add_reader(self._port.fileno(), self._wake)
+        loop.add_reader(self._port.fileno(), self._waiter.wake)
         try:
-            await self._waiter
+            await self._waiter.wait(seconds)
         finally:
-            alarm.cancel()
-            self._waiter = None
             if self._open:
                 loop.remove_reader(self._port.fileno())
         self._check()
@@ -112,10 +109,6 @@ class AsyncSerialLink(ProcessBound):
             self._give_up(tr("it was unplugged"))
         self._check()
         return None
-
-    def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
 
     def _give_up(self, reason: object) -> None:
         self._failure = gone(reason)
@@ -153,7 +146,7 @@ class AsyncSerialLink(ProcessBound):
             self._loop.remove_reader(self._port.fileno())
             self._loop.remove_writer(self._port.fileno())
             self._port.close()
-            self._wake()
+            self._waiter.wake()
 
 
 class _Opening:

@@ -15,13 +15,7 @@ class AsyncPortLink(AsyncStreamLink, asyncio.Protocol):
 
     @classmethod
     async def open(cls, address: SerialAddress, seconds: float) -> Self:
-        """Open a serial port for exclusive use; bytes received before are discarded.
-
-        Raises:
-            ConnectFailed: If the port does not exist, access is denied, it is in use, or it does not support the
-                settings.
-            MissingExtra: If serialx is not installed.
-        """
+        """Open a serial port, as :meth:`orinkit.transport.serial.aio_port.AsyncSerialLink.open`, within the given seconds."""
         chosen = settings(address)
         import serialx
 

@@ -73,8 +73,7 @@ class SerialLink(ProcessBound):
         """Return the next bytes, or ``None`` if the time has passed.
 
         Raises:
-            ConnectionLost: If the port was removed or failed.
-            ConnectionClosed: If the link is closed.
+            ConnectionLost, ConnectionClosed: As for :meth:`send`.
         """
         end = monotonic() + seconds
         with self._using:

@@ -11,6 +11,8 @@ from orinkit.core.i18n import tr
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.sockets.socket_link import CHUNK
+from orinkit.transport.tcp_keepalive import prepare
+from orinkit.transport.waiter import Waiter
 
 _UNSENT: Final = 16 * 1024 * 1024
 """The largest number of bytes that may wait to be sent when a call begins; if there are more, the link is closed."""
@@ -25,7 +27,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         self._received = bytearray()
         self._ended = False
         self._error: Exception | None = None
-        self._waiter: asyncio.Future[None] | None = None
+        self._waiter = Waiter()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Store the transport of the new connection."""
@@ -37,18 +39,14 @@ class AsyncStreamLink(ProcessBound, ABC):
         """Record the end of the connection and its error."""
         self._ended = True
         self._error = exc
-        self._wake()
+        self._waiter.wake()
 
     def _came(self, data: bytes | memoryview) -> None:
         """Store received bytes."""
         self._received += data
         if len(self._received) > 64 * CHUNK and self._transport is not None:
             self._transport.pause_reading()  # without a pending receive, a flooding peer fills its own buffers
-        self._wake()
-
-    def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+        self._waiter.wake()
 
     def send(self, data: bytes) -> None:
         """Queue all bytes for sending.
@@ -91,14 +89,7 @@ class AsyncStreamLink(ProcessBound, ABC):
             raise self._unusable()
         if not self._received and not self._ended:
             self._transport.resume_reading()
-            loop = asyncio.get_running_loop()
-            self._waiter = loop.create_future()
-            alarm = loop.call_later(seconds, self._wake)
-            try:
-                await self._waiter
-            finally:
-                alarm.cancel()
-                self._waiter = None
+            await self._waiter.wait(seconds)
             if self._transport is None:
                 raise self._unusable()
         if self._received:
@@ -153,4 +144,25 @@ class AsyncStreamLink(ProcessBound, ABC):
                 self._transport.close()
             self._transport = None
             self._ended = True
-            self._wake()
+            self._waiter.wake()
+
+
+class AsyncSocketLink(AsyncStreamLink):
+    """A TCP connection in asyncio, with or without TLS: sets the options of its socket.
+
+    Args:
+        dead_after: s without a response from the peer's machine after which the connection is given up.
+    """
+
+    def __init__(self, dead_after: float) -> None:
+        super().__init__()
+        self._dead_after = dead_after
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Store the transport, and set the options of the socket."""
+        super().connection_made(transport)
+        prepare(transport.get_extra_info("socket"), self._dead_after)
+
+    def _descriptor(self, transport: asyncio.Transport) -> int:
+        descriptor: int = transport.get_extra_info("socket").fileno()
+        return descriptor

@@ -8,12 +8,12 @@ from typing import Self
 from orinkit.transport.address import Address
 from orinkit.transport.link_errors import connect_failed
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.sockets.aio_byte_link import AsyncStreamLink
+from orinkit.transport.sockets.aio_byte_link import AsyncSocketLink
 from orinkit.transport.sockets.socket_link import CHUNK
-from orinkit.transport.tcp_keepalive import DEAD_AFTER, prepare
+from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
-class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
+class AsyncTcpLink(AsyncSocketLink, asyncio.BufferedProtocol):
     """A TCP connection in asyncio; created by :meth:`connect`.
 
     It is a buffered protocol, because asyncio allocates a new block of 256 KiB for each piece of data of a plain
@@ -21,8 +21,7 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
     """
 
     def __init__(self, dead_after: float = DEAD_AFTER) -> None:
-        super().__init__()
-        self._dead_after = dead_after
+        super().__init__(dead_after)
         self._buffer = bytearray(CHUNK)
         self._view = memoryview(self._buffer)
 
@@ -33,16 +32,7 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
 
     @classmethod
     async def connect(cls, address: Address, seconds: float, dead_after: float = DEAD_AFTER) -> Self:
-        """Connect to a controller.
-
-        Args:
-            address: The address of the controller.
-            seconds: Time-out, s.
-            dead_after: s without a response from the controller's machine after which the connection is given up.
-
-        Raises:
-            ConnectFailed: If the connection cannot be established within ``seconds``.
-        """
+        """Connect to a controller, as :meth:`orinkit.transport.sockets.tcp.TcpLink.connect`."""
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(seconds):
@@ -51,11 +41,6 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
             raise connect_failed(address, error) from error
         return link
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport, and set the options of the socket."""
-        super().connection_made(transport)
-        prepare(transport.get_extra_info("socket"), self._dead_after)
-
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
         """Return the buffer for the next bytes."""
         return self._buffer
@@ -63,7 +48,3 @@ class AsyncTcpLink(AsyncStreamLink, asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Store received bytes."""
         self._came(self._view[:nbytes])
-
-    def _descriptor(self, transport: asyncio.Transport) -> int:
-        descriptor: int = transport.get_extra_info("socket").fileno()
-        return descriptor

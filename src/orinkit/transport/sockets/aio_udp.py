@@ -81,9 +81,7 @@ class AsyncUdpLink(ProcessBound):
         """Return the next datagram, or ``None`` if the time has passed; empty datagrams are skipped.
 
         Raises:
-            ConnectFailed: If no program listens at the address, and nothing was ever received from it.
-            ConnectionLost: If the program at the address has stopped listening.
-            ConnectionClosed: If the link is closed.
+            ConnectFailed, ConnectionLost, ConnectionClosed: As for :meth:`send`.
         """
         if not self._open:
             raise self._unusable()
@@ -122,6 +120,7 @@ class AsyncUdpLink(ProcessBound):
         Raises:
             ConnectionClosed: If the link is closed.
         """
+        # Also in transport.sockets.socket_link: the rest of that link is for threads.
         if not self._open:
             raise self._unusable()
         return self._socket.fileno()

@@ -211,11 +211,7 @@ class VirtualABH3:
             self._driver.fail(mask, stays=stays)
 
     def repair(self, fault: str) -> None:
-        """Remove the cause of an error; the error remains until it is reset.
-
-        Raises:
-            InvalidValue: If there is no such fault.
-        """
+        """Remove the cause of an error that :meth:`inject` raised, with the same names; the error remains until it is reset."""
         with self._lock:
             mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()

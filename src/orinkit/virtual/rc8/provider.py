@@ -158,6 +158,7 @@ class VirtualRC8(Provider):
         self._forget()
 
     def raise_error(
+        # Also in virtual.rc8.state: the parameters of public functions are written out, so that help() and editors show them.
         self,
         code: int,
         message: str | None = None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from orinkit.cao.provider import ControllerObject, RobotObject, VariableObject
+from orinkit.cao.provider import CaoObject, ControllerObject, RobotObject, VariableObject
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
@@ -60,8 +60,8 @@ class VE026AVariable(VariableObject):
         return self._read(self._arm)
 
 
-class VE026ARobot(RobotObject):
-    """The Robot object of one client.
+class _OfClient(CaoObject):
+    """An object of one client.
 
     Args:
         arm: The arm.
@@ -73,6 +73,13 @@ class VE026ARobot(RobotObject):
         super().__init__(name)
         self._arm = arm
         self._operator = operator
+
+
+class VE026ARobot(_OfClient, RobotObject):
+    """The Robot object of one client."""
+
+    def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
+        super().__init__(arm, operator, name)
         operator.robots += 1
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
@@ -101,19 +108,8 @@ class VE026ARobot(RobotObject):
             self._arm.forget(self._operator)
 
 
-class VE026AController(ControllerObject):
-    """The Controller object of one client.
-
-    Args:
-        arm: The arm.
-        operator: The client.
-        name: Name specified by the client; not used otherwise.
-    """
-
-    def __init__(self, arm: VE026AArm, operator: Operator, name: str) -> None:
-        super().__init__(name)
-        self._arm = arm
-        self._operator = operator
+class VE026AController(_OfClient, ControllerObject):
+    """The Controller object of one client."""
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
         """Connect to a variable of table 5-1.

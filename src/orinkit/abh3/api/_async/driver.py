@@ -8,8 +8,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from time import monotonic
-from types import TracebackType
-from typing import Any, Final, Generic, Literal, Self, TypeVar, overload
+from typing import Any, Final, Generic, Literal, TypeVar, overload
 
 from orinkit.abh3.api._async.shared import AsyncSharedBus
 from orinkit.abh3.api.keepalive_runner import AsyncPeriodicCall
@@ -22,6 +21,7 @@ from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
 from orinkit.can.aio_shared_bus import AsyncCanReceiver
 from orinkit.can.frame import CanOperation
+from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import DriverTimeout, OrinError
 from orinkit.transport.link_errors import closed
 
@@ -32,7 +32,7 @@ _GOODBYE: Final = 0.1
 """Seconds to wait for a driver's reply before the bus is closed."""
 
 
-class AsyncDriver(Generic[F, S]):
+class AsyncDriver(AsyncClosing, Generic[F, S]):
     """One ABH3 driver on a bus; created by :func:`connect` or :meth:`AsyncMotorBus.driver`.
 
     Velocities are in min^-1, currents and loads in %, supplies and analog inputs in V. A call sends one frame and waits for
@@ -61,14 +61,6 @@ class AsyncDriver(Generic[F, S]):
         self._heart: KeepAliveTimer | None = None
         self._keep_alive_call: AsyncPeriodicCall | None = None
         self._ended: DriverTimeout | None = None
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.address} on {self.bus.url}>"

@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Iterable
 from time import monotonic
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TypeVar, Unpack
 from weakref import WeakSet, finalize
 
@@ -24,6 +23,7 @@ from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.can.aio_shared_bus import AsyncCanReceiver, AsyncSharedCanBus, arun_can
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
+from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class AsyncDriverLock:
         self.clean = False
 
 
-class AsyncSharedBus:
+class AsyncSharedBus(AsyncClosing):
     """A bus with the operations that concern all of its drivers.
 
     Args:
@@ -86,14 +86,6 @@ class AsyncSharedBus:
             return cls(AsyncSharedCanBus(Bus(bus, own=False)))
         assert at is None or isinstance(at, str)
         return cls(await AsyncSharedCanBus.open(bus_address(at, settings)))
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.url}>"

@@ -8,7 +8,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Iterator
 from time import monotonic
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TypeVar, Unpack
 from weakref import WeakSet, finalize
 
@@ -24,6 +23,7 @@ from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
 from orinkit.can.shared_bus import CanReceiver, SharedCanBus, run_can
+from orinkit.core.closing import Closing
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class DriverLock:
         self.clean = False
 
 
-class SharedBus:
+class SharedBus(Closing):
     """A bus with the operations that concern all of its drivers.
 
     Args:
@@ -86,14 +86,6 @@ class SharedBus:
             return cls(SharedCanBus(Bus(bus, own=False)))
         assert at is None or isinstance(at, str)
         return cls(SharedCanBus.open(bus_address(at, settings)))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.url}>"

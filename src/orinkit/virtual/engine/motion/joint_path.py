@@ -6,6 +6,7 @@ Either a straight path between two sets of joints, or a table computed from a Ca
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
@@ -32,22 +33,20 @@ _START_ERROR: Final = 1e-3  # deg between the joints of the arm and the start of
 _SIDE: Final = 1e-6  # fraction of a step: just after its beginning, just before its end
 
 
-class JointPath:
-    """A straight path from one set of joints to another (PTP): all axes move in proportion.
+class _Path(ABC):
+    """A path through joints.
 
     Attributes:
         start: Joints at u = 0.
         end: Joints at u = 1.
-        probes: Always empty: the derivatives are constant.
+        probes: Values of u that include those of the greatest derivatives, for :meth:`sampled`.
     """
 
-    __slots__ = ("_difference", "end", "probes", "start")
+    __slots__ = ("end", "probes", "start")
 
-    def __init__(self, start: Sequence[float], end: Sequence[float]) -> None:
-        self.start: Joints = tuple(map(float, start))
-        self.end: Joints = tuple(map(float, end))
-        self.probes: Array = np.empty(0)
-        self._difference = [b - a for a, b in zip(self.start, self.end, strict=True)]
+    start: Joints
+    end: Joints
+    probes: Array
 
     def at(self, u: float) -> Joints:
         """Return the joints at u; exactly ``start`` for u <= 0 and ``end`` for u >= 1."""
@@ -55,6 +54,32 @@ class JointPath:
             return self.end
         if u <= 0:
             return self.start
+        return self._between(u)
+
+    @abstractmethod
+    def _between(self, u: float) -> Joints:
+        """Return the joints at u, above 0 and below 1."""
+
+    @abstractmethod
+    def sampled(self, u: Array) -> tuple[Array, Array, Array]:
+        """Return the joints and their first and second derivatives by u, shape (N, axes), at ``u`` of shape (N,)."""
+
+
+class JointPath(_Path):
+    """A straight path from one set of joints to another (PTP): all axes move in proportion.
+
+    There are no ``probes``: the derivatives are constant.
+    """
+
+    __slots__ = ("_difference",)
+
+    def __init__(self, start: Sequence[float], end: Sequence[float]) -> None:
+        self.start = tuple(map(float, start))
+        self.end = tuple(map(float, end))
+        self.probes = np.empty(0)
+        self._difference = [b - a for a, b in zip(self.start, self.end, strict=True)]
+
+    def _between(self, u: float) -> Joints:
         return tuple([a + u * d for a, d in zip(self.start, self._difference, strict=True)])
 
     def sampled(self, u: Array) -> tuple[Array, Array, Array]:
@@ -65,19 +90,14 @@ class JointPath:
         return joints, np.broadcast_to(difference, joints.shape), np.zeros_like(joints)
 
 
-class TablePath:
+class TablePath(_Path):
     """A path through joints at equal steps of u, interpolated by cubics with the slopes of the table.
 
     Args:
         joints: The table, shape (steps + 1, axes), of at least 4 steps.
-
-    Attributes:
-        start: Joints at u = 0.
-        end: Joints at u = 1.
-        probes: Values of u that include those of the greatest derivatives, for :meth:`sampled`.
     """
 
-    __slots__ = ("_cell", "_cubic", "_cubics", "_steps", "end", "probes", "start")
+    __slots__ = ("_cell", "_cubic", "_cubics", "_steps")
 
     def __init__(self, joints: Array) -> None:
         steps = len(joints) - 1
@@ -88,16 +108,11 @@ class TablePath:
         self._steps = steps
         self._cell = -1
         self._cubic: list[tuple[float, ...]] = []
-        self.start: Joints = tuple(joints[0].tolist())
-        self.end: Joints = tuple(joints[-1].tolist())
-        self.probes: Array = ((np.arange(steps)[:, None] + (_SIDE, 0.5, 1 - _SIDE)) / steps).ravel()
+        self.start = tuple(joints[0].tolist())
+        self.end = tuple(joints[-1].tolist())
+        self.probes = ((np.arange(steps)[:, None] + (_SIDE, 0.5, 1 - _SIDE)) / steps).ravel()
 
-    def at(self, u: float) -> Joints:
-        """Return the joints at u; exactly ``start`` for u <= 0 and ``end`` for u >= 1."""
-        if u >= 1:
-            return self.end
-        if u <= 0:
-            return self.start
+    def _between(self, u: float) -> Joints:
         x = u * self._steps
         cell = int(x)
         if cell != self._cell:  # successive values of u are mostly in the same step or the next

@@ -186,6 +186,7 @@ def plan_arc(
     start: Sequence[float],
     via: Array,
     end: Array,
+    # Also in virtual.engine.motion.planner: every planner of a path in space takes these arguments.
     tool: Array,
     rates: Rates,
     mark: PassMark = AT_TARGET,

@@ -46,12 +46,10 @@ class Name:
 
 
 @dataclass(frozen=True, slots=True)
-class Apply:
-    """``name(...)``: an element of an array, a pose, or a call of a function."""
+class _Named:
+    """An expression that begins with a name."""
 
     name: Name
-    arguments: tuple[Expression, ...]
-    depth: int
 
     @property
     def at(self) -> Place:
@@ -60,17 +58,19 @@ class Apply:
 
 
 @dataclass(frozen=True, slots=True)
-class Index:
-    """``name[...]``: a global variable or an I/O point."""
+class Apply(_Named):
+    """``name(...)``: an element of an array, a pose, or a call of a function."""
 
-    name: Name
-    index: Expression
+    arguments: tuple[Expression, ...]
     depth: int
 
-    @property
-    def at(self) -> Place:
-        """The position of the name."""
-        return self.name.at
+
+@dataclass(frozen=True, slots=True)
+class Index(_Named):
+    """``name[...]``: a global variable or an I/O point."""
+
+    index: Expression
+    depth: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,77 @@
+"""Bases of the two shared CAN buses and of their receivers: :mod:`orinkit.can.shared_bus`, :mod:`orinkit.can.aio_shared_bus`."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from orinkit.can.bus import Bus
+from orinkit.can.frame import CanFrame
+from orinkit.core.errors import ConnectionLost
+from orinkit.transport.link_errors import closed
+
+Accepts: TypeAlias = Callable[[CanFrame], bool]
+"""Filter of a receiver. It must neither block nor raise; on a bus shared by threads it is called on any of them."""
+
+SIZE: Final = 256
+"""Frames buffered in a receiver."""
+
+
+class ReceiverBase:
+    """Buffers the frames of a shared bus that match a filter.
+
+    Attributes:
+        accepts: The filter.
+        frames: The buffered frames.
+        dropped: Number of frames dropped from the full buffer.
+        closed: True if the receiver was closed.
+    """
+
+    def __init__(self, accepts: Accepts, size: int) -> None:
+        self.accepts = accepts
+        self.frames: deque[CanFrame] = deque(maxlen=size)
+        self.dropped = 0
+        self.closed = False
+
+    def put(self, frame: CanFrame) -> None:
+        """Buffer a frame."""
+        self.dropped += len(self.frames) == self.frames.maxlen
+        self.frames.append(frame)
+
+
+class SharedBusBase:
+    """The state of a shared bus.
+
+    Args:
+        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._closed = False
+        self._broken: str | None = None  # reason for the loss
+
+    def __str__(self) -> str:
+        return str(self._bus)
+
+    @property
+    def broken(self) -> bool:
+        """True if the bus was lost: pending waits have raised, and so do all calls until ``reopen``."""
+        return self._broken is not None
+
+    @property
+    def closed(self) -> bool:
+        """True if the shared bus was closed."""
+        return self._closed
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise closed()
+
+    def _check_usable(self, port: ReceiverBase | None) -> None:
+        """Raise an exception if the shared bus or a receiver is closed, or the bus is lost."""
+        if self._closed or (port is not None and port.closed):
+            raise closed()
+        if self._broken is not None:
+            raise ConnectionLost(self._broken)
