@@ -79,7 +79,7 @@ def test_trace_shows_every_packet_on_stderr(run, url):
 def test_an_error_of_the_controller_is_one_clear_line(refused, url):
     assert refused("get", url, "I100") == (
         "Controller_GetVariable(2, 'I100', ''): 0x81500053 VARIABLE_INDEX_INVALID: Variable index out of range. "
-        "Try: Use a number that the controller has."
+        "Try: Use a number that exists on the controller."
     )
     assert "0x80020005 DISP_E_TYPEMISMATCH" in refused("put", url, "I1", "abc")
     assert "E_CAO_PROV_INVALID" in refused("get", url, "I1", "--provider", "CaoProv.Nobody")

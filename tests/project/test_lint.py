@@ -12,6 +12,8 @@ import pytest
 
 from support import paths
 
+pytest.importorskip("babel", reason="the tools need the development packages")
+
 MESSAGE = (
     'from orinkit.core.i18n import tr\n\n\ndef refusal(name: str) -> str:\n    """Return a message."""\n    return {}\n'
 )
