@@ -231,7 +231,7 @@ def test_a_driver_that_does_not_reply():
     assert str(error).startswith(
         "abh3_can_cmd: 2.5 秒以内にアドレス 0 の ABH3 から応答がありません。指令が受け付けられた"
     )
-    assert "対処: 電源、" in str(error)
+    assert "対処: 電源、ボーレート" in str(error)
     assert "グループ" not in str(error)
 
 
