@@ -9,7 +9,7 @@ unexport PYTHONDONTWRITEBYTECODE
 RUN := .venv/bin/python -m
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-13s %s\n", $$1, $$2 }' Makefile
 
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
@@ -29,6 +29,7 @@ lint: setup-dev ## style, layers, generated code / スタイル、層、生成�
 	.venv/bin/lint-imports
 	.venv/bin/python tools/make_sync.py --check
 	.venv/bin/python tools/messages.py --check
+	.venv/bin/python tools/make_error_page.py --check
 	.venv/bin/python tools/prose.py
 	.venv/bin/python tools/duplicates.py
 
@@ -54,7 +55,11 @@ sync: setup-dev ## make the synchronous client again from the asynchronous one /
 messages: setup-dev ## update the message catalogue from the source / メッセージカタログの更新
 	.venv/bin/python tools/messages.py
 
-release-check: setup-dev ## build sdist and wheel, and test both in clean environments / 配布物の検査
+.PHONY: codes
+codes: setup-dev ## generate docs/error-codes.md from the table of return codes / リターンコード一覧の再生成
+	.venv/bin/python tools/make_error_page.py
+
+release-check: setup-dev ## build sdist and wheel, and test both in clean environments / 配布物 (sdist と wheel) の検査
 	.venv/bin/python tools/release_check.py
 
 test-lowest: setup-dev ## tests with the lowest versions of all dependencies / 依存パッケージの下限版でのテスト

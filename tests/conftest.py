@@ -14,6 +14,7 @@ from hypothesis import settings
 from orinkit.core import i18n
 from orinkit.server.log_limiter import THROTTLE
 from orinkit.virtual.engine import elastic_time
+from support import bare
 from support.both import LISTEN_AT, Both
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # inherited by background jobs of a shell; some tests send SIGINT
@@ -22,6 +23,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # inherited by background
 # The same examples on every run in CI, new ones elsewhere; no deadline, because some machines are slow.
 settings.register_profile("orinkit", deadline=None, max_examples=100, derandomize="CI" in os.environ)
 settings.load_profile("orinkit")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--no-extras", action="store_true", help="skip tests that require an extra (see support/bare.py)")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--no-extras"):
+        config.pluginmanager.register(bare)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -12,6 +12,8 @@ import pytest
 
 from support import paths
 
+pytest.importorskip("babel", reason="the tools need the development packages")
+
 MESSAGE = (
     'from orinkit.core.i18n import tr\n\n\ndef refusal(name: str) -> str:\n    """Return a message."""\n    return {}\n'
 )
@@ -187,8 +189,25 @@ def test_no_block_stands_twice(copy: Path) -> None:
     assert run("duplicates.py", copy).stdout == ""
 
 
+def test_a_stale_page_of_return_codes(copy: Path) -> None:
+    page = copy / "docs/error-codes.md"
+    page.parent.mkdir(exist_ok=True)
+    shutil.copy(paths.ROOT / "docs/error-codes.md", page)
+    assert run("make_error_page.py", copy, "--check").returncode == 0
+    rows = copy / "src/orinkit/core/_hresult_orin.py"
+    before = rows.read_text(encoding="utf-8")
+    try:
+        rows.write_text(before.replace('"Not writable"', '"Read only"', 1), encoding="utf-8")
+        assert run("make_error_page.py", copy, "--check").returncode == 1
+        assert run("make_error_page.py", copy).returncode == 0
+    finally:
+        rows.write_text(before, encoding="utf-8")
+    assert "| `0x8000020A` | `E_CAO_NOT_WRITABLE` | Read only |" in page.read_text(encoding="utf-8")
+
+
 def test_make_lint_runs_these_tools() -> None:
     lint = (paths.ROOT / "Makefile").read_text(encoding="utf-8").partition("\nlint:")[2].partition("\n\n")[0]
     assert "tools/messages.py --check" in lint
     assert "tools/prose.py" in lint
     assert "tools/duplicates.py" in lint
+    assert "tools/make_error_page.py --check" in lint

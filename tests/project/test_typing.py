@@ -15,6 +15,8 @@ import pytest
 
 from support.paths import ROOT
 
+pytest.importorskip("mypy")
+
 RAW = """
 from decimal import Decimal
 

@@ -1,12 +1,15 @@
-"""A plugin for an installation without extras (``-p support.bare``): tests that require one are skipped, all others must pass."""
+"""A plugin for an installation without extras (``--no-extras``): tests that require one are skipped, all others must pass."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from pathlib import Path
-from typing import Any
+import sys
+from collections.abc import Generator, Iterator, Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 
 import pytest
+
+from orinkit.core.errors import MissingExtra
 
 EXTRAS = (
     "numpy",
@@ -16,8 +19,10 @@ EXTRAS = (
     "mcap",
     "serialx",
     "httpx2",
+    "httpcore2",
     "starlette",
     "uvicorn",
+    "h11",
     "can",
     "msgpack",
     "serial",
@@ -25,24 +30,47 @@ EXTRAS = (
     "uvloop",
     "babel",
 )
-MARKS = ("MissingExtra", *(f"No module named '{name}" for name in EXTRAS))
+MARKS = ("Try: pip install 'orinkit[", *(f"No module named '{name}" for name in EXTRAS))
 
 
-class BareModule(pytest.Module):
-    """A test module that is skipped if it imports a package of an extra that is not installed."""
+class NoExtras:
+    """A finder that hides the packages of the extras; without it, ``import can`` would find the folder ``tests/can``."""
 
-    def _getobj(self) -> Any:
-        try:
-            return super()._getobj()
-        except self.CollectError as error:
-            if any(mark in str(error) for mark in MARKS):
-                pytest.skip("needs an extra", allow_module_level=True)
-            raise
+    @classmethod
+    def find_spec(
+        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if name.partition(".")[0] in EXTRAS:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return None
 
 
-def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module:
-    module: pytest.Module = BareModule.from_parent(parent, path=module_path)
-    return module
+def pytest_configure() -> None:
+    sys.meta_path.insert(0, NoExtras)
+
+
+def chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an exception and those that led to it."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def needs_extra(call: pytest.CallInfo[object] | None) -> bool:
+    """Return True if a call failed for lack of an extra, in this process or in one whose output the error contains."""
+    errors = chain(call.excinfo.value if call is not None and call.excinfo is not None else None)
+    return any(isinstance(error, MissingExtra) or any(mark in str(error) for mark in MARKS) for error in errors)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    report = yield
+    if report.failed and needs_extra(report.call):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 0, "needs an extra")
+    return report
 
 
 @pytest.hookimpl(wrapper=True)
@@ -50,7 +78,7 @@ def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
-    if report.failed and any(mark in str(report.longrepr) for mark in MARKS):
+    if report.failed and needs_extra(call):
         report.outcome = "skipped"
         report.longrepr = (str(item.path), 0, "needs an extra")
     return report

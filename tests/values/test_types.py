@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import orinkit
@@ -17,7 +16,7 @@ from orinkit.bcap import dissect, packet
 from orinkit.cao import coerce
 from orinkit.cao.functions import variable_put_value
 from orinkit.cao.quota import stored_size
-from orinkit.core.errors import InvalidValue, LimitExceeded
+from orinkit.core.errors import InvalidValue, LimitExceeded, MissingExtra
 from orinkit.device.declarations import variable as declared
 from orinkit.ecap.message import read_request, write_request
 from orinkit.rc8.pose_arguments import read_targets
@@ -26,7 +25,6 @@ from orinkit.values.notation import format_variant, parse
 from orinkit.values.type_row import TypeRow
 from orinkit.values.types import ARRAY, BY_DTYPE, INTEGERS, NUMERIC, REALS, TABLE, UI1_ARRAY, VarType, type_name
 from orinkit.values.variant import VARIANT_ARRAY, Variant, trusted, variant
-from orinkit.virtual.rc8.variables import conversion
 from support.paths import ROOT
 from support.strategies import same
 
@@ -99,6 +97,7 @@ def test_python_and_numpy_values_become_the_type(row):
         assert same(variant(value), trusted(row.code, value))
         if not row.empty:
             assert variant([value, value]).type == row.code | ARRAY
+    np = pytest.importorskip("numpy") if row.dtypes else None
     for dtype in row.dtypes:
         assert variant(np.zeros(2, dtype)).type == row.code | ARRAY
 
@@ -147,6 +146,7 @@ def test_arguments_accept_all_numeric_types(row):
     assert (row.code in NUMERIC) == (row.number in {"integer", "real", "decimal"})
     if row.code == VarType.VARIANT:
         return
+    conversion = pytest.importorskip("orinkit.virtual.rc8.variables.conversion", exc_type=MissingExtra)
     one = Variant(row.code, content(row))
     if row.number:
         assert coerce.to_number(one) == coerce.to_real(one) == 1
@@ -182,6 +182,7 @@ def test_a_declared_variable_has_the_type_of_its_annotation(row):
 def line_of(row: TypeRow) -> str:
     """Return the row of the table in docs/protocol.md."""
     python = "" if row.python is None else f"`{'None' if row.empty else row.python.__name__}`"
+    np = pytest.importorskip("numpy")
     numpy = ", ".join("str" if dtype == "U" else np.dtype(dtype).name for dtype in row.dtypes)
     counted = "" if row.empty else "any number" if row.elements_for_one > 1000 else str(row.elements_for_one)
     text = row.text.wanted if row.text else ""

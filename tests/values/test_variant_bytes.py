@@ -7,7 +7,6 @@ from datetime import datetime
 from decimal import Decimal, Inexact, localcontext
 from math import inf, nan
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -144,7 +143,7 @@ def test_an_argument_is_read_where_it_lies(item, before, behind):
     [
         None, 0, -(2**31), 2**31 - 1, True, 1.5, nan, "", "P1", "x" * 63, "x" * 64, "あ" * 5000, "\U0001f916" * 64, b"",
         b"\0\1", [], (), [1.0], (1.0, 2.0), [0.5] * 64, [0.5] * 65, [1.0, 2], [1, 2], [True], ["a"], [[1.0, 2.0], "J"],
-        np.array([1.0, 2.0]), [np.float64(1), 2.0], np.float64(1), datetime(2026, 1, 1), Decimal("1.5"), Variant(VarType.I2, 5),
+        datetime(2026, 1, 1), Decimal("1.5"), Variant(VarType.I2, 5),
     ],
     ids=lambda value: f"{type(value).__name__}",
 )  # fmt: skip
@@ -152,12 +151,20 @@ def test_any_value_is_encoded_like_its_variant(value):
     assert encode(value) == codec.encode_variant(variant(value))
 
 
+def test_numpy_values_are_encoded_like_their_variants():
+    np = pytest.importorskip("numpy")
+    for value in (np.array([1.0, 2.0]), [np.float64(1), 2.0], np.float64(1)):
+        assert encode(value) == codec.encode_variant(variant(value))
+    assert encode_integer(np.int16(2)) == encode(2)
+    assert encode_string(np.str_("P1")) == encode("P1")
+    assert encode_single(np.float32(1)) == encode(Variant(VarType.R4, 1))
+
+
 def test_the_fast_paths_one_by_one():
     assert encode_integer(2) == encode_handle(2) == encode(2)
     assert encode_integer(True) == encode(1)
-    assert encode_integer(np.int16(2)) == encode(2)
-    assert encode_string("P1") == encode_string(np.str_("P1")) == encode("P1")
-    assert encode_single(1) == encode_single(np.float32(1)) == encode(Variant(VarType.R4, 1))
+    assert encode_string("P1") == encode("P1")
+    assert encode_single(1) == encode(Variant(VarType.R4, 1))
 
 
 @pytest.mark.parametrize("short", [encode, encode_integer, encode_handle])
