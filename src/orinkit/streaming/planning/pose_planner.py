@@ -12,6 +12,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
+from orinkit.core.validation import brief
 from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
 from orinkit.streaming.planning.joint_planner import checked_period
 from orinkit.streaming.planning.limits import PathLimits
@@ -25,7 +26,7 @@ from orinkit.streaming.planning.quaternions import (
     turned,
     vectors_of,
 )
-from orinkit.values.pose_numbers import COUNTS, FIELDS, brief, conform, is_whole
+from orinkit.values.pose_numbers import COUNTS, FIELDS, conform, is_whole
 
 Kind: TypeAlias = Literal["P", "T"]
 

@@ -7,13 +7,13 @@ number other than 0 is true. Whole numbers have 32 bits; an overflow is a fault 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.virtual.rc8.pacscript.errors import mismatch, out_of_range
 
 AnyValue: TypeAlias = Any
@@ -39,7 +39,6 @@ LARGEST: Final = 2**31 - 1
 MAX_TEXT: Final = 4096
 """Maximum length of a string in an expression, in characters."""
 
-_SINGLE: Final = struct.Struct("<f")
 _SHORTEST_DIGITS: Final = range(6, 10)
 
 
@@ -87,7 +86,7 @@ def single(value: AnyValue) -> float:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is too large.
     """
     try:
-        return float(_SINGLE.unpack(_SINGLE.pack(number(value)))[0])
+        return rounded_to_single(number(value))
     except OverflowError:
         raise overflow() from None
 
@@ -360,7 +359,7 @@ def _real(value: float) -> str:
     if abs(value) < LARGEST and value.is_integer():
         return str(int(value))
     try:
-        if _SINGLE.unpack(_SINGLE.pack(value))[0] == value:  # single precision: the shortest digits that round-trip
+        if rounded_to_single(value) == value:  # single precision: the shortest digits that round-trip
             shown = next((s for n in _SHORTEST_DIGITS if single(float(s := f"{value:.{n}g}")) == value), shown)
     except OverflowError:
         pass
