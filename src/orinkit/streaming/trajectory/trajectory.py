@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from orinkit.arms.geometry import of_vectors
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.core.validation import brief
-from orinkit.streaming.planning.quaternions import of_vectors
 from orinkit.streaming.trajectory import finite_differences, limit_violations
 from orinkit.streaming.trajectory.finite_differences import Points
 from orinkit.streaming.trajectory.limit_violations import (
