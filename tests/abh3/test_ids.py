@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.abh3.table import ids
-from orinkit.abh3.table.checks import whole
 from orinkit.abh3.table.ids import FrameId
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
+from orinkit.core.validation import check_whole, whole
 
 pytestmark = pytest.mark.core
 
@@ -79,7 +79,7 @@ NUMBERS = [
     (lambda value: ids.check_address("host", value), 253, "host"),
     (ids.check_group, 31, "group"),
     (ids.check_priority, 7, "priority"),
-    (lambda value: ids.checked("x", value, 12), 12, "x"),
+    (lambda value: check_whole("x", value, 12), 12, "x"),
 ]
 
 

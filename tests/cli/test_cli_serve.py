@@ -194,7 +194,7 @@ def test_is_loopback(host, expected):
         (["--io-points", "-1"], "IO"),
         (["--clients", "0"], "--clients must be 1 or more, not 0"),
         (["--objects", "0"], "--objects must be 1 or more, not 0"),
-        (["--alive", "0.1"], "--alive must be 0.5 to 3600 seconds, not 0.1"),
+        (["--alive", "0.1"], "--alive must be 0.5 to 3600 s, not 0.1"),
         (["--dead-after", "1"], "--dead-after must be 2 to 7200 s, not 1.0"),
     ],
 )

@@ -93,7 +93,7 @@ def test_no_server(refused):
     ("argv", "message"),
     [
         (["get", "ftp://x", "I1"], "invalid address 'ftp://x': unknown transport 'ftp'"),
-        (["get", "127.0.0.1:1", "I1", "--timeout", "0"], "timeout must be a positive number"),
+        (["get", "127.0.0.1:1", "I1", "--timeout", "0"], "timeout must be a number of seconds above 0"),
         (["get", "127.0.0.1:1", "I1", "--robot", "a", "--task", "b"], "give only one of --robot --task"),
         (["put", "127.0.0.1:1", "I1", "99999999999"], "column 1: expected a whole number"),
         (["put", "127.0.0.1:1", "I1", "8197,1,x"], "column 8: expected a number"),

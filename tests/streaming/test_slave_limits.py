@@ -54,8 +54,8 @@ def test_numbers_become_floats_in_tuples() -> None:
         ({"upper": (10.0, -21.0)}, "J2: lower (-20) is not below upper (-21)"),
         ({"velocity": (100.0,)}, "velocity has 1 values, lower has 2"),
         ({"jerk": (1.0, 2.0, 3.0)}, "jerk has 3 values"),
-        ({"velocity": (100.0, 0.0)}, "J2 velocity is 0, but must be positive"),
-        ({"acceleration": (-1.0, 1.0)}, "J1 acceleration is -1"),
+        ({"velocity": (100.0, 0.0)}, "J2 velocity must be greater than 0, not 0"),
+        ({"acceleration": (-1.0, 1.0)}, "J1 acceleration must be greater than 0, not -1"),
         ({"jerk": (1.0, math.nan)}, "J2 jerk must be a finite number, not nan"),
         ({"upper": (math.inf, 1.0)}, "J1 upper must be a finite number, not inf"),
         ({"velocity": (1e10, 1.0)}, "J1 velocity is 1e+10; the largest allowed value is 1e+09"),
@@ -134,8 +134,8 @@ def test_limits_do_not_change() -> None:
             "制限値: J1: lower (10) は upper (10) より小さくなければなりません",
         ),
         (lambda: replace(TWO, jerk=(1.0,)), "制限値: jerk は 1 個ですが lower は 2 個です"),
-        (lambda: replace(PATH, speed=0.0), "制限値: speed は 0 より大きい値でなければなりません (0)"),
-        (lambda: PATH.scaled(velocity=2.0), "制限値: velocity の割合 2 は 0 より大きく 1 以下でなければなりません"),
+        (lambda: replace(PATH, speed=0.0), "制限値: speed は 0 より大きい値でなければなりません (0.0)"),
+        (lambda: PATH.scaled(velocity=2.0), "制限値: velocity の割合 は 0 より大きく 1 以下でなければなりません (2.0)"),
     ],
 )
 def test_complaints_in_japanese(make: object, said: str) -> None:

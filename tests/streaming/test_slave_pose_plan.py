@@ -14,11 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.arms import load_model
-from orinkit.core import i18n
-from orinkit.core.errors import InvalidValue, MissingExtra
-from orinkit.streaming.planning.limits import PathLimits
-from orinkit.streaming.planning.pose_planner import Kind, PosePlanner
-from orinkit.streaming.planning.quaternions import (
+from orinkit.arms.geometry import (
     Quaternion,
     angles_of,
     of_angles,
@@ -27,6 +23,10 @@ from orinkit.streaming.planning.quaternions import (
     turned,
     vectors_of,
 )
+from orinkit.core import i18n
+from orinkit.core.errors import InvalidValue, MissingExtra
+from orinkit.streaming.planning.limits import PathLimits
+from orinkit.streaming.planning.pose_planner import Kind, PosePlanner
 
 Pose = tuple[float, ...]
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from orinkit.arms.geometry import angles_of, of_angles, of_vectors, turn_between, vectors_of
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 from orinkit.streaming.planning.limits import Limits, PathLimits
-from orinkit.streaming.planning.quaternions import angles_of, of_angles, of_vectors, turn_between, vectors_of
 from orinkit.streaming.trajectory.resample import resample
 from orinkit.streaming.trajectory.retime import retime
 from orinkit.streaming.trajectory.trajectory import TrajectoryError, check_path, check_trajectory

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidAddress
+from orinkit.core.validation import brief
 from orinkit.transport.address import Address, HttpAddress, network_of, parse_address
 from orinkit.transport.serial.address import PtyAddress, SerialAddress
-from orinkit.values.pose_numbers import brief
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="names of ports are others in Windows")
 

@@ -22,7 +22,7 @@ from orinkit.core.errors import (
     InvalidAddress,
     InvalidValue,
 )
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief
 from support.both import Both
 from support.peers import BadPeer, Line, reply
 from support.waiting import TooSlow, with_longer_times

@@ -459,7 +459,7 @@ def test_poses_that_a_client_cannot_send(pose, mark, error, message):
 def test_messages_in_japanese():
     i18n.use("ja")
     attempts = [
-        (lambda: J(math.nan), "J: J1 の値 nan は有限の数値ではありません"),
+        (lambda: J(math.nan), "J: J1 は有限の数値でなければなりません (nan)"),
         (lambda: P(1, 2, 3, 4, 5, 6, 0.5), "P: fig の値 0.5 は 32 ビットの整数ではありません"),
         (lambda: P.of([1]), "P: 値は 6 または 7 個必要ですが、1 個指定されています"),
         (lambda: J(), "J: 値は 1～8 個必要ですが、0 個指定されています"),

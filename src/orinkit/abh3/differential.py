@@ -16,9 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from orinkit.core.errors import InvalidValue
-from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import check_finite, check_positive
 
 
 class Wheels(NamedTuple):
@@ -76,9 +74,9 @@ class Differential:
 
     def __post_init__(self) -> None:
         for name in ("wheel_diameter", "track", "gear"):
-            _positive(name, getattr(self, name))
-        _positive("gear * wheel_diameter", self.circumference)
-        _positive("track / 2", self.track / 2)
+            check_positive(name, getattr(self, name))
+        check_positive("gear * wheel_diameter", self.circumference)
+        check_positive("track / 2", self.track / 2)
 
     @property
     def circumference(self) -> float:
@@ -95,8 +93,8 @@ class Differential:
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
-        rim = _finite("omega", omega) * (self.track / 2)
-        return Travel(self._turns("v", _finite("v", v)), 0.0 - self._turns("omega", rim))
+        rim = check_finite("omega", omega) * (self.track / 2)
+        return Travel(self._turns("v", check_finite("v", v)), 0.0 - self._turns("omega", rim))
 
     def from_travel(self, y: float, x: float) -> Twist:
         """Return the motion in m/s and rad/s for velocities of Y and X in min^-1.
@@ -104,9 +102,9 @@ class Differential:
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
-        v = _finite("y", y) / 60 * self.circumference
-        omega = _finite("x", x) / 60 * self.circumference / (self.track / 2)
-        return Twist(_finite("v", v), 0.0 - _finite("omega", omega))
+        v = check_finite("y", y) / 60 * self.circumference
+        omega = check_finite("x", x) / 60 * self.circumference / (self.track / 2)
+        return Twist(check_finite("v", v), 0.0 - check_finite("omega", omega))
 
     def to_wheels(self, v: float, omega: float) -> Wheels:
         """Return the velocities of the motors A and B in min^-1 for a motion, as for :meth:`to_travel`.
@@ -115,7 +113,7 @@ class Differential:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         y, x = self.to_travel(v, omega)
-        return Wheels(_finite("a", y + x), _finite("b", y - x))
+        return Wheels(check_finite("a", y + x), check_finite("b", y - x))
 
     def from_wheels(self, a: float, b: float) -> Twist:
         """Return the motion in m/s and rad/s for velocities of the motors A and B in min^-1.
@@ -123,7 +121,7 @@ class Differential:
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
-        a, b = _finite("a", a), _finite("b", b)
+        a, b = check_finite("a", a), check_finite("b", b)
         return self.from_travel(a / 2 + b / 2, a / 2 - b / 2)
 
     def metres(self, pulses: float, pulses_per_revolution: float) -> float:
@@ -136,25 +134,8 @@ class Differential:
         Raises:
             InvalidValue: If an argument is not a finite number, or ``pulses_per_revolution`` is not positive.
         """
-        each = _positive("pulses_per_revolution", pulses_per_revolution)
-        return _finite("metres", _finite("pulses", pulses) / each * self.circumference)
+        each = check_positive("pulses_per_revolution", pulses_per_revolution)
+        return check_finite("metres", check_finite("pulses", pulses) / each * self.circumference)
 
     def _turns(self, name: str, metres_per_second: float) -> float:
-        return _finite(name, metres_per_second * 60 / self.circumference)
-
-
-def _positive(name: str, value: float) -> float:
-    number = _finite(name, value)
-    if number > 0:
-        return number
-    raise InvalidValue(tr("{name} must be greater than 0, not {value}", name=name, value=brief(value)))
-
-
-def _finite(name: str, value: float) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if math.isfinite(number):
-        return number
-    raise InvalidValue(tr("{name} must be a finite number, not {value}", name=name, value=brief(value)))
+        return check_finite(name, metres_per_second * 60 / self.circumference)

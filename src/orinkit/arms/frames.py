@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orinkit.arms.geometry import DEGREE, of_matrix
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -19,7 +20,6 @@ from orinkit.core.i18n import tr
 Array = NDArray[np.float64]
 
 _NO_TURN: Final = 1e-150  # sine of half the angle; the inverse of a smaller one would overflow
-_DEGREE: Final = 180.0 / math.pi
 _GIMBAL: Final = 1e-11  # cosine of RY below which RX and RZ turn about the same axis
 _NOISE: Final = 1e-12  # deg, mm or a component of a unit vector; a value this close to a round number is rounded to it
 _PARALLEL: Final = 1e-9  # sine of the angle between two vectors that count as parallel
@@ -39,7 +39,7 @@ def matrix_of_position(values: ArrayLike) -> Array:
         ValueError: If the last dimension is not six.
     """
     given = _finite(values, 6)
-    angles = given[..., 3:] / _DEGREE
+    angles = given[..., 3:] / DEGREE
     (cx, cy, cz), (sx, sy, sz) = np.moveaxis(np.cos(angles), -1, 0), np.moveaxis(np.sin(angles), -1, 0)
     frame = np.zeros((*given.shape[:-1], 4, 4))
     frame[..., 0, 0] = cz * cy
@@ -82,7 +82,7 @@ def position_of_matrix(matrix: ArrayLike) -> Array:
     pitch = np.arctan2(-x[..., 2], c * x[..., 0] + s * x[..., 1])
     values = np.empty((*frame.shape[:-2], 6))
     values[..., :3] = _rounded(frame[..., :3, 3], 1.0)
-    angles = _rounded(np.stack((roll, pitch, turn), axis=-1) * _DEGREE, 90.0)
+    angles = _rounded(np.stack((roll, pitch, turn), axis=-1) * DEGREE, 90.0)
     values[..., 3:] = np.where(angles <= -180.0, 180.0, angles)
     return values
 
@@ -159,7 +159,7 @@ def turns_about(axis: Array, angles: Array) -> Array:
     """Return the rotations (N, 3, 3) about a unit vector (3,) by angles (N,) in deg; the arguments are not checked."""
     x, y, z = axis.tolist()
     cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    radians = angles[:, None, None] / _DEGREE
+    radians = angles[:, None, None] / DEGREE
     versine = 2.0 * np.sin(0.5 * radians) ** 2
     return np.asarray(np.eye(3) + np.sin(radians) * cross + versine * (cross @ cross), dtype=np.float64)
 
@@ -179,19 +179,12 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
         ValueError: If they are not 3x3 matrices.
     """
     (a, b, c), (d, e, f), (g, h, i) = (_finite(second, 3, 3) @ _finite(first, 3, 3).T).tolist()
-    # the largest component of the quaternion is never near zero; w is the first one
-    candidates = (
-        (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
-        (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
-        (e, (c - g, b + d, 1.0 + e - a - i, f + h)),
-        (i, (d - b, c + g, f + h, 1.0 + i - a - e)),
-    )
-    w, x, y, z = max(candidates, key=lambda entry: entry[0])[1]
+    w, x, y, z = of_matrix(a, b, c, d, e, f, g, h, i)
     sine = math.hypot(x, y, z)
     if sine < _NO_TURN:
         return np.array((0.0, 0.0, 1.0)), 0.0
     sign = math.copysign(1.0 / sine, w)
-    return np.array((x * sign, y * sign, z * sign)), 2.0 * math.atan2(sine, abs(w)) * _DEGREE
+    return np.array((x * sign, y * sign, z * sign)), 2.0 * math.atan2(sine, abs(w)) * DEGREE
 
 
 def _unit(vector: Array, name: str) -> Array:

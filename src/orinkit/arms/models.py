@@ -18,17 +18,27 @@ from typing import Final, NoReturn
 
 from orinkit.core.i18n import tr
 
-_BUILT_IN: Final = {
-    "VS-050": "vs050.toml",
-    "VS-060": "vs060.toml",
-    "VS-068": "vs068.toml",
-    "VS-087": "vs087.toml",
-    "VP-6242": "vp6242.toml",
-    "COBOTTA": "cobotta.toml",
-    "VE026A": "ve026a.toml",
-}
+_PACKAGE: Final = "orinkit.arms"
+_NAME: Final = re.compile(r'^name = "([^"]+)"$', re.MULTILINE)
+
+
+def _built_in() -> dict[str, str]:
+    """Return the file of each built-in model by its name, in the order of the names.
+
+    Only the name is read: parsing all files would delay the start of every program.
+    """
+    found = {}
+    for file in resources.files(_PACKAGE).iterdir():
+        if file.name.endswith(".toml"):
+            name = _NAME.search(file.read_text(encoding="utf-8"))
+            assert name is not None, file.name
+            found[name[1]] = file.name
+    return dict(sorted(found.items()))
+
+
+_BUILT_IN: Final = _built_in()
 MODEL_NAMES: Final = tuple(_BUILT_IN)
-"""Names of the built-in models, for :func:`load_model`."""
+"""Names of the built-in models, those of the TOML files in this package, for :func:`load_model`."""
 
 DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration if a file has no acceleration (5 x velocity per second)
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
@@ -107,7 +117,7 @@ def load_model(name_or_path: str | Path) -> ArmModel:
     wanted = _plain(str(name_or_path))
     for name, file in _BUILT_IN.items():
         if isinstance(name_or_path, str) and _plain(name) == wanted:
-            text = resources.files("orinkit.arms").joinpath(file).read_text(encoding="utf-8")
+            text = resources.files(_PACKAGE).joinpath(file).read_text(encoding="utf-8")
             return parse_model(text, file)
     return parse_model(_read(Path(name_or_path)), str(name_or_path))
 

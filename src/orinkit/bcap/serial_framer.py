@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from orinkit.bcap import packet
+from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
 from orinkit.core.errors import LimitExceeded
 from orinkit.core.i18n import tr
@@ -14,7 +15,7 @@ LEAST: Final = packet.OVERHEAD + 2
 """Bytes of a packet without arguments."""
 
 _MAX_WORK: Final = 1 << 20  # bytes of wrong checksums computed before the buffer is discarded
-_LAST_FUNCTION: Final = 137
+_LAST_FUNCTION: Final = len(FUNCTIONS)
 _MAX_ARGUMENTS: Final = 8
 _HEAD: Final = packet.HEADER.size
 

@@ -1,4 +1,4 @@
-"""The function table: the 137 functions of CAO, common to b-CAP and e-CAP (RC8 appendix A, e-CAP 3.3).
+"""The function table: all functions of CAO, common to b-CAP and e-CAP (RC8 appendix A, e-CAP 3.3).
 
 An entry is a typed signature decorated with :func:`function`: the id, the name in the documents, the CAO interface name, the
 section of the documents, the interface of a returned handle and the function that releases it, and a description in both
@@ -597,5 +597,5 @@ def find(name: str | int) -> Function[..., Any]:
         near = ", ".join(get_close_matches(str(name), BY_NAME, n=3, cutoff=0.4))
         if near:
             raise KeyError(tr("unknown function {name!r}; did you mean {near}?", name=name, near=near))
-        raise KeyError(tr("unknown function {name!r}; ids are 1 to 137", name=name))
+        raise KeyError(tr("unknown function {name!r}; ids are 1 to {count}", name=name, count=len(ENTRIES)))
     return found

@@ -213,7 +213,7 @@ class Session:
         """Execute a call; never raises, regardless of the request.
 
         Args:
-            function_id: 1 to 137; any other returns E_NOTIMPL.
+            function_id: An id of the table; any other returns E_NOTIMPL.
             arguments: the arguments with their exact types, as returned by :func:`orinkit.bcap.packet.decode`.
         """
         function = FUNCTIONS.get(function_id)

@@ -60,7 +60,7 @@ class Function(Generic[P, R]):
     """An entry of the table; ``P`` are the types of the arguments, ``R`` is the type of the result.
 
     Attributes:
-        id: function id, 1 to 137.
+        id: function id, counted from 1.
         name: name in the documents, ``Robot_Move``.
         cao: CAO interface name (RC8 appendix A), ``""`` if the appendix has none.
         section: section of the documents.

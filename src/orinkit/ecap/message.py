@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from struct import pack, unpack
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
@@ -24,6 +23,7 @@ from orinkit.cao.table import Argument, Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
 from orinkit.core.i18n import printable, quoted, tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.ecap.fields import ARGUMENTS, BLANKS, FormField, read_fields, refused, to_text
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -220,7 +220,7 @@ def _read_real(text: str) -> Variant:
     else:
         number = coerce.to_real(_read_number(text))
     try:
-        return trusted(VarType.R4, unpack("<f", pack("<f", number))[0])
+        return trusted(VarType.R4, rounded_to_single(number))
     except OverflowError:
         return trusted(VarType.R8, number)
 

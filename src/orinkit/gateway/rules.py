@@ -31,8 +31,8 @@ from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief
 from orinkit.rc8.pose_arguments import read_targets
-from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 READING: Final[Mapping[str, frozenset[str]]] = {

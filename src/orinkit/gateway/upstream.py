@@ -43,11 +43,11 @@ from orinkit.core.errors import (
     error_for,
 )
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_range
 from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.transport.registry import resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
-from orinkit.values.pose_numbers import brief
 
 logger = logging.getLogger("orinkit.gateway")
 
@@ -117,10 +117,10 @@ class Upstream:
         access_to(address, self.token, self.cafile)
         resolve(row_of(address).aio_link)  # import HTTP now: it is slow and would delay clients later
         dialect_of(self.dialect, self.url)
-        _check_seconds("retry", self.retry)
+        check_range("retry", self.retry, 0, _MAX_SECONDS, "s")
         check_dead_after(self.dead_after)
         if self.keep_alive is not None:
-            _check_seconds("keep_alive", self.keep_alive)
+            check_range("keep_alive", self.keep_alive, 0, _MAX_SECONDS, "s")
 
     @property
     def spoken(self) -> Dialect:
@@ -447,19 +447,6 @@ class UpstreamConnection:
         if self._keep_alive_timer is not None:
             self._keep_alive_timer.cancel()
             self._keep_alive_timer = None
-
-
-def _check_seconds(name: str, seconds: float) -> None:
-    given: object = seconds
-    if not isinstance(given, int | float) or not 0 <= given <= _MAX_SECONDS:
-        raise InvalidValue(
-            tr(
-                "{name} must be 0 to {most_seconds:.0e} s, not {seconds}",
-                name=name,
-                most_seconds=_MAX_SECONDS,
-                seconds=brief(seconds),
-            )
-        )
 
 
 def _refusal(url: str, error: OrinError) -> tuple[int, str]:

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 from orinkit.cao import coerce
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief
 from orinkit.rc8.slave_fields import (
     ON_WIRE,
     POSE_MASK,
@@ -25,7 +26,6 @@ from orinkit.rc8.slave_fields import (
     SlaveField,
 )
 from orinkit.rc8.slave_values import as_i4, called, called_in_answer, elements, hexadecimal, invalid, whole
-from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, VarType, trusted
 
 # --- slvRecvFormat (table 4-1) -----------------------------------------------------------------------------------------

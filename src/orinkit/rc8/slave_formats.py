@@ -22,6 +22,7 @@ from typing import Final
 
 from orinkit.core.errors import CallError, InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief
 from orinkit.rc8.slave_feedback import ReceiveFormat as ReceiveFormat
 from orinkit.rc8.slave_feedback import SlaveAnswer as SlaveAnswer
 from orinkit.rc8.slave_feedback import build_answer as build_answer
@@ -50,7 +51,6 @@ from orinkit.rc8.slave_values import (
 )
 from orinkit.rc8.slave_values import USER_STEP as USER_STEP
 from orinkit.rc8.slave_values import UserWindow as UserWindow
-from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, trusted
 
 # --- modes and formats (table 4-1) ------------------------------------------------------------------------------------

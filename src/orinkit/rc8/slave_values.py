@@ -25,9 +25,10 @@ from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import N_, tr
+from orinkit.core.validation import brief
 from orinkit.rc8.slave_fields import FIELDS as TABLE
 from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, FieldType, PoseKind, SlaveField
-from orinkit.values.pose_numbers import FIELDS, FIG_AUTO, brief
+from orinkit.values.pose_numbers import FIELDS, FIG_AUTO
 from orinkit.values.types import ARRAY, NUMERIC, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Variant, trusted
 

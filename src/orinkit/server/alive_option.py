@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from orinkit.core.errors import InvalidValue
-from orinkit.core.i18n import tr
+from orinkit.core.validation import check_range
 
 ALIVE: Final = 2.0
 """Seconds of silence after which a connectionless client whose motions run is disconnected."""
@@ -23,9 +22,4 @@ def check_alive(seconds: float) -> float:
     Raises:
         InvalidValue: If it is not a number from 0.5 to 3,600.
     """
-    given: object = seconds
-    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:
-        raise InvalidValue(
-            tr("alive must be {least:g} to {most:g} seconds, not {given!r:.40}", least=_LEAST, most=_MOST, given=given)
-        )
-    return float(given)
+    return check_range("alive", seconds, _LEAST, _MOST, "s")

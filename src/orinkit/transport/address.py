@@ -13,9 +13,9 @@ from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief
 from orinkit.transport import registry
 from orinkit.transport.registry import AddressText, AnyAddress
-from orinkit.values.pose_numbers import brief
 
 DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""

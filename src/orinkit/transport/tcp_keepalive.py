@@ -11,8 +11,7 @@ import socket
 import sys
 from typing import Final, Protocol
 
-from orinkit.core.errors import InvalidValue
-from orinkit.core.i18n import tr
+from orinkit.core.validation import check_range
 
 DEAD_AFTER: Final = 10.0
 """s without a response from the peer after which a connection is given up."""
@@ -38,17 +37,7 @@ def check_dead_after(seconds: float) -> float:
     Raises:
         InvalidValue: If it is not a number from 2 to 7,200 s.
     """
-    given: object = seconds
-    if isinstance(given, bool) or not isinstance(given, int | float) or not _LEAST <= given <= _MOST:
-        raise InvalidValue(
-            tr(
-                "dead_after must be {least:g} to {most:g} s, not {given!r:.40}",
-                least=_LEAST,
-                most=_MOST,
-                given=given,
-            )
-        )
-    return float(given)
+    return check_range("dead_after", seconds, _LEAST, _MOST, "s")
 
 
 def prepare(connection: Settable, dead_after: float) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -13,6 +12,7 @@ from math import isinf, isnan
 from typing import Any, Final
 
 from orinkit.core.i18n import N_, tr
+from orinkit.core.validation import rounded_to_single
 
 LONGEST: Final = 1100
 """Largest number of characters of a number; the longest exact decimal form of a double has 1,077."""
@@ -49,7 +49,6 @@ _MOMENT: Final = re.compile(
     r"([0-9]{4})([-/])([0-9]{1,2})\2([0-9]{1,2})(?:[ T]+([0-9]{1,2}):([0-9]{2})(?::([0-9]{2})(?:\.([0-9]{1,6}))?)?)?"
 )
 FLAGS: Final = {"-1": True, "1": True, "true": True, "0": False, "false": False}
-_SINGLE: Final = struct.Struct("<f")
 _SMALLEST_NORMAL_SINGLE: Final = 2.0**-126
 _MAX_AMOUNT: Final = 2**63
 _DECIMALS: Final = Context(prec=28)
@@ -106,7 +105,7 @@ def _read_moment(text: str) -> datetime | float | None:
 
 
 def _to_single(number: float) -> float:
-    (single,) = _SINGLE.unpack(_SINGLE.pack(number))
+    single = rounded_to_single(number)
     return float(single)
 
 

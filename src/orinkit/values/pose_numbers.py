@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from decimal import Decimal
 from enum import IntFlag
 from itertools import islice
-from typing import Any, Final, SupportsFloat, SupportsIndex
+from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_finite
 from orinkit.values.variant import plain
 
 MAX_JOINTS: Final = 8
@@ -34,10 +34,7 @@ FIG_NEAREST: Final = -2
 FIG_WITHIN_LIMITS: Final = -3
 """Fig: the controller chooses a figure within the soft limits (RC9)."""
 
-_SURELY_FINITE: Final = 1e300
 _DECIMALS: Final = 6  # of a displayed number: a millionth of a mm or degree
-_GREAT: Final = 10_000  # bits; Python may refuse to write a larger whole number in decimal
-_SHOWN: Final = 40  # characters of a value that an error message quotes
 
 
 def listed(kind: str, values: object) -> list[Any]:
@@ -73,38 +70,18 @@ def conform(kind: str, values: Iterable[object]) -> list[float]:
         InvalidValue: If a value is not valid; the message contains its name.
     """
     return [
-        (whole if name == "fig" else finite)(named(kind), name, value)
+        (whole if name == "fig" else check_finite)(name, value, named(kind))
         for name, value in zip(FIELDS[kind], values, strict=False)
     ]
 
 
-def finite(owner: str, name: str, value: Any) -> float:
-    """Return a number as finite ``float``.
-
-    Raises:
-        InvalidValue: If it is not a number, or NaN, infinite or too large.
-    """
-    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # the fast path for most values
-        return float(value)
-    try:
-        if isinstance(value, SupportsFloat | SupportsIndex) and not isinstance(value, bool):
-            number = float(value)
-            if math.isfinite(number):
-                return number
-    except (TypeError, ValueError, OverflowError):  # an array of several numbers, an int of hundreds of digits
-        pass
-    raise InvalidValue(
-        tr("{owner}: {name} must be a finite number, not {value}", owner=owner, name=name, value=brief(value))
-    )
-
-
-def whole(owner: str, name: str, value: object) -> float:
+def whole(name: str, value: object, owner: str) -> float:
     """Return a whole number of 32 bits as ``float``.
 
     Raises:
         InvalidValue: If it is not a whole number of 32 bits.
     """
-    number = finite(owner, name, value)
+    number = check_finite(name, value, owner)
     if not is_whole(number):
         raise InvalidValue(
             tr(
@@ -181,15 +158,6 @@ def named(kind: str) -> str:
     return kind or tr("a pose")
 
 
-def brief(value: object) -> str:
-    """Return any value in a short form for messages; never raises an exception."""
-    try:
-        text = f"{value:#x}" if isinstance(value, int) and value.bit_length() > _GREAT else repr(value)
-    except Exception:  # noqa: BLE001 - a user's __repr__
-        return f"<{type(value).__name__}>"
-    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
-
-
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
@@ -217,7 +185,7 @@ def describe_figure(fig: float) -> str:
     Raises:
         InvalidValue: If it is not a whole number.
     """
-    bits = int(whole("Fig", "fig", fig))
+    bits = int(whole("fig", fig, "Fig"))
     if bits < 0:
         return _FIGURE_NAMES.get(bits, str(bits))
     words = [

@@ -28,6 +28,7 @@ from typing import Any, ClassVar, Final, Literal, Self, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_finite
 from orinkit.values import pose_numbers as checks
 from orinkit.values.pose_numbers import FIG_AUTO as FIG_AUTO
 from orinkit.values.pose_numbers import FIG_NEAREST as FIG_NEAREST
@@ -261,13 +262,13 @@ class PassMark:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        radius = checks.finite("PassMark", "radius", self.radius)
+        radius = check_finite("radius", self.radius, "PassMark")
         if self.mode not in ("0", "E", "P", "n") or (radius > 0) != (self.mode == "n") or radius < 0:
             raise InvalidValue(
                 tr(
                     'invalid pass mark, mode {mode} with radius {radius:g} mm. Try: "0", "E" or "P", or "n" with '
                     "a radius above 0 mm",
-                    mode=checks.brief(self.mode),
+                    mode=brief(self.mode),
                     radius=radius,
                 )
             )
@@ -319,10 +320,8 @@ class Extra:
     def __post_init__(self) -> None:
         numbers = [number for number, _ in self.joints]
         if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(checks.EXTRA_JOINTS):
-            raise InvalidValue(
-                tr("the extra joints must be 7, 8 or both, not {numbers}", numbers=checks.brief(numbers))
-            )
-        joints = tuple((int(number), checks.finite("Extra", f"J{number}", value)) for number, value in self.joints)
+            raise InvalidValue(tr("the extra joints must be 7, 8 or both, not {numbers}", numbers=brief(numbers)))
+        joints = tuple((int(number), check_finite(f"J{number}", value, "Extra")) for number, value in self.joints)
         object.__setattr__(self, "joints", joints)
 
     def __str__(self) -> str:
@@ -419,9 +418,7 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
         return text
     mark = as_mark(mark)
     if text.lstrip().startswith("@"):
-        raise InvalidValue(
-            tr("{text} already has a pass mark, {mark} cannot be added", text=checks.brief(text), mark=mark)
-        )
+        raise InvalidValue(tr("{text} already has a pass mark, {mark} cannot be added", text=brief(text), mark=mark))
     return f"{mark} {text}"
 
 
@@ -439,7 +436,7 @@ def as_mark(mark: object) -> PassMark:
     raise InvalidValue(
         tr(
             '{mark} is not a pass mark. Try: a text, "@P", "@E", "@0", or "@10" for 10 mm',
-            mark=checks.brief(mark),
+            mark=brief(mark),
         )
     )
 
@@ -461,7 +458,7 @@ def _text_of(pose: object) -> str:
     if isinstance(pose, Target | str):
         return str(pose)
     raise InvalidValue(
-        tr("{pose} is not a pose. Try: P(...), T(...), J(...), V(...) or a text like 'P1'", pose=checks.brief(pose))
+        tr("{pose} is not a pose. Try: P(...), T(...), J(...), V(...) or a text like 'P1'", pose=brief(pose))
     )
 
 

@@ -215,11 +215,11 @@ def test_monitors_show_the_velocities_at_first():
 @pytest.mark.parametrize(
     ("call", "arguments", "expected"),
     [
-        ("set_analog", (2, 0.0), "0 or 1"),
+        ("set_analog", (2, 0.0), "0 to 1"),
         ("set_analog", (0, 400.0), "327.67"),
         ("set_analog", (0, float("nan")), "nan"),
-        ("set_monitor", (-1, 0.0), "0 or 1"),
-        ("set_monitor", (1.0, 0.0), "0 or 1"),
+        ("set_monitor", (-1, 0.0), "0 to 1"),
+        ("set_monitor", (1.0, 0.0), "0 to 1"),
         ("set_monitor", (0, "nothing"), "ay_velocity, bx_velocity"),
         ("set_monitor", (0, 1e39), "single-precision"),
         ("set_monitor", (0, float("inf")), "single-precision"),

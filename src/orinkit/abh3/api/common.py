@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any, Final, TypedDict
 from urllib.parse import quote
 
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.table.checks import check_seconds
 from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_seconds
 from orinkit.transport.address import CanAddress, parse_address
-from orinkit.values.pose_numbers import brief
 
 if TYPE_CHECKING:
     import can

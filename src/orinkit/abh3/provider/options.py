@@ -14,6 +14,7 @@ from orinkit.cao.options import Options
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import is_number
 from orinkit.transport.address import CanAddress, parse_address
 
 OPTIONS: Final = (
@@ -136,15 +137,11 @@ def _chosen(options: Options, given: list[str]) -> CanAddress:
     address = parse_address(options.text_of("Bus") if "Bus" in given else _url(options))
     if not isinstance(address, CanAddress):
         raise invalid(tr("{address} is not a CAN bus", address=address))
-    refused = [name for name, value in address.options if name not in _CLIENT_OPTIONS or not _is_number(value)]
+    refused = [name for name, value in address.options if name not in _CLIENT_OPTIONS or not is_number(value)]
     if refused or "://" in address.channel:
         what = ", ".join(refused) or address.channel
         raise invalid(tr("{what:.100} can only be set on the server. Try: configure the bus on the server", what=what))
     return address
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _url(options: Options) -> str:

@@ -12,7 +12,6 @@ from dataclasses import fields
 from typing import Final, Generic, TypeVar, cast
 
 from orinkit.abh3.table import ids
-from orinkit.abh3.table.checks import checked, real, whole
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.ids import FrameId
 from orinkit.abh3.table.records import BR0, BUF, DP1R, AnyRecord, Feedback, Record
@@ -20,7 +19,7 @@ from orinkit.abh3.table.signals import CURRENT, V1, VELOCITY, Dialect, Quantity
 from orinkit.can.frame import CanFrame, CanOperation, OperationStep
 from orinkit.core.errors import DriverFault, DriverTimeout, InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, check_whole, real, whole
 
 F = TypeVar("F", bound=Feedback)
 _LENGTH: Final = 8
@@ -239,7 +238,7 @@ class Host(Generic[F]):
             InvalidValue: If the page does not exist.
             DriverTimeout: If the driver does not reply.
         """
-        dp = checked("dp", dp, 1)
+        dp = check_whole("dp", dp, 1)
         sent = self._request_frame(self.address, ids.pgn(ids.SINGLE, 0, dp=dp))
         wanted = ids.single(self.host, self.address, dp=dp)
         record = yield from self._query("abh3_can_reqSNG", sent, f"DP{dp}R", wanted)
@@ -257,7 +256,7 @@ class Host(Generic[F]):
             DriverTimeout: If the driver does not reply.
         """
         masks = self.dialect.inputs.masks
-        tries = checked("tries", tries, _MAX_TRIES)
+        tries = check_whole("tries", tries, _MAX_TRIES)
         self.reset_commands()
         self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
         pause = _SETTLING
@@ -368,7 +367,7 @@ def broadcasts_of_all(
         count: Number of drivers; the wait ends early once this many have replied.
         priority: Priority of the request.
     """
-    count = None if count is None else checked("count", count, ids.LAST_ADDRESS + 1)
+    count = None if count is None else check_whole("count", count, ids.LAST_ADDRESS + 1)
     layout = codec.dialect.broadcasts.get(ps % ids.BROADCASTS)
     sent = CanFrame(ids.request(ids.EVERYONE, host, priority=priority), ids.pgn(ids.BROADCAST, ps))
     found: dict[int, AnyRecord] = {}

@@ -12,10 +12,10 @@ from enum import Enum
 from typing import Any, Final, TypeVar
 
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.table.checks import check_seconds
 from orinkit.can.frame import CanFrame, CanOperation
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_seconds
 
 R = TypeVar("R")
 _SHORTEST: Final = 0.001

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from orinkit.abh3.session.telabh3 import MONITORS, PARAMETERS, TelItem
-from orinkit.abh3.table.checks import checked, whole
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, check_whole, whole
 
 
 class ParameterValue(NamedTuple):
@@ -62,7 +61,7 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
     Raises:
         InvalidValue: If the value cannot be written, or if the address is unknown and ``raw`` is False.
     """
-    address = checked("address", address, 0xFFFF)
+    address = check_whole("address", address, 0xFFFF)
     item = PARAMETERS.get(address)
     if item is not None and not raw:
         return item.encode(value)

@@ -23,10 +23,9 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from orinkit.abh3.table import packfloat
 from orinkit.abh3.table.bits import Values
-from orinkit.abh3.table.checks import whole
 from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
 from orinkit.core.i18n import N_, tr, translate
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, whole
 
 Kind: TypeAlias = Literal["pack", "int", "bits"]
 

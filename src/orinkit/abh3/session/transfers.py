@@ -14,7 +14,7 @@ from orinkit.abh3.table.transfer_fields import ABORT, BUSY, CTS, END, LATE, REAS
 from orinkit.can.frame import CanFrame
 from orinkit.core.errors import DriverTimeout, InvalidValue, OrinError, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief
 
 SHORTEST: Final = 9
 LONGEST: Final = 1785

@@ -12,7 +12,7 @@ from orinkit.abh3.table.packfloat import Rounding
 from orinkit.abh3.table.signals import ANALOG, CURRENT, LOAD, LOAD_TENTHS, VELOCITY, VOLTAGE
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief
 
 
 def cnvVel2CAN(vel: float) -> int:  # noqa: N802 - the document's name

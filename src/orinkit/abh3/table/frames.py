@@ -12,7 +12,7 @@ from orinkit.abh3.table.records import BUF, RECORDS, Flags, Record
 from orinkit.abh3.table.signals import CURRENT, V1, Dialect, FrameLayout, Quantity, SignalField, Word
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, rounded_to_single
 
 R = TypeVar("R", bound=Record)
 _LENGTH: Final = 8
@@ -179,7 +179,7 @@ def _single(field: SignalField, value: float) -> float:
         InvalidValue: If it does not fit in a single float.
     """
     try:
-        number: float = struct.unpack("<f", struct.pack("<f", value))[0]
+        number = rounded_to_single(value)
     except (OverflowError, ValueError, struct.error):  # ValueError: a signalling NaN of decimal
         raise InvalidValue(
             tr("{name}: {value} does not fit in a single float", name=tr(field.title), value=brief(value))

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from orinkit.abh3.table.checks import checked
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_whole
 
 SINGLE: Final = 0xEF
 """PF of single packets."""
@@ -91,7 +91,7 @@ def check_address(name: str, address: object) -> int:
     Raises:
         InvalidValue: If it is not a whole number of 0 to 253.
     """
-    return checked(name, address, LAST_ADDRESS)
+    return check_whole(name, address, LAST_ADDRESS)
 
 
 def check_group(group: object) -> int:
@@ -100,7 +100,7 @@ def check_group(group: object) -> int:
     Raises:
         InvalidValue: If it is not a whole number of 0 to 31.
     """
-    return checked("group", group, GROUPS - 1)
+    return check_whole("group", group, GROUPS - 1)
 
 
 def check_priority(priority: object) -> int:
@@ -109,7 +109,7 @@ def check_priority(priority: object) -> int:
     Raises:
         InvalidValue: If it is not a whole number of 0 to 7.
     """
-    return checked("priority", priority, 7)
+    return check_whole("priority", priority, 7)
 
 
 def broadcast_number(number: object, group: int) -> int:
@@ -123,7 +123,7 @@ def broadcast_number(number: object, group: int) -> int:
         InvalidValue: If the number is not valid, or belongs to another group.
     """
     name = tr("broadcast (0 to 6, or group * 8 + number)")
-    given = checked(name, number, 0xFF)
+    given = check_whole(name, number, 0xFF)
     ps = given if given >= BROADCASTS else group * BROADCASTS + given
     if ps // BROADCASTS != group:
         other, place = divmod(ps, BROADCASTS)

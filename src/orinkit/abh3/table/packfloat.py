@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from typing import Final, Literal, NamedTuple
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, rounded_to_single
 
 ZERO: Final = 0x0000_0000
 """The word of 0."""
@@ -36,7 +35,6 @@ _MINUS: Final = -0x10_0000
 _POINTS: Final = range(-8, 8)
 _EXPONENTS: Final = range(-64, 64)
 _USUAL_POINT: Final = -5  # for numbers whose point does not fit
-_SINGLE: Final = struct.Struct("<f")
 _TEXT: Final = re.compile(r"([+-]?)([0-9]*)(\.[0-9]*)?(?:[eE]([+-]?)([0-9]*))?")
 _LIMITS: Final = {"round": (99_999.95, 999_999.5, 0.5), "trunc": (100_000.0, 1_000_000.0, 0.0)}
 
@@ -236,6 +234,6 @@ def _signed(field: int, bits: int) -> int:
 def _single(value: float) -> float:
     """Round to single precision; values beyond its range become infinities."""
     try:
-        return float(_SINGLE.unpack(_SINGLE.pack(float(value)))[0])
+        return rounded_to_single(float(value))
     except OverflowError:
         return math.inf if value > 0 else -math.inf

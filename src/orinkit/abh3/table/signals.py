@@ -16,10 +16,9 @@ from typing import Final
 from orinkit.abh3.table import bits as _bits
 from orinkit.abh3.table.bits import Bit as Bit
 from orinkit.abh3.table.bits import Logic as Logic
-from orinkit.abh3.table.checks import real, whole
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
-from orinkit.values.pose_numbers import brief
+from orinkit.core.validation import brief, real, whole
 
 # --- quantities (section 3) -------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""``orinkit functions``: list the 137 functions of CAO."""
+"""``orinkit functions``: list the functions of CAO."""
 
 from __future__ import annotations
 

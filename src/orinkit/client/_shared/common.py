@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from datetime import datetime
-from operator import index
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -15,8 +14,8 @@ from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_range, check_seconds, whole
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.values.pose_numbers import brief
 from orinkit.values.variant import Value, Variant, VarType
 
 RC8: Final = "CaoProv.DENSO.VRC"
@@ -153,16 +152,7 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
     """
     if seconds is None:
         return
-    given: object = seconds
-    if isinstance(given, bool) or not isinstance(given, int | float) or not _MIN_ALIVE <= given <= _MAX_ALIVE:
-        raise InvalidValue(
-            tr(
-                "alive must be {least:g} to {most:g} s, not {seconds}",
-                least=_MIN_ALIVE,
-                most=_MAX_ALIVE,
-                seconds=brief(seconds),
-            )
-        )
+    check_range("alive", seconds, _MIN_ALIVE, _MAX_ALIVE, "s")
     if not dialect.takes_options:
         raise InvalidValue(
             tr("alive= is not supported by dialect {name}: its Service_Start has no options", name=dialect.name)
@@ -241,16 +231,7 @@ def check_timeout(seconds: float, name: str = "timeout") -> float:
     Raises:
         InvalidValue: If the value is not a positive number, or exceeds the range of the system's clock.
     """
-    if not _is_number(seconds) or not 0 < seconds <= _MAX_TIMEOUT:
-        raise InvalidValue(
-            tr(
-                "{name} must be a positive number of seconds up to {most:.0e}, not {seconds}",
-                name=name,
-                most=_MAX_TIMEOUT,
-                seconds=brief(seconds),
-            )
-        )
-    return float(seconds)
+    return check_seconds(name, seconds, _MAX_TIMEOUT)
 
 
 def check_deadline(seconds: float | None) -> float | None:
@@ -268,9 +249,8 @@ def check_tries(number: int) -> int:
     Raises:
         InvalidValue: If the value is not an integer.
     """
-    try:
-        whole = index(number)
-    except TypeError:
+    tries = whole(number)
+    if tries is None:
         raise InvalidValue(
             tr(
                 "tries must be an integer from {least} to {most}, not {number}",
@@ -278,12 +258,8 @@ def check_tries(number: int) -> int:
                 most=MOST_TRIES,
                 number=brief(number),
             )
-        ) from None
-    return min(max(whole, LEAST_TRIES), MOST_TRIES)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float)
+        )
+    return min(max(tries, LEAST_TRIES), MOST_TRIES)
 
 
 def text_list(value: Any) -> list[str]:

@@ -12,7 +12,8 @@ from orinkit.client._shared.common import unexpected_value
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, NotationError
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import brief, finite, plain_decimal
+from orinkit.core.validation import brief, check_amount, check_finite, is_number
+from orinkit.values.pose_numbers import plain_decimal
 from orinkit.values.poses import J, P, PassMark, PoseLike, T, Target, V, as_mark, parse_target, parse_targets, to_text
 from orinkit.values.variant import Value, Variant, plain
 
@@ -68,12 +69,12 @@ def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
         raise TypeError(tr("unknown motion option {name!r}. Try: {known}", name=min(unknown), known=known))
     parts = [mark] if mark else []
     parts += [
-        f"{name.upper()}={plain_decimal(_amount(name, options.get(name), _MAX_PERCENT))}"
+        f"{name.upper()}={plain_decimal(check_amount(name, options.get(name), _MAX_PERCENT, 'move'))}"
         for name in ("speed", "accel", "decel")
         if name in options
     ]
     if "time" in options:
-        parts.append(f"TIME={max(1, round(_amount('time', options['time'], _MAX_SECONDS) * 1000))}")
+        parts.append(f"TIME={max(1, round(check_amount('time', options['time'], _MAX_SECONDS, 'move') * 1000))}")
     wait = options.get("wait", True)
     return ",".join(parts if wait else [*parts, "NEXT"]), bool(wait)
 
@@ -81,15 +82,6 @@ def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
 def waits(option: str) -> bool:
     """Return True if the controller replies at the end of a motion with this option string."""
     return all(part.strip().upper() not in ("NEXT", "NEXT=1") for part in str(option).split(","))
-
-
-def _amount(name: str, value: object, most: float) -> float:
-    number = finite("move", name, value)
-    if not 0 < number <= most:
-        raise InvalidValue(
-            tr("{name} must be above 0 and at most {most:.0f}, not {number:g}", name=name, number=number, most=most)
-        )
-    return number
 
 
 # --- the two forms of move and drive ----------------------------------------------------------------------------------
@@ -112,12 +104,7 @@ def check_move(arguments: tuple[object, ...], named: Mapping[str, Any]) -> None:
     Raises:
         TypeError: If the arguments match neither form; the message shows both.
     """
-    if (
-        len(arguments) > 1
-        and not named
-        and all(map(_is_number, arguments))
-        and (len(arguments), arguments[0]) != (2, 4)
-    ):
+    if len(arguments) > 1 and not named and all(map(is_number, arguments)) and (len(arguments), arguments[0]) != (2, 4):
         numbers = ", ".join(f"{number:g}" for number in arguments)
         raise TypeError(
             tr(
@@ -196,7 +183,7 @@ def raw_pose(pose: Value) -> Value:
     text = sendable(pose)
     values = plain(text)
     numbers = values.tolist() if hasattr(values, "tolist") else values  # numpy arrays
-    if isinstance(numbers, list | tuple) and len(numbers) == _JOINTS and all(map(_is_number, numbers)):
+    if isinstance(numbers, list | tuple) and len(numbers) == _JOINTS and all(map(is_number, numbers)):
         raise InvalidValue(tr("{pose}: 6 numbers may be joints or a position. Try: J(...) or P(...)", pose=brief(pose)))
     return text
 
@@ -256,7 +243,7 @@ def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
 
 def distance_text(distance: float, mark: str | PassMark) -> str:
     """Return a distance in mm with its pass mark, as for Approach and Depart: ``@P 10``."""
-    return f"{as_mark(mark or '@0')} {plain_decimal(finite('move', 'distance', distance))}"
+    return f"{as_mark(mark or '@0')} {plain_decimal(check_finite('distance', distance, 'move'))}"
 
 
 def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
@@ -268,16 +255,14 @@ def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
     given: object = axes
     if not isinstance(given, Mapping) or not given or not all(map(_is_axis, given)):
         raise InvalidValue(tr("{axes} does not have the form {{axis: value}} with axes from 1 to 8", axes=brief(axes)))
-    pairs = ",".join(f"({axis},{plain_decimal(finite('drive', f'J{axis}', value))})" for axis, value in axes.items())
+    pairs = ",".join(
+        f"({axis},{plain_decimal(check_finite(f'J{axis}', value, 'drive'))})" for axis, value in axes.items()
+    )
     return f"{as_mark(mark or '@0')} {pairs}"
 
 
 def _is_axis(axis: object) -> bool:
     return isinstance(axis, int) and 1 <= axis <= 8
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def kind_of(pose: PoseLike, wanted: str) -> str:

@@ -12,6 +12,7 @@ from orinkit.arms import model_of_type
 from orinkit.cao.dialect import VE026A, Dialect
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_range
 from orinkit.rc8.slave_fields import EXCLUSIVE, OUTPUTS, PARAMETERS, POSE_PARTS, POSES, RECEIVED, WORDS, FieldType
 from orinkit.rc8.slave_formats import (
     POSE_SIZES,
@@ -26,7 +27,6 @@ from orinkit.rc8.slave_formats import (
 )
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
-from orinkit.values.pose_numbers import brief, finite
 
 Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
 """Feedback that a controller can return for each set-point; by default its time and the joints. These are the names of the
@@ -97,8 +97,8 @@ def read_options(
         raise InvalidValue(tr("limits must be Limits for joints (pose J), PathLimits for positions (pose P, T)"))
     options = StreamOptions(
         wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
-        _amount("speed", speed, 0.1, _FULL), _amount("period", period, 0.0005, _MAX_PERIOD),
-        int(_amount("queue", queue, 1, _MAX_QUEUED)), None if idle is None else _amount("idle", idle, 0.01, _MAX_IDLE),
+        check_range("speed", speed, 0.1, _FULL), check_range("period", period, 0.0005, _MAX_PERIOD),
+        int(check_range("queue", queue, 1, _MAX_QUEUED)), None if idle is None else check_range("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),
     )  # fmt: skip
     check_outputs(options, states)
@@ -233,15 +233,6 @@ def _path(record: object) -> Path | None:
     if not path.absolute().parent.is_dir():
         raise InvalidValue(tr("record: directory {directory} does not exist", directory=path.parent))
     return path
-
-
-def _amount(name: str, value: float, least: float, most: float) -> float:
-    number = finite("slave_mode", name, value)
-    if not least <= number <= most:
-        raise InvalidValue(
-            tr("{name} must be {least:g} to {most:g}, not {number:g}", name=name, number=number, least=least, most=most)
-        )
-    return number
 
 
 def _refuse(name: str, value: object, known: str) -> NoReturn:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_range
 
 _HOST: Final = re.compile(r"[\w.-]+", re.ASCII)
 _LEAST_IDLE: Final = 0.1  # s
@@ -50,15 +50,7 @@ class HttpOptions:
                     wrong=wrong[0],
                 )
             )
-        if not (math.isfinite(self.idle) and _LEAST_IDLE <= self.idle <= _MOST_IDLE):
-            raise InvalidValue(
-                tr(
-                    "idle must be {least:g} to {most:g} seconds, not {seconds:g}",
-                    least=_LEAST_IDLE,
-                    most=_MOST_IDLE,
-                    seconds=self.idle,
-                )
-            )
+        check_range("idle", self.idle, _LEAST_IDLE, _MOST_IDLE, "s")
 
 
 DEFAULT_HTTP: Final = HttpOptions()

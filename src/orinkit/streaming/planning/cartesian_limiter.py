@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple, TypeAlias
 
+from orinkit.arms.geometry import DEGREE, Vector, cross, dot, minus, norm, plus, times
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.axis_limiter import (
@@ -23,7 +24,6 @@ from orinkit.streaming.planning.axis_limiter import (
     fastest,
 )
 from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, JerkLimitedMotion, keeping_up
-from orinkit.streaming.planning.quaternions import DEGREE, Vector
 
 Basis: TypeAlias = tuple[Vector, Vector, Vector]
 """Three orthogonal unit vectors."""
@@ -137,7 +137,7 @@ class CartesianLimiter:
 
     def fits(self, step: Vector) -> bool:
         """Return True if a step may follow the last one."""
-        return _norm(step) <= self._max_step and _norm(_minus(step, self.step)) <= self._max_step_change
+        return norm(step) <= self._max_step and norm(minus(step, self.step)) <= self._max_step_change
 
     def keep(self, step: Vector, moved: Vector) -> None:
         """Take over a step of the program's own set-points.
@@ -176,14 +176,14 @@ class CartesianLimiter:
         self._estimate_state()
         course = course or TargetMotion3D()
         period = self._period
-        drift = _times(_plus(course.velocity, _times(course.acceleration, 0.5 * period)), period)
-        left = _clip_norm(_minus(way, drift), _FAR * self._speed)
-        velocity, accel = _minus(self._velocity, course.velocity), _minus(self._accel, course.acceleration)
-        pushed = _norm(course.acceleration)
-        speed = max(self._speed - _norm(course.velocity), SLOWEST * self._speed)
+        drift = times(plus(course.velocity, times(course.acceleration, 0.5 * period)), period)
+        left = _clip_norm(minus(way, drift), _FAR * self._speed)
+        velocity, accel = minus(self._velocity, course.velocity), minus(self._accel, course.acceleration)
+        pushed = norm(course.acceleration)
+        speed = max(self._speed - norm(course.velocity), SLOWEST * self._speed)
         acceleration = self._acceleration - pushed
         if anew or self._halting:
-            self._frame = _frame_to_goal(left, _times(velocity, 1.0 / speed), _times(accel, 1.0 / acceleration))
+            self._frame = _frame_to_goal(left, times(velocity, 1.0 / speed), times(accel, 1.0 / acceleration))
             self._halting = False
         basis = self._frame.basis
         smooth = self._towards
@@ -191,15 +191,15 @@ class CartesianLimiter:
         smooth.aim(list(_into(basis, left)))
         ended = smooth.step(NOTHING, _into(basis, velocity), _into(basis, accel))
         if ended is None:
-            size = _norm(way)
-            wanted = _times(way, min(fastest(size, self._own_max_change) / size, 1.0) if size else 0.0)
+            size = norm(way)
+            wanted = times(way, min(fastest(size, self._own_max_change) / size, 1.0) if size else 0.0)
         else:
-            wanted = way if ended else _plus(drift, _out_of(basis, smooth.position))
-        gained = _plus(course.velocity, _times(course.acceleration, period))
+            wanted = way if ended else plus(drift, _out_of(basis, smooth.position))
+        gained = plus(course.velocity, times(course.acceleration, period))
         step = self._advance(
             wanted,
-            _plus(gained, _out_of(basis, smooth.velocity)),
-            _plus(course.acceleration, _out_of(basis, smooth.acceleration)),
+            plus(gained, _out_of(basis, smooth.velocity)),
+            plus(course.acceleration, _out_of(basis, smooth.acceleration)),
             planned=ended is not None,
         )
         return step, step == way
@@ -210,7 +210,7 @@ class CartesianLimiter:
         if self._velocity == self._accel == NOTHING:
             return self._advance(NOTHING, NOTHING, NOTHING, planned=True)
         if not self._halting:
-            self._frame = _frame_for_stop(self._velocity, _times(self._accel, 1.0 / self._acceleration))
+            self._frame = _frame_for_stop(self._velocity, times(self._accel, 1.0 / self._acceleration))
             self._halting = True
         basis = self._frame.basis
         smooth = self._to_rest
@@ -231,7 +231,7 @@ class CartesianLimiter:
         """
         what, unit = tr(self._name), self._unit
         speed, acceleration = self._limits
-        size, change = _norm(step), _norm(_minus(step, self.step))
+        size, change = norm(step), norm(minus(step, self.step))
         if size > self._max_step:
             most = speed * self._period
             return tr(
@@ -267,40 +267,40 @@ class CartesianLimiter:
 
     def _estimate_target_motion(self, moved: Vector) -> TargetMotion3D:
         period = self._period
-        change = _minus(moved, self._last_target_step)
-        if _norm(change) > self._max_step_change or _norm(moved) > self._max_step:
+        change = minus(moved, self._last_target_step)
+        if norm(change) > self._max_step_change or norm(moved) > self._max_step:
             held = self._target_motion or TargetMotion3D(self._velocity_of(self._last_target_step))
             if held.jumps < JUMPS:
                 return TargetMotion3D(held.velocity, NOTHING, held.jumps + 1)
             return TargetMotion3D(self._velocity_of(moved), NOTHING, held.jumps)
-        acceleration = _clip_norm(_times(change, period**-2), PUSHED * self._acceleration)
-        return TargetMotion3D(_minus(_times(moved, 1.0 / period), _times(acceleration, 0.5 * period)), acceleration)
+        acceleration = _clip_norm(times(change, period**-2), PUSHED * self._acceleration)
+        return TargetMotion3D(minus(times(moved, 1.0 / period), times(acceleration, 0.5 * period)), acceleration)
 
     def _velocity_of(self, moved: Vector) -> Vector:
-        return _times(moved, 1.0 / self._period) if _norm(moved) <= self._max_step else NOTHING
+        return times(moved, 1.0 / self._period) if norm(moved) <= self._max_step else NOTHING
 
     def _limit(self, smooth: JerkLimitedMotion, speed: float, acceleration: float, jerk: float) -> None:
         shares = self._frame.shares
-        speeds, accelerations = _times(shares, speed), _times(shares, acceleration)
-        smooth.limit(speeds, speeds, accelerations, accelerations, _times(shares, jerk))
+        speeds, accelerations = times(shares, speed), times(shares, acceleration)
+        smooth.limit(speeds, speeds, accelerations, accelerations, times(shares, jerk))
 
     def _advance(self, wanted: Vector, velocity: Vector, accel: Vector, *, planned: bool) -> Vector:
         """Take the admissible step nearest to the desired one, which has these derivatives if it was ``planned``."""
         step = self._clip(wanted)
         self._before, self.step = self.step, step
-        self._state_known = planned and _norm(_minus(step, wanted)) <= SLIGHT * self._own_max_change
-        bend = _times(_cross(step, velocity), self._bend)  # the rotation velocity seen from the new orientation
-        self._velocity, self._accel = _plus(velocity, bend), accel
+        self._state_known = planned and norm(minus(step, wanted)) <= SLIGHT * self._own_max_change
+        bend = times(cross(step, velocity), self._bend)  # the rotation velocity seen from the new orientation
+        self._velocity, self._accel = plus(velocity, bend), accel
         return step
 
     def _clip(self, wanted: Vector) -> Vector:
         """Clip the desired step to the admissible step closest to it along the line from the previous step."""
         wanted = _clip_norm(wanted, self._own_max_step)
-        change = _minus(wanted, self.step)
+        change = minus(wanted, self.step)
         return (
             wanted
-            if _norm(change) <= self._own_max_change
-            else _plus(self.step, _clip_norm(change, self._own_max_change))
+            if norm(change) <= self._own_max_change
+            else plus(self.step, _clip_norm(change, self._own_max_change))
         )
 
     def _estimate_state(self) -> None:
@@ -308,20 +308,20 @@ class CartesianLimiter:
         if self._state_known:
             return
         self._state_known = True
-        size, period = _norm(self.step), self._period
+        size, period = norm(self.step), self._period
         if size <= _TINY:  # at standstill, regardless of the deceleration before
             self._velocity = self._accel = NOTHING
             return
-        way = _times(self.step, 1.0 / size)
+        way = times(self.step, 1.0 / size)
         speed = min(size / period, self._speed)
-        accel = _clip_norm(_times(_minus(self.step, self._before), period**-2), self._acceleration)
-        along = _dot(accel, way)
-        aside = _minus(accel, _times(way, along))
+        accel = _clip_norm(times(minus(self.step, self._before), period**-2), self._acceleration)
+        along = dot(accel, way)
+        aside = minus(accel, times(way, along))
         along = bearable(speed, along, self._speed, self._jerk)
         speed = min(max(speed + 0.5 * along * period, 0.0), self._speed)
         along = bearable(speed, along, self._speed, self._jerk)
-        self._velocity = _plus(_times(way, speed), _times(aside, 0.5 * period))
-        self._accel = _plus(_times(way, along), aside)
+        self._velocity = plus(times(way, speed), times(aside, 0.5 * period))
+        self._accel = plus(times(way, along), aside)
 
 
 def _frame_to_goal(way: Vector, velocity: Vector, accel: Vector) -> _Frame:
@@ -336,7 +336,7 @@ def _frame_to_goal(way: Vector, velocity: Vector, accel: Vector) -> _Frame:
         velocity: Velocity as a fraction of the limit.
         accel: Acceleration as a fraction of the limit.
     """
-    if _norm(way) > SNAP:
+    if norm(way) > SNAP:
         basis = _basis(way)
         v, a = _into(basis, velocity), _into(basis, accel)
         if max(abs(v[1]), abs(v[2]), abs(a[1]), abs(a[2])) <= _LATERAL_TOLERANCE:
@@ -351,7 +351,7 @@ def _frame_for_stop(velocity: Vector, accel: Vector) -> _Frame:
         velocity: Velocity of the motion.
         accel: Acceleration of the motion as a fraction of the limit.
     """
-    if _norm(velocity) <= _TINY:
+    if norm(velocity) <= _TINY:
         return _FIXED_FRAME
     basis = _basis(velocity)
     _, y, z = _into(basis, accel)
@@ -366,15 +366,15 @@ def _shares(across: float) -> Vector:
 
 def _basis(first: Vector) -> Basis:
     """Return three orthogonal unit vectors, the first one along a vector."""
-    x = _times(first, 1.0 / _norm(first))
+    x = times(first, 1.0 / norm(first))
     least = min(range(3), key=lambda axis: abs(x[axis]))
-    y = _cross(x, (float(least == 0), float(least == 1), float(least == 2)))
-    y = _times(y, 1.0 / _norm(y))
-    return x, y, _cross(x, y)
+    y = cross(x, (float(least == 0), float(least == 1), float(least == 2)))
+    y = times(y, 1.0 / norm(y))
+    return x, y, cross(x, y)
 
 
 def _into(basis: Basis, vector: Vector) -> Vector:
-    return _dot(basis[0], vector), _dot(basis[1], vector), _dot(basis[2], vector)
+    return dot(basis[0], vector), dot(basis[1], vector), dot(basis[2], vector)
 
 
 def _out_of(basis: Basis, parts: Sequence[float]) -> Vector:
@@ -383,30 +383,6 @@ def _out_of(basis: Basis, parts: Sequence[float]) -> Vector:
     return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
-def _plus(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-def _times(a: Vector, factor: float) -> Vector:
-    return a[0] * factor, a[1] * factor, a[2] * factor
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _norm(a: Vector) -> float:
-    return math.hypot(a[0], a[1], a[2])
-
-
 def _clip_norm(a: Vector, most: float) -> Vector:
-    size = _norm(a)
-    return a if size <= most else _times(a, most / size)
+    size = norm(a)
+    return a if size <= most else times(a, most / size)

@@ -16,10 +16,10 @@ from typing import Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_finite, check_positive
 from orinkit.streaming.planning.axis_limiter import AxisLimiter, AxisState, TargetMotion
 from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, JerkLimitedMotion, keeping_up
 from orinkit.streaming.planning.limits import Limits
-from orinkit.values.pose_numbers import brief, finite
 
 _SURELY_FINITE: Final = 1e300
 _NOTHING: Final = AxisState(0.0, 0.0, 0.0)
@@ -290,7 +290,9 @@ class JointPlanner:
             raise InvalidValue(tr("got {given} values, but the stream has {axes} axes", given=len(values), axes=count))
         if set(map(type, values)) == _FLOATS and -_SURELY_FINITE < sum(values) < _SURELY_FINITE:
             return tuple(values)  # fast path
-        return tuple(finite(tr("set-point"), axis.name, value) for axis, value in zip(self._axes, values, strict=True))
+        return tuple(
+            check_finite(axis.name, value, tr("set-point")) for axis, value in zip(self._axes, values, strict=True)
+        )
 
 
 def checked_period(period: float) -> float:
@@ -299,7 +301,4 @@ def checked_period(period: float) -> float:
     Raises:
         InvalidValue: If it is not a positive finite number.
     """
-    seconds = finite(tr("stream"), "period", period)
-    if seconds <= 0.0:
-        raise InvalidValue(tr("the period of a stream is {period} s, but must be positive", period=brief(period)))
-    return seconds
+    return check_positive("period", period, tr("stream"))

@@ -9,7 +9,8 @@ from typing import Any, Final
 from orinkit.arms import ArmModel
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.pose_numbers import MAX_JOINTS, brief, finite
+from orinkit.core.validation import brief, check_amount, check_finite, check_positive
+from orinkit.values.pose_numbers import MAX_JOINTS
 
 SECONDS_TO_ACCELERATION: Final = 0.05
 """Time from zero to the largest acceleration, s: an assumption of this project, as DENSO publishes no jerk limits."""
@@ -58,7 +59,7 @@ class Limits:
                 )
             if name not in ("lower", "upper"):
                 for axis, value in enumerate(row, start=1):
-                    _positive(f"J{axis} {name}", value)
+                    check_positive(f"J{axis} {name}", value, _owner())
         for axis, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True), start=1):
             if lower >= upper:
                 raise InvalidValue(
@@ -138,7 +139,7 @@ class PathLimits:
     def __post_init__(self) -> None:
         for name in _names(self):
             value = _number(name, getattr(self, name))
-            _positive(name, value)
+            check_positive(name, value, _owner())
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -192,7 +193,7 @@ def _row(name: str, values: Any) -> tuple[float, ...]:
 
 
 def _number(name: str, value: Any) -> float:
-    number = finite(_owner(), name, value)
+    number = check_finite(name, value, _owner())
     if abs(number) > _LARGEST:
         raise InvalidValue(
             tr(
@@ -206,26 +207,11 @@ def _number(name: str, value: Any) -> float:
     return number
 
 
-def _positive(name: str, value: float) -> None:
-    if value <= 0.0:
-        raise InvalidValue(
-            tr("{owner}: {name} is {value:g}, but must be positive", owner=_owner(), name=name, value=value)
-        )
-
-
 def _parts(**parts: float) -> dict[str, float]:
-    checked = {name: finite(_owner(), name, value) for name, value in parts.items()}
-    for name, value in checked.items():
-        if not 0.0 < value <= 1.0:
-            raise InvalidValue(
-                tr(
-                    "{owner}: the factor for {name} is {value:g}, but must be above 0 and at most 1",
-                    owner=_owner(),
-                    name=name,
-                    value=value,
-                )
-            )
-    return checked
+    return {
+        name: check_amount(tr("the factor for {name}", name=name), value, 1.0, _owner())
+        for name, value in parts.items()
+    }
 
 
 def _owner() -> str:

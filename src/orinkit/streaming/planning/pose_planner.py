@@ -10,22 +10,25 @@ import math
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple, TypeAlias
 
-from orinkit.core.errors import InvalidValue
-from orinkit.core.i18n import N_, tr
-from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
-from orinkit.streaming.planning.joint_planner import checked_period
-from orinkit.streaming.planning.limits import PathLimits
-from orinkit.streaming.planning.quaternions import (
+from orinkit.arms.geometry import (
     Quaternion,
     Vector,
     angles_of,
+    minus,
     of_angles,
     of_vectors,
+    plus,
     turn_between,
     turned,
     vectors_of,
 )
-from orinkit.values.pose_numbers import COUNTS, FIELDS, brief, conform, is_whole
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import N_, tr
+from orinkit.core.validation import brief
+from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
+from orinkit.streaming.planning.joint_planner import checked_period
+from orinkit.streaming.planning.limits import PathLimits
+from orinkit.values.pose_numbers import COUNTS, FIELDS, conform, is_whole
 
 Kind: TypeAlias = Literal["P", "T"]
 
@@ -111,10 +114,10 @@ class PosePlanner:
         self._goal = goal.values
         if self.at_rest and goal.values == self.command:
             return self._send(goal.values, goal.place, goal.turn)
-        step, tip_there = self._tip.towards(_minus(_within_reach(goal.place), self._place), anew=anew)
+        step, tip_there = self._tip.towards(minus(_within_reach(goal.place), self._place), anew=anew)
         way = self._way_to(goal.turn)
         rotation, spin_there = self._spin.towards(way, anew=anew)
-        self._rotation_left = _minus(way, rotation)
+        self._rotation_left = minus(way, rotation)
         place = self._reached(goal, step, there=tip_there)
         self._send_turned(goal, place, rotation, there=spin_there)
         self.at_rest = self.command == self._before and tip_there and spin_there
@@ -136,7 +139,7 @@ class PosePlanner:
         tip_fits, spin_fits = self._fits(goal, step, rotation)
         moved = spun = NOTHING
         if self._last_point is not None:
-            moved, spun = _minus(goal.place, self._last_point.place), turn_between(self._last_point.turn, goal.turn)
+            moved, spun = minus(goal.place, self._last_point.place), turn_between(self._last_point.turn, goal.turn)
         self._last_point, self._goal = goal, None
         if tip_fits and spin_fits:
             self._rotation_left = None
@@ -144,14 +147,14 @@ class PosePlanner:
             self._tip.keep(step, moved)
             place = goal.place
         else:
-            step, there = self._tip.chase(_minus(_within_reach(goal.place), self._place), moved)
+            step, there = self._tip.chase(minus(_within_reach(goal.place), self._place), moved)
             place = self._reached(goal, step, there=there)
         if spin_fits:
             self._spin.keep(rotation, spun)
         else:
             way = self._way_to(goal.turn)
             rotation, spin_fits = self._spin.chase(way, spun)
-            self._rotation_left = _minus(way, rotation)
+            self._rotation_left = minus(way, rotation)
         self._send_turned(goal, place, rotation, there=spin_fits)
         self._behind = math.dist(_within_reach(goal.place), place), math.hypot(*turn_between(self._turn, goal.turn))
         self.at_rest = self.command == self._before and not any(self._behind)
@@ -163,7 +166,7 @@ class PosePlanner:
         self._rotation_left = None
         step, rotation = self._tip.halt(), self._spin.halt()
         here = _Pose(self.command, self._place, self._turn)
-        self._send_turned(here, _plus(self._place, step), rotation, there=rotation == NOTHING)
+        self._send_turned(here, plus(self._place, step), rotation, there=rotation == NOTHING)
         self.at_rest = self.command == self._before and self._tip.rests and self._spin.rests
         return self.command
 
@@ -187,7 +190,7 @@ class PosePlanner:
             raise InvalidValue(self._spin.complaint(rotation, self._behind[1]))
 
     def _steps_to(self, goal: _Pose) -> tuple[Vector, Vector]:
-        return _minus(goal.place, self._place), turn_between(self._turn, goal.turn)
+        return minus(goal.place, self._place), turn_between(self._turn, goal.turn)
 
     def _fits(self, goal: _Pose, step: Vector, rotation: Vector) -> tuple[bool, bool]:
         near = goal.place == _within_reach(goal.place)
@@ -207,7 +210,7 @@ class PosePlanner:
         return other if math.dist(other, self._rotation_left) < math.dist(way, self._rotation_left) else way
 
     def _reached(self, goal: _Pose, step: Vector, *, there: bool) -> Vector:
-        return _within_reach(goal.place) if there else _plus(self._place, step)
+        return _within_reach(goal.place) if there else plus(self._place, step)
 
     def _send_turned(self, goal: _Pose, place: Vector, rotation: Vector, *, there: bool) -> None:
         """Make a command of a position and a rotation; if ``there`` is True, the orientation is that of the goal."""
@@ -220,7 +223,7 @@ class PosePlanner:
 
     def _send(self, command: tuple[float, ...], place: Vector, turn: Quaternion) -> tuple[float, ...]:
         self._before, self.command = self.command, command
-        self._tip.step = _minus(place, self._place)  # the step after rounding
+        self._tip.step = minus(place, self._place)  # the step after rounding
         self._place, self._turn = place, turn
         return command
 
@@ -270,11 +273,3 @@ def _too_far(place: Vector) -> str:
         furthest=furthest,
         reach=_REACH,
     )
-
-
-def _plus(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TextIO
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.optional_deps import require
+from orinkit.core.validation import brief
 from orinkit.rc8.slave_fields import POSES, RECEIVED, FieldType, SlaveField
 from orinkit.streaming.recording.samples import OWN, Sample
 from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME
 from orinkit.streaming.trajectory.limit_violations import check_period
-from orinkit.values.pose_numbers import FIELDS, brief
+from orinkit.values.pose_numbers import FIELDS
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind

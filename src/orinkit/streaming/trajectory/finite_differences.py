@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from operator import sub
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from orinkit.streaming.planning.quaternions import Quaternion, of_angles, of_vectors, turn_between
+from orinkit.arms.geometry import Quaternion, of_angles, of_vectors, turn_between
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
+from orinkit.core.validation import check_seconds
 from orinkit.streaming.trajectory import finite_differences
-from orinkit.values.pose_numbers import brief, rounded
+from orinkit.values.pose_numbers import rounded
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
@@ -42,8 +43,7 @@ def check_period(period: object) -> None:
     Raises:
         InvalidValue: If it is not above 0 and at most 10 s.
     """
-    if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period <= 10:
-        raise InvalidValue(tr("the period is {period}, but must be above 0 and at most 10 s", period=brief(period)))
+    check_seconds("period", period, 10.0)
 
 
 RANGE: Final = -1

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.trajectory import finite_differences
 from orinkit.streaming.trajectory.limit_violations import MOST_SAMPLES, TrajectoryError, check_period
@@ -19,7 +20,6 @@ from orinkit.streaming.trajectory.topp_ra import (
     profile_of,
 )
 from orinkit.streaming.trajectory.trajectory import check_path, check_range, check_trajectory, read_trajectory
-from orinkit.values.pose_numbers import brief
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind

@@ -13,8 +13,8 @@ from itertools import zip_longest
 from operator import sub
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from orinkit.arms.geometry import Quaternion, angles_of, vectors_of
 from orinkit.core.i18n import tr
-from orinkit.streaming.planning.quaternions import Quaternion, angles_of, vectors_of
 from orinkit.streaming.trajectory.finite_differences import Points, orientations
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.values.pose_numbers import FIG_AUTO

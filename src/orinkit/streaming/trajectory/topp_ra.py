@@ -24,7 +24,7 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
-from orinkit.streaming.planning.quaternions import DEGREE
+from orinkit.arms.geometry import DEGREE
 from orinkit.streaming.trajectory.spline import Cubic
 
 Terms: TypeAlias = list[tuple[float, float]]

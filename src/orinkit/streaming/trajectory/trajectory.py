@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from orinkit.arms.geometry import of_vectors
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.streaming.planning.quaternions import of_vectors
+from orinkit.core.validation import brief
 from orinkit.streaming.trajectory import finite_differences, limit_violations
 from orinkit.streaming.trajectory.finite_differences import Points
 from orinkit.streaming.trajectory.limit_violations import (
@@ -24,7 +25,7 @@ from orinkit.streaming.trajectory.limit_violations import (
     TrajectoryError,
     check_period,
 )
-from orinkit.values.pose_numbers import COUNTS, FIELDS, FIG_AUTO, brief, is_whole
+from orinkit.values.pose_numbers import COUNTS, FIELDS, FIG_AUTO, is_whole
 from orinkit.values.poses import J, P, T, V
 
 if TYPE_CHECKING:

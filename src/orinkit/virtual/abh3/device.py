@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import struct
 import threading
 from typing import Final
 
@@ -25,11 +24,12 @@ from orinkit.abh3.table.signals import ANALOG
 from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_range, check_whole, real, rounded_to_single
 from orinkit.virtual.abh3.answers import ReportBuilder
 from orinkit.virtual.abh3.driver import CURRENT_CODES, CYCLES, DriverModel
 from orinkit.virtual.abh3.flags import FAULTS, named
 from orinkit.virtual.abh3.memory import ParameterMemory
-from orinkit.virtual.abh3.parameters import Parameters, check_number
+from orinkit.virtual.abh3.parameters import Parameters
 from orinkit.virtual.abh3.schedule import Schedule
 from orinkit.virtual.abh3.state import MONITORS, DriverState
 from orinkit.virtual.clock import Clock
@@ -160,7 +160,7 @@ class VirtualABH3:
             InvalidValue: If there is no such input, or the voltage is not -327.68 to 327.67 V.
         """
         with self._lock:
-            _check_number(number, tr("analog input"))
+            check_whole(tr("analog input"), number, 1)
             self._driver.analog[number] = ANALOG.decode(ANALOG.encode(volts))
 
     def set_monitor(self, number: int, source: str | float) -> None:
@@ -174,7 +174,7 @@ class VirtualABH3:
             InvalidValue: If there is no such monitor or quantity, or the number is not finite in single precision.
         """
         with self._lock:
-            _check_number(number, tr("monitor"))
+            check_whole(tr("monitor"), number, 1)
             if isinstance(source, str):
                 named(dict.fromkeys(MONITORS, 0), source, tr("quantity"))
             self._driver.monitors[number] = source if isinstance(source, str) else _single(source)
@@ -191,7 +191,7 @@ class VirtualABH3:
         """
         with self._lock:
             named(dict.fromkeys(self._driver.drive.axes, 0), axis, tr("axis"))
-            check_number("load", percent, -_MAX_LOAD, _MAX_LOAD)
+            check_range("load", percent, -_MAX_LOAD, _MAX_LOAD)
             self._catch_up()
             self._driver.drive.axes[axis].load = round(percent * CURRENT_CODES)
 
@@ -288,21 +288,16 @@ def _periods(parameters: Parameters) -> dict[str, int]:
     return {"DP0R": parameters.single_mode or 0, **{f"BR{number}": period for number, period in modes}}
 
 
-def _check_number(number: int, kind: str) -> None:
-    if type(number) is not int or number not in (0, 1):
-        raise InvalidValue(tr("{kind} must be 0 or 1, not {number!r:.40}", kind=kind, number=number))
-
-
-def _single_error(number: object) -> InvalidValue:
-    return InvalidValue(tr("a monitor must be a finite single-precision number, not {number!r:.40}", number=number))
-
-
 def _single(number: float) -> float:
-    """Return a number rounded to single precision."""
+    """Return a number rounded to single precision.
+
+    Raises:
+        InvalidValue: If it is not a finite number of single precision.
+    """
+    given = real(number)
     try:
-        rounded = float(struct.unpack("<f", struct.pack("<f", number))[0])
-    except (OverflowError, struct.error):
-        raise _single_error(number) from None
-    if not math.isfinite(rounded):
-        raise _single_error(number)
-    return rounded
+        if given is not None:
+            return rounded_to_single(given)
+    except OverflowError:
+        pass
+    raise InvalidValue(tr("a monitor must be a finite single-precision number, not {number}", number=brief(number)))

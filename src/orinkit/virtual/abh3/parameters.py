@@ -10,6 +10,9 @@ from orinkit.abh3.table.ids import BROADCASTS, GROUPS, LAST_ADDRESS
 from orinkit.abh3.table.signals import CURRENT, DIALECTS, VELOCITY, VOLTAGE
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.validation import brief, check_range, check_whole
+
+_set: Final = object.__setattr__  # the records below are frozen
 
 SETS: Final = 8
 """Number of data sets of an axis; its select bits choose one."""
@@ -48,23 +51,8 @@ def _choice(name: str, value: object, known: tuple[Any, ...]) -> None:
         raise _unusable(name, value, " / ".join(str(item) for item in known))
 
 
-def _whole(name: str, value: object, low: float, high: float) -> None:
-    if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-        raise _unusable(name, value, tr("a whole number from {low} to {high}", low=low, high=high))
-
-
-def check_number(name: str, value: object, low: float, high: float) -> None:
-    """Check a number.
-
-    Raises:
-        InvalidValue: If it is not a number, or out of range.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise _unusable(name, value, tr("{low:g} to {high:g}", low=low, high=high))
-
-
 def _unusable(name: str, value: object, known: str) -> InvalidValue:
-    return InvalidValue(tr("{name} must be {known}, not {value!r:.60}", name=name, known=known, value=value))
+    return InvalidValue(tr("{name} must be {known}, not {value}", name=name, known=known, value=brief(value)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +74,8 @@ class DataSet:
 
     def __post_init__(self) -> None:
         _choice("source", self.source, ("can", "internal"))
-        check_number("velocity", self.velocity, -_FASTEST, _FASTEST)
-        check_number("current", self.current, -_STRONGEST, _STRONGEST)
+        _set(self, "velocity", check_range("velocity", self.velocity, -_FASTEST, _FASTEST))
+        _set(self, "current", check_range("current", self.current, -_STRONGEST, _STRONGEST))
 
 
 _ALL_FROM_CAN: Final = (DataSet(),) * SETS
@@ -161,14 +149,19 @@ class Parameters:
         _choice("model", self.model, ("motor", "travel"))
         _choice("load_unit", self.load_unit, (1.0, 0.1))
         for name, (low, high) in _RANGES.items():
-            check = _whole if isinstance(low, int) else check_number
-            check(name, getattr(self, name), low, high)
+            given = getattr(self, name)
+            whole = isinstance(low, int)
+            _set(
+                self,
+                name,
+                check_whole(name, given, int(high), int(low)) if whole else check_range(name, given, low, high),
+            )
         if self.host is not None:
-            _whole("host", self.host, 0, LAST_ADDRESS)
+            _set(self, "host", check_whole("host", self.host, LAST_ADDRESS))
         if self.host == self.address:
             raise _unusable("host", self.host, tr("different from address"))
         if self.single_mode is not None:
-            _whole("single_mode", self.single_mode, -1, LONGEST_PERIOD)
+            _set(self, "single_mode", check_whole("single_mode", self.single_mode, LONGEST_PERIOD, -1))
             if self.single_mode > 0 and self.host is None:
                 raise _unusable("single_mode", self.single_mode, tr("-1 or 0 without a fixed host"))
         self._check_rows()
@@ -179,6 +172,6 @@ class Parameters:
             eight = isinstance(row, Sequence) and len(row) == BROADCASTS
             if not eight or not all(isinstance(item, kind) for item in row):
                 raise _unusable(name, row, tr("a sequence of 8 {type}", type=kind.__name__))
-            object.__setattr__(self, name, tuple(row))  # a list could change later
+            _set(self, name, tuple(row))  # a list could change later
         for mode in self.broadcast_modes:
-            _whole("broadcast_modes", mode, 0, LONGEST_PERIOD)
+            check_whole("broadcast_modes", mode, LONGEST_PERIOD)

@@ -16,6 +16,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.engine.motion.joint_path import Joints
@@ -33,7 +34,6 @@ LONGEST_WAIT: Final = 0.5
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
-_SINGLE: Final = struct.Struct("<f")
 
 
 class OperationKind(Enum):
@@ -332,7 +332,7 @@ class VE026AArm:
         """
         exceeded = self.exceeded(joints)
         for index, (value, command, axis) in enumerate(zip(joints, self.queue.joints, self.model.axes, strict=True)):
-            present = (command, *_SINGLE.unpack(_SINGLE.pack(command)))  # clients receive the R4 number
+            present = (command, rounded_to_single(command))  # clients receive the R4 number
             if (
                 exceeded >> index & 1
                 and not axis.upper < value <= max(present)

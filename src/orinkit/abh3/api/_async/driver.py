@@ -16,13 +16,13 @@ from orinkit.abh3.session import parameter_value, telabh3
 from orinkit.abh3.session.host import Host
 from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, watched
 from orinkit.abh3.session.parameter_value import ParameterValue
-from orinkit.abh3.table.checks import check_seconds
 from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
 from orinkit.can.aio_shared_bus import AsyncCanReceiver
 from orinkit.can.frame import CanOperation
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import DriverTimeout, OrinError
+from orinkit.core.validation import check_seconds
 from orinkit.transport.link_errors import closed
 
 F = TypeVar("F", bound=Feedback)

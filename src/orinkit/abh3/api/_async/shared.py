@@ -15,7 +15,6 @@ from orinkit.abh3.api.common import BusSettings, bus_address, given_bus
 from orinkit.abh3.session.host import Host, broadcasts_of_all
 from orinkit.abh3.session.multipacket import exchange
 from orinkit.abh3.table import ids
-from orinkit.abh3.table.checks import check_seconds
 from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.frames import Codec
 from orinkit.abh3.table.records import AnyRecord
@@ -25,6 +24,7 @@ from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
+from orinkit.core.validation import check_seconds
 
 if TYPE_CHECKING:
     import can

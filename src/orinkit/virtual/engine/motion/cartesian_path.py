@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from orinkit.arms.frames import rotation_between, turns_about
+from orinkit.arms.geometry import matrix_of
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -222,12 +223,7 @@ def _turned_quaternion(q: Array, axis: Array, degrees: float) -> Array:
 
 def _from_quaternions(q: Array) -> Array:
     w, x, y, z = (q / np.linalg.norm(q, axis=1)[:, None]).T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), 2, 0)
+    return np.moveaxis(np.array(matrix_of(w, x, y, z)), 2, 0)
 
 
 def _natural_spline(distances: Array, values: Array) -> Callable[[Array], Array]:

@@ -19,13 +19,13 @@ from orinkit.rc8.slave_formats import (
 )
 from orinkit.rc8.slave_lateness import build_lateness
 from orinkit.values.variant import Value, Variant
+from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.slave_feedback import answer_of, require_sources
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
-from orinkit.virtual.rc8.robot.slave_mode.slave_mode import PlannedSetPoint
 from orinkit.virtual.rc8.robot.target import Joints
 
 _MALFORMED: Final = (CodeFamily.GENERAL, CodeFamily.CAO)
@@ -101,7 +101,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
     if point.window is not None:
         io.require_window(state.variables, point.window)
     slave.require_room()
-    command = PlannedSetPoint(_joints(caller, slave.mode, point), outputs)
+    command = PlannedSetPoint(_joints(caller, slave.mode, point), partial(io.set_outputs, state.variables, outputs))
     return slave.put(command, partial(answer_of, arm, state.variables, formats.receive, point.window))
 
 

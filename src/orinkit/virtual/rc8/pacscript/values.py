@@ -7,13 +7,14 @@ number other than 0 is true. Whole numbers have 32 bits; an overflow is a fault 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
+from orinkit.arms.geometry import cross
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.virtual.rc8.pacscript.errors import mismatch, out_of_range
 
 AnyValue: TypeAlias = Any
@@ -39,7 +40,6 @@ LARGEST: Final = 2**31 - 1
 MAX_TEXT: Final = 4096
 """Maximum length of a string in an expression, in characters."""
 
-_SINGLE: Final = struct.Struct("<f")
 _SHORTEST_DIGITS: Final = range(6, 10)
 
 
@@ -87,7 +87,7 @@ def single(value: AnyValue) -> float:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is too large.
     """
     try:
-        return float(_SINGLE.unpack(_SINGLE.pack(number(value)))[0])
+        return rounded_to_single(number(value))
     except OverflowError:
         raise overflow() from None
 
@@ -360,7 +360,7 @@ def _real(value: float) -> str:
     if abs(value) < LARGEST and value.is_integer():
         return str(int(value))
     try:
-        if _SINGLE.unpack(_SINGLE.pack(value))[0] == value:  # single precision: the shortest digits that round-trip
+        if rounded_to_single(value) == value:  # single precision: the shortest digits that round-trip
             shown = next((s for n in _SHORTEST_DIGITS if single(float(s := f"{value:.{n}g}")) == value), shown)
     except OverflowError:
         pass
@@ -381,20 +381,15 @@ def _multiply_poses(left: AnyValue, right: AnyValue) -> tuple[float, ...]:
     if len(vector) == V_LENGTH and isinstance(factor, int | float):
         return tuple(finite(factor * element) for element in vector)
     if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right) == T_LENGTH:
-        turned = (*_turn(left, right[0:3]), *_turn(left, right[3:6]), *_turn(left, right[6:9]))
+        ox, oy, oz, ax, ay, az = left[3:9]
+        nx, ny, nz = cross((ox, oy, oz), (ax, ay, az))  # the X axis of T
+        rows = (nx, ox, ax), (ny, oy, ay), (nz, oz, az)
+        turned = [n * x + o * y + a * z for x, y, z in (right[0:3], right[3:6], right[6:9]) for n, o, a in rows]
         moved = (left[0] + turned[0], left[1] + turned[1], left[2] + turned[2])
         return tuple(finite(value) for value in (*moved, *turned[3:], right[9]))
     raise mismatch(
         tr("{left} and {right} cannot be multiplied", left=describe(left), right=describe(right)),
     )
-
-
-def _turn(frame: tuple[float, ...], vector: tuple[float, ...]) -> tuple[float, float, float]:
-    """Return a vector of the frame T in base coordinates; the X axis of T is orient x approach."""
-    ox, oy, oz, ax, ay, az = frame[3:9]
-    nx, ny, nz = oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax
-    x, y, z = vector
-    return nx * x + ox * y + ax * z, ny * x + oy * y + ay * z, nz * x + oz * y + az * z
 
 
 def _divisor(value: float) -> float:

@@ -73,7 +73,7 @@ class RC8Arm:
         self.queue = MotionQueue(model, model.home)
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
-        self.slave = RC8SlaveMode(self, cycles, variables, fault)
+        self.slave = RC8SlaveMode(self, cycles, fault)
         self.holder: Operator | None = None
         self.held = False
         self._cycles = cycles

@@ -8,15 +8,15 @@ whole number, NaN, infinity and an array of another length are E_INVALIDARG: no 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
 from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.values.conversions import plain_date
 from orinkit.values.types import ARRAY, INTEGERS, NUMERIC, REALS, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Variant
@@ -143,10 +143,9 @@ def _finite(value: float) -> float:
 
 def _single(value: float) -> float:
     try:
-        rounded: tuple[Any] = struct.unpack("<f", struct.pack("<f", value))
+        return rounded_to_single(value)
     except OverflowError:
         raise _too_large("VT_R4") from None
-    return float(rounded[0])
 
 
 def _mismatch(given: Variant, wanted: str) -> CallError:

@@ -5,6 +5,7 @@ A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -89,6 +90,12 @@ def outputs_of(variables: VariableTable, point: SetPoint) -> tuple[OutputRange, 
     for each in found:
         _require(variables, each.first, each.count)
     return tuple(found)
+
+
+def set_outputs(variables: VariableTable, outputs: Iterable[OutputRange]) -> None:
+    """Set the outputs of a set-point."""
+    for output in outputs:
+        variables.set_points(output.first, output.count, output.states)
 
 
 def mini(variables: VariableTable) -> int:

@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 from orinkit.arms import ArmModel, AxisModel
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.motion.joint_path import Joints
+from orinkit.virtual.engine.set_point_buffer import LENIENCY, SERVO_LIMIT, SlaveFault
 from orinkit.virtual.rc8.robot.speeds import FULL, Speeds
 from orinkit.virtual.rc8.switches import SlaveLimit, Switches
-
-SERVO_LIMIT: Final = 1.25
-"""The servo limit as a multiple of the command limit, which is that of the model. DENSO publishes only that it is
-larger; the number is an assumption of this project."""
-
-LENIENCY: Final = 2.0
-"""Factor of the limits after a delay of the server, which is not the client's fault."""
 
 _ROUNDING: Final = 1 + 1e-6
 _LINKED: Final = (SlaveLimit.SERVO_EXTERNAL, SlaveLimit.COMMAND_EXTERNAL)
 _SERVO: Final = (SlaveLimit.SERVO, SlaveLimit.SERVO_EXTERNAL)
-
-
-class SlaveFault(NamedTuple):
-    """A violated limit: error code and description."""
-
-    code: int
-    detail: str
 
 
 class SlaveLimits:
@@ -52,7 +39,7 @@ class SlaveLimits:
             before: The command one cycle ago, deg or mm.
             now: The present command.
             wanted: The next command.
-            lenient: Multiply the limits by :data:`LENIENCY`.
+            lenient: Multiply the limits by :data:`~orinkit.virtual.engine.set_point_buffer.LENIENCY`.
         """
         speed, acceleration = self._parts()
         tolerance = LENIENCY * _ROUNDING if lenient else _ROUNDING

@@ -1,31 +1,26 @@
-"""Slave mode: its owner, the buffer of set-points, their execution in each cycle, and the end of the mode."""
+"""Slave mode: its owner, the execution of set-points in each cycle, and the end of the mode."""
 
 from __future__ import annotations
 
 import logging
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final, Protocol, TypeAlias
+from typing import Final, Protocol
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
-from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
-from orinkit.virtual.engine.catch_up import gentlest
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.elastic_time import DrainInput, left_late, not_waited, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
-from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
+from orinkit.virtual.engine.motion.queue import MotionQueue
+from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint, ReplyFactory, SetPointBuffer, SlaveFault
 from orinkit.virtual.rc8.robot.arm_owner import Operator
-from orinkit.virtual.rc8.robot.slave_mode.io import OutputRange
 from orinkit.virtual.rc8.robot.slave_mode.limits import SlaveLimits
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.switches import Switches
-from orinkit.virtual.rc8.variables.table import VariableTable
 
 logger = logging.getLogger("orinkit.rc8")
 
@@ -33,31 +28,6 @@ ROOM: Final = 3
 """Capacity of the buffer in modes 0 and 2 (RC8 table 4-4)."""
 
 QUEUE, NEWEST, WAIT = 0, 1, 2  # buffering according to table 4-4
-
-ReplyFactory: TypeAlias = Callable[[], Value]
-"""Returns the result of a slvMove at the moment of its reply."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedSetPoint:
-    """A set-point converted for execution.
-
-    Attributes:
-        joints: Command position, deg or mm.
-        outputs: Points that are set in the same cycle.
-    """
-
-    joints: Joints
-    outputs: tuple[OutputRange, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class _Waiting:
-    """A slvMove whose reply waits until the buffer has room for its set-point (mode 2)."""
-
-    command: PlannedSetPoint
-    make_reply: ReplyFactory
-    deferred: Deferred[Value]
 
 
 class StreamedArm(Protocol):
@@ -90,39 +60,31 @@ class StreamedArm(Protocol):
         """Stop and then switch the motor off, and fail waiting calls with a code."""
 
 
-class RC8SlaveMode:
+class RC8SlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off.
 
     Args:
         arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end`
             when it is stopped.
         cycles: The control loop of the controller.
-        variables: Variables of the controller, for the I/O.
         fault: Callback invoked with an error of the controller: code and detail.
 
     Attributes:
         mode: The active mode, or ``None``.
         owner: Operator that has turned it on.
         newest: Joint position of the last accepted set-point.
-        lenient: Number of cycles with larger limits, after set-points of mode 1 were lost while time stood still.
     """
 
-    def __init__(
-        self, arm: StreamedArm, cycles: ControlLoop, variables: VariableTable, fault: Callable[[int, str], None]
-    ) -> None:
+    _arm: StreamedArm
+
+    def __init__(self, arm: StreamedArm, cycles: ControlLoop, fault: Callable[[int, str], None]) -> None:
+        super().__init__(arm, cycles, ROOM)
         self.mode: SlaveMode | None = None
         self.owner: Operator | None = None
         self.newest: Joints = ()
-        self.lenient = 0
-        self._arm = arm
-        self._cycles = cycles
-        self._variables = variables
         self._fault = fault
         self._limits = SlaveLimits(arm.model, arm.switches, arm.speeds)
-        self._buffer: deque[PlannedSetPoint] = deque()
-        self._waiting: deque[_Waiting] = deque()
         self._leaving: list[Deferred[None]] = []  # calls waiting for the end of the mode
-        self._pace: CyclePacer | None = None  # of the current stream, or of the last one
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -142,11 +104,6 @@ class RC8SlaveMode:
         return self.mode is not None and self.mode.buffering == NEWEST
 
     @property
-    def moving(self) -> bool:
-        """True while the command follows set-points and moves."""
-        return self._arm.queue.state is QueueState.FOLLOWING
-
-    @property
     def starving(self) -> bool:
         """True if the next cycle needs a set-point and there is none.
 
@@ -156,11 +113,6 @@ class RC8SlaveMode:
         if not self.taking or not self.moving:
             return False
         return not self._buffer or (self.overwrites and self._stops_hard(self._buffer[-1].joints))
-
-    @property
-    def lateness(self) -> Callable[[int], Lateness]:
-        """The lateness of the current or the last stream; called with the number of late set-points to leave out."""
-        return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
     @property
     def pending(self) -> bool:
@@ -180,10 +132,7 @@ class RC8SlaveMode:
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
-        self.lenient = 0
-        self._pace = self._cycles.pace = CyclePacer(
-            self._cycles, self, drain_input, strict=self._arm.switches.strict_time
-        )
+        self._open(drain_input, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Deferred[None]:
         """Turn slave mode off once the buffer is empty and the arm at standstill; return a Deferred of that."""
@@ -201,24 +150,16 @@ class RC8SlaveMode:
         Raises:
             CallError: E_BUF_FULL (mode 0).
         """
-        if self.mode is not None and self.mode.buffering == QUEUE and len(self._buffer) >= ROOM:
+        if self.mode is not None and self.mode.buffering == QUEUE and self.full:
             raise error_for(hresult.E_BUF_FULL)
 
     def put(self, command: PlannedSetPoint, make_reply: ReplyFactory) -> Value | ResultWithCode | Deferred[Value]:
         """Put a set-point into the buffer; return the result, or in mode 2 a Deferred if the buffer is full."""
         self.newest = command.joints
-        if self.overwrites:
-            self._buffer.clear()
-        elif len(self._buffer) >= ROOM:
-            waiting = _Waiting(command, make_reply, Deferred[Value]())
-            self._waiting.append(waiting)
-            return waiting.deferred
-        self._buffer.append(command)
-        if not self.starving:
-            self._resume()
-        self._cycles.wake()
-        full = len(self._buffer) == ROOM and self.mode is not None and self.mode.buffering == QUEUE
-        return ResultWithCode(hresult.S_BUF_FULL, make_reply()) if full else make_reply()
+        reply = self.accept(command, make_reply)
+        if self.full and self.mode is not None and self.mode.buffering == QUEUE and not isinstance(reply, Deferred):
+            return ResultWithCode(hresult.S_BUF_FULL, reply)
+        return reply
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
@@ -229,49 +170,28 @@ class RC8SlaveMode:
             self._carry_out(self._buffer.popleft())
         elif self._leaving:
             queue.halt()
-        elif queue.state is QueueState.FOLLOWING:
+        elif self.moving:
             late = not_waited() if self._arm.switches.strict_time else waited_in_vain()
             if self.overwrites:  # equivalent to a command to stay in place (RC8 table 4-6)
                 self._lead_to(queue.joints, late)
             else:
                 self.fail(hresult.COMMAND_DELAY, late)
-        self.lenient = max(0, self.lenient - 1)
+        self._end_cycle()
 
     def settle(self) -> None:
         """Refill the buffer and complete waiting calls; call it at the end of a cycle."""
-        while self._waiting and len(self._buffer) < ROOM:
-            waiting = self._waiting.popleft()
-            if waiting.deferred.done():  # it was cancelled
-                continue
-            self._buffer.append(waiting.command)
-            waiting.deferred.set_result(waiting.make_reply())
+        self._refill()
         if self._leaving and not self._buffer and not self._arm.busy:
             leaving = self._leaving
             self._turn_off()
             for done in leaving:
                 done.set_result()
 
-    def bridge(self, most: int) -> int:
-        """Plan commands to the set-point of mode 1 in at most ``most`` cycles.
-
-        Returns:
-            Number of cycles; 0 if there is no set-point.
-        """
-        if not self._buffer:
-            return 0
-        goal, queue = self._buffer[-1], self._arm.queue
-        if self._limits.fault(queue.before, queue.joints, goal.joints, lenient=False) is None:
-            return 1  # no set-points were lost, or the loss does not matter
-        *path, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
-        self._buffer = deque([*map(PlannedSetPoint, path), goal])
-        return len(self._buffer)
-
     def end(self, code: int) -> None:
         """Turn slave mode off at once, clear the buffer, fail waiting calls with a code. The caller stops the arm."""
-        moves, leaving = list(self._waiting), self._leaving
-        self._turn_off()
-        for move in moves:
-            move.deferred.set_exception(error_for(code))
+        leaving = self._leaving
+        for reply in self._turn_off():
+            reply.set_exception(error_for(code))
         for done in leaving:
             done.set_exception(error_for(code))
 
@@ -281,53 +201,33 @@ class RC8SlaveMode:
         self._fault(code, detail)
         self._arm.stop(code)  # an error of a low level does not stop it
 
+    def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
+        """Return the first limit that a command violates, see :class:`SlaveLimits`."""
+        return self._limits.fault(before, now, wanted, lenient=lenient)
+
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _carry_out(self, command: PlannedSetPoint) -> None:
         if self._lead_to(command.joints):
             try:
-                for output in command.outputs:
-                    self._variables.set_points(output.first, output.count, output.states)
+                if command.set_outputs is not None:
+                    command.set_outputs()
             except Exception as error:  # the arm moves: an error of the outputs must not interrupt the cycle
                 logger.exception("outputs")
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
                 self._arm.cut(hresult.UNDEFINED_ERROR)
-
-    def _lead_to(self, joints: Joints, why: str = "") -> bool:
-        """Set the command position of this cycle; raise an error of the controller if it violates a limit.
-
-        Args:
-            joints: Command position, deg or mm.
-            why: Reason to add to the message about the limit.
-
-        Returns:
-            True if the limits allow the command position.
-        """
-        queue = self._arm.queue
-        fault = self._limits.fault(queue.before, queue.joints, joints, lenient=self.lenient > 0)
-        if fault is not None:
-            code, detail = fault
-            self.fail(code, "; ".join(filter(None, (why, detail))))
-            return False
-        queue.follow(joints)
-        return True
 
     def _stops_hard(self, joints: Joints) -> bool:
         """Return True if repeating this joint position would be a stop beyond the limits."""
         queue = self._arm.queue
         return joints == queue.joints and self._limits.fault(queue.before, joints, joints, lenient=False) is not None
 
-    def _resume(self) -> None:
-        if self._pace is not None:
-            self._pace.resume()
-
-    def _turn_off(self) -> None:
+    def _turn_off(self) -> list[Deferred[Value]]:
+        """Turn slave mode off; return the replies that still wait."""
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
             logger.warning("%s: %s", self.owner, left_late(late, strict=self._arm.switches.strict_time))
         self.mode = self.owner = None
-        self._cycles.pace = None
-        self._buffer.clear()
-        self._waiting.clear()
         self._leaving = []
+        return self._close()

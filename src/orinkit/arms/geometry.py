@@ -1,16 +1,21 @@
-"""Orientations as unit quaternions (w, x, y, z), without numpy, because the streaming process must start quickly.
+"""Vectors in space, and orientations as unit quaternions (w, x, y, z).
 
-The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX); a T contains the tool's Y axis (O) and Z axis (A).
+The module does not need numpy, because the streaming process must start quickly; :mod:`orinkit.arms.frames` converts whole
+arrays. The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX); a T contains the tool's Y axis (O) and Z axis (A).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 """w, x, y, z, with norm 1."""
@@ -24,6 +29,44 @@ _HALF: Final = 0.5 / DEGREE
 _GIMBAL: Final = 1e-15  # cosine of RY below which RX and RZ turn about the same axis
 _PARALLEL: Final = 1e-9  # sine of the angle below which two vectors count as parallel
 _NO_TURN: Final = 1e-150
+
+_Number = TypeVar("_Number", float, "NDArray[np.float64]")
+
+
+# --- vectors ----------------------------------------------------------------------------------------------------------
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    """Return the sum of two vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    """Return the difference of two vectors."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def times(a: Vector, factor: float) -> Vector:
+    """Return a vector times a number."""
+    return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """Return the scalar product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def norm(a: Vector) -> float:
+    """Return the length of a vector."""
+    return math.hypot(a[0], a[1], a[2])
+
+
+# --- orientations -----------------------------------------------------------------------------------------------------
 
 
 def of_angles(rx: float, ry: float, rz: float) -> Quaternion:
@@ -45,7 +88,7 @@ def angles_of(turn: Quaternion) -> Vector:
     Near RY = -90 and 90, RX and RZ rotate about nearly the same axis. There RX is computed from the result for RZ, so
     that both together are as precise as elsewhere.
     """
-    (r00, r01, r02), (r10, r11, r12), (r20, _, _) = _matrix(turn)
+    (r00, r01, r02), (r10, r11, r12), (r20, _, _) = matrix_of(*turn)
     rz = math.atan2(r10, r00) if math.hypot(r00, r10) >= _GIMBAL else math.atan2(-r01, r11)
     c, s = math.cos(rz), math.sin(rz)
     rx = math.atan2(s * r02 - c * r12, c * r11 - s * r01)
@@ -68,21 +111,42 @@ def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion
     b, e, h = _unit(across)
     c, f, i = az
     a, d, g = e * i - h * f, h * c - b * i, b * f - e * c
-    # the largest of the four components is never near zero
-    candidates = (
-        (a + e + i, (1.0 + a + e + i, h - f, c - g, d - b)),
-        (a, (h - f, 1.0 + a - e - i, b + d, c + g)),
-        (e, (c - g, b + d, 1.0 + e - a - i, f + h)),
-        (i, (d - b, c + g, f + h, 1.0 + i - a - e)),
-    )
-    w, x, y, z = max(candidates)[1]
+    w, x, y, z = of_matrix(a, b, c, d, e, f, g, h, i)
     size = math.hypot(w, x, y, z)
     return w / size, x / size, y / size, z / size
 
 
+def of_matrix(
+    a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float, i: float
+) -> tuple[float, float, float, float]:
+    """Return the orientation given by a rotation matrix, row by row, as w, x, y, z with a norm of 2 to 4.
+
+    Of the four ways to compute it, the one is used whose largest component is never near zero.
+    """
+    trace = a + e + i
+    if trace >= a and trace >= e and trace >= i:
+        return 1.0 + trace, h - f, c - g, d - b
+    if a >= e and a >= i:
+        return h - f, 1.0 + a - e - i, b + d, c + g
+    if e >= i:
+        return c - g, b + d, 1.0 + e - a - i, f + h
+    return d - b, c + g, f + h, 1.0 + i - a - e
+
+
+def matrix_of(
+    w: _Number, x: _Number, y: _Number, z: _Number
+) -> tuple[tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number]]:
+    """Return the rows of the rotation matrix of an orientation, or of many, given as arrays."""
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
 def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, float]:
     """Return O and A, each of length 1."""
-    (_, r01, r02), (_, r11, r12), (_, r21, r22) = _matrix(turn)
+    (_, r01, r02), (_, r11, r12), (_, r21, r22) = matrix_of(*turn)
     return r01, r11, r21, r02, r12, r22
 
 
@@ -124,15 +188,6 @@ def turned(orientation: Quaternion, turn: Vector) -> Quaternion:
     )
     size = 1.0 / math.sqrt(p * p + q * q + r * r + s * s)
     return p * size, q * size, r * size, s * size
-
-
-def _matrix(turn: Quaternion) -> tuple[Vector, Vector, Vector]:
-    w, x, y, z = turn
-    return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
 
 
 def _unit(vector: Sequence[float]) -> Vector:

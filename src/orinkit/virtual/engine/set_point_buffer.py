@@ -1,0 +1,227 @@
+"""The buffer of slave mode: set-points of a client, the command of each cycle, and calls that wait for room.
+
+Both arms use it: an RC8 has room for three set-points, a VE026A for one. What differs between the controllers is in the
+subclasses: the modes, the limits, and the errors. For a late client or server see
+:mod:`orinkit.virtual.engine.elastic_time`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple, Protocol, TypeAlias
+
+from orinkit.arms import ArmModel
+from orinkit.cao.provider import Deferred
+from orinkit.rc8.slave_lateness import Lateness
+from orinkit.values.variant import Value
+from orinkit.virtual.engine.catch_up import gentlest
+from orinkit.virtual.engine.control_loop import ControlLoop
+from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput
+from orinkit.virtual.engine.motion.joint_path import Joints
+from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
+
+SERVO_LIMIT: Final = 1.25
+"""The servo limit as a multiple of the command limit, which is that of the model. DENSO publishes only that it is
+larger; the number is an assumption of this project."""
+
+LENIENCY: Final = 2.0
+"""Factor of the limits after a delay of the server, which is not the client's fault."""
+
+ReplyFactory: TypeAlias = Callable[[], Value]
+"""Returns the result of a slvMove at the moment of its reply."""
+
+
+class SlaveFault(NamedTuple):
+    """A violated limit: error code and description."""
+
+    code: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedSetPoint:
+    """A set-point converted for execution.
+
+    Attributes:
+        joints: Command position, deg or mm.
+        set_outputs: Sets the outputs of the set-point; called in the cycle of the command. ``None`` if it has none.
+    """
+
+    joints: Joints
+    set_outputs: Callable[[], None] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    """A slvMove whose reply waits until the buffer has room for its set-point."""
+
+    command: PlannedSetPoint
+    make_reply: ReplyFactory
+    deferred: Deferred[Value]
+
+
+class FollowingArm(Protocol):
+    """The arm that executes the set-points."""
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm's model."""
+
+    @property
+    def queue(self) -> MotionQueue:
+        """The motion queue, which follows the set-points."""
+
+
+class SetPointBuffer(ABC):
+    """The buffer of slave mode; initially empty.
+
+    Args:
+        arm: The arm.
+        cycles: The control loop of the controller.
+        capacity: Number of set-points for which there is room.
+
+    Attributes:
+        lenient: Number of cycles with larger limits, because set-points were lost while the server was late.
+    """
+
+    def __init__(self, arm: FollowingArm, cycles: ControlLoop, capacity: int) -> None:
+        self.lenient = 0
+        self._arm = arm
+        self._cycles = cycles
+        self._capacity = capacity
+        self._buffer: deque[PlannedSetPoint] = deque()  # if the server was late: commands that lead to the newest one
+        self._waiting: deque[_Waiting] = deque()
+        self._pace: CyclePacer | None = None  # of the current stream, or of the last one
+
+    # --- what the controllers define ----------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def overwrites(self) -> bool:
+        """True if only the newest set-point counts."""
+
+    @property
+    @abstractmethod
+    def starving(self) -> bool:
+        """True if the next cycle needs a set-point and there is none."""
+
+    @abstractmethod
+    def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
+        """Return the first limit that a command violates; ``None`` if it is within the limits.
+
+        Args:
+            before: The command one cycle ago, deg or mm.
+            now: The present command.
+            wanted: The next command.
+            lenient: Multiply the limits by :data:`LENIENCY`.
+        """
+
+    @abstractmethod
+    def fail(self, code: int, detail: str = "") -> None:
+        """Raise an error of the controller, which ends slave mode and stops the arm."""
+
+    # --- state --------------------------------------------------------------------------------------------------
+
+    @property
+    def moving(self) -> bool:
+        """True while the command follows set-points and moves."""
+        return self._arm.queue.state is QueueState.FOLLOWING
+
+    @property
+    def full(self) -> bool:
+        """True if there is no room for another set-point."""
+        return len(self._buffer) >= self._capacity
+
+    @property
+    def lateness(self) -> Callable[[int], Lateness]:
+        """The lateness of the current or the last stream; called with the number of late set-points to leave out."""
+        return self._pace.lateness if self._pace is not None else lambda _: Lateness()
+
+    # --- set-points ---------------------------------------------------------------------------------------------
+
+    def accept(self, command: PlannedSetPoint, make_reply: ReplyFactory) -> Value | Deferred[Value]:
+        """Put a set-point into the buffer; return the reply, or a Deferred of it if the buffer is full."""
+        if self.overwrites:
+            self._buffer.clear()
+        elif self.full:
+            waiting = _Waiting(command, make_reply, Deferred[Value]())
+            self._waiting.append(waiting)
+            return waiting.deferred
+        self._buffer.append(command)
+        if not self.starving:
+            self._resume()
+        self._cycles.wake()
+        return make_reply()
+
+    def bridge(self, most: int) -> int:
+        """Plan commands to the newest set-point in at most ``most`` cycles.
+
+        Returns:
+            Number of cycles; 0 if there is no set-point.
+        """
+        if not self._buffer:
+            return 0
+        goal, queue = self._buffer[-1], self._arm.queue
+        if self.limit_violation(queue.before, queue.joints, goal.joints, lenient=False) is None:
+            return 1  # no set-points were lost, or the loss does not matter
+        *path, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
+        self._buffer = deque([*map(PlannedSetPoint, path), goal])
+        return len(self._buffer)
+
+    # --- for the subclasses -------------------------------------------------------------------------------------
+
+    def _open(self, drain_input: DrainInput | None, *, strict: bool) -> None:
+        """Begin a stream: from now on its set-points pace the control loop.
+
+        Args:
+            drain_input: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            strict: True to not wait for late set-points.
+        """
+        self.lenient = 0
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=strict)
+
+    def _close(self) -> list[Deferred[Value]]:
+        """End the stream and clear the buffer; return the replies that still wait."""
+        self._cycles.pace = None
+        self._buffer.clear()
+        waiting, self._waiting = self._waiting, deque()
+        return [each.deferred for each in waiting]
+
+    def _resume(self) -> None:
+        """Stop waiting for a set-point."""
+        if self._pace is not None:
+            self._pace.resume()
+
+    def _refill(self) -> None:
+        """Accept and answer the calls that wait, as far as there is room."""
+        while self._waiting and not self.full:
+            waiting = self._waiting.popleft()
+            if waiting.deferred.done():  # it was cancelled
+                continue
+            self._buffer.append(waiting.command)
+            waiting.deferred.set_result(waiting.make_reply())
+
+    def _lead_to(self, joints: Joints, why: str = "") -> bool:
+        """Set the command position of this cycle; raise an error of the controller if it violates a limit.
+
+        Args:
+            joints: Command position, deg or mm.
+            why: Reason to add to the message about the limit.
+
+        Returns:
+            True if the limits allow the command position.
+        """
+        queue = self._arm.queue
+        fault = self.limit_violation(queue.before, queue.joints, joints, lenient=self.lenient > 0)
+        if fault is not None:
+            self.fail(fault.code, "; ".join(filter(None, (why, fault.detail))))
+            return False
+        queue.follow(joints)
+        return True
+
+    def _end_cycle(self) -> None:
+        """Count down the cycles with larger limits; call it at the end of a step."""
+        self.lenient = max(0, self.lenient - 1)
