@@ -213,9 +213,9 @@ def test_entry_points_that_cannot_be_read(monkeypatch: pytest.MonkeyPatch) -> No
 def test_references_that_lead_nowhere(unchanged: None) -> None:
     register(UNIX._replace(scheme="one", link="there_is_none:link"))
     register(UNIX._replace(scheme="two", parse="orinkit.transport.address:there_is_none"))
-    with pytest.raises(InvalidAddress, match=r"cannot load .*there_is_none:link of a transport"):
+    with pytest.raises(InvalidAddress, match=r"cannot import .*there_is_none:link, used by a transport"):
         resolve("there_is_none:link")
-    with pytest.raises(InvalidAddress, match=r"address:there_is_none of a transport"):
+    with pytest.raises(InvalidAddress, match=r"address:there_is_none, used by a transport"):
         parse_address("two://x")
 
 

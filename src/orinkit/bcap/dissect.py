@@ -295,7 +295,7 @@ class _Dissector:
             end = self._before_crc(end)
             self._data(name, vt, count, end, 1)
             if self.at < end:
-                self.wrong(end, name, tr("the end of this value is unknown"), 1)
+                self.wrong(end, name, tr("the length is invalid, so the end of this value is unknown"), 1)
             return False
         stop = start + 4 + length
         self._data(name, vt, count, stop, 1)

@@ -72,9 +72,10 @@ class Execute:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decode:
-    """Decode a large packet in a worker thread, so that other clients do not wait; the client is busy meanwhile.
+    """Call ``read`` in a worker thread, which decodes a large packet while other clients are served.
 
-    Pass this object and the result of ``read`` to :meth:`ServerConversation.decoded`.
+    Then pass this object and the result to :meth:`ServerConversation.decoded`. Until then, further calls of the client
+    return E_BUSY_PROC.
     """
 
     serial: int

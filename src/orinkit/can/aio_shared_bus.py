@@ -282,7 +282,7 @@ class AsyncCanReceiver(ReceiverBase):
         Raises:
             ConnectionLost: If the bus is lost and was not reopened.
             ConnectionClosed: If the shared bus or the receiver was closed.
-            TransportError: If this is another event loop.
+            TransportError: If called in another event loop.
         """
         end = monotonic() + seconds
         while True:

@@ -195,7 +195,8 @@ class Bus:
     def receive(self, seconds: float) -> CanFrame | None:
         """Return the next frame, ``None`` after a time-out.
 
-        With 0 seconds, ``None`` means that no frame is pending, as far as this is known. Messages that are not a
+        With 0 seconds, ``None`` means that no frame is pending; this is certain only if ``tells`` is True.
+        Messages that are not a
         :class:`CanFrame` and bytes that are not a message are skipped.
 
         Raises:

@@ -64,7 +64,7 @@ class ServedDevice:
             return []
 
     def pause(self) -> float:
-        """Return the real seconds until the device is due; 0 if it is."""
+        """Return the real time in s until the device is due; 0 if it is due now."""
         try:
             due, clock = self._device.due(), self._device.clock
             left = _LONGEST_WAIT if due is None else (due - clock.now()) / clock.scale

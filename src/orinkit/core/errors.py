@@ -209,9 +209,9 @@ class DriverTimeout(CallTimeout):
                 seconds=self.seconds,
             )
         return tr(
-            "{function}: no reply from ABH3 {address} within {seconds:g} s; it may or may not have accepted the command. "
-            "Try: check that it is on, that the bit rate, its address and the host's address match its parameters, that "
-            "the bus is terminated, and that replies are enabled (single packet 0 mode)",
+            "{function}: no reply from ABH3 {address} within {seconds:g} s; the driver may or may not have accepted the command. "
+            "Try: check that the driver is on, that the bit rate, the driver's address and the host's address match its "
+            "parameters, that the bus is terminated, and that replies are enabled (single packet 0 mode)",
             function=self.function,
             address=self.address,
             seconds=self.seconds,

@@ -112,7 +112,7 @@ class DeclaredCommand(Declared):
     kind = "Command"
 
     def arguments(self, parameter: Variant) -> list[Any]:
-        """Return the arguments of the method. An array is spread over them, or passed as a whole to a method with one.
+        """Return the arguments of the method: an array's elements, or the whole array if the method has one argument.
 
         Raises:
             CallError: E_INVALIDARG, if there are too many or too few values, or a value does not fit.

@@ -165,7 +165,7 @@ def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -
 
 
 def warn_of_clashes(providers: Sequence[Provider]) -> None:
-    """Log each provider name that several providers use; the first provider gets it."""
+    """Log a warning for each provider name that several providers use. The first of them has the name."""
     owners: dict[str, Provider] = {}
     for provider in providers:
         for name in provider.provider_names:

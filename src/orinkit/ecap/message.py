@@ -321,7 +321,7 @@ def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int,
 
 
 def read_detail(body: bytes) -> str:
-    """Return the description of the error after the return code of a reply, in one line; ``""`` if there is none."""
+    """Return the error description that follows the return code of a reply, as one line; ``""`` if there is none."""
     _, rest = _split_reply(body)
     return printable(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
 

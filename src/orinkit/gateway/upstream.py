@@ -76,7 +76,8 @@ class Upstream:
 
     Attributes:
         url: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0?baudrate=38400``, ``http://...``.
-        timeout: Time-out of a call in s, on UDP and serial lines of each attempt; the default depends on the transport.
+        timeout: Time-out in s of a call, or of each attempt on UDP and serial lines. The default depends on the
+            transport.
             S_EXECUTING from the controller restarts it.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         service: Option string of Service_Start; the default is that of :func:`orinkit.connect`.

@@ -50,7 +50,7 @@ class ReceiveFormat:
 
     @property
     def pose_only(self) -> bool:
-        """True if a result is a bare array."""
+        """True if a result is only the array of the pose, without other fields."""
         return self.number <= POSE_MASK
 
     def has(self, flag: ReceiveBits | int) -> bool:

@@ -111,7 +111,7 @@ def mode_number(buffering: int, kind: str) -> int:
 
 
 def send_format(number: int) -> SendBits:
-    """Return the format of a number of slvSendFormat.
+    """Return the format for a number of slvSendFormat.
 
     Raises:
         CallError: E_INVALIDARG if the format does not exist.
@@ -174,8 +174,8 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: R
 def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat) -> SetPoint:
     """Return the set-point of slvMove's parameter (server side).
 
-    Numbers may be of any numeric type, a pose an array of any of them. A J may end after joint 6, P and T before the
-    figure. After a complete pose there may be flags and extended joints (table 4-5), or zeros.
+    Numbers may be of any numeric type, and a pose may be an array of any numeric type. A J may end after joint 6; a P or
+    T may end before the figure. After a complete pose there may be flags and extended joints (table 4-5), or zeros.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH if an array or a number is expected; E_INVALIDARG if a count is wrong, flags are

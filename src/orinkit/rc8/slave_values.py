@@ -331,7 +331,7 @@ bounds. Writing raises InvalidValue.
 
 
 def called(part: str) -> str:
-    """Return the name of a part of slvMove in messages."""
+    """Return the name that messages use for a part of slvMove's parameter or result."""
     return tr(_NAMES[part])
 
 

@@ -318,7 +318,7 @@ def resolve(reference: Reference) -> Any:
         raise
     except (ImportError, AttributeError) as error:
         raise InvalidAddress(
-            tr("cannot load {reference} of a transport: {reason}", reference=reference, reason=_reason(error))
+            tr("cannot import {reference}, used by a transport: {reason}", reference=reference, reason=_reason(error))
         ) from error
     return found
 

@@ -101,7 +101,7 @@ def parse_lenient(text: str) -> Variant:
 
     ==============================  =====================================================================
     ``2,100``                       VT_I2 100
-    ``100``, ``-5``, ``0x1F``       VT_I4; an error beyond 32 bits (use ``20,...`` or ``5,...``)
+    ``100``, ``-5``, ``0x1F``       VT_I4; error if out of range (use ``20,...`` VT_I8, ``5,...`` VT_R8)
     ``1.5``, ``1e3``                VT_R8
     ``true``, ``False``             VT_BOOL
     ``P1``, ``J(1,2,3)``, ``a,b``   VT_BSTR, like any other text, including an empty one

@@ -49,11 +49,11 @@ class TypeRow:
         to_wire: Converts the content to the value that :mod:`struct` packs; ``None`` if it is the same.
         from_wire: Converts the value that :mod:`struct` unpacks to plain Python; ``None`` if it is the same.
         from_wire_exact: Lossless variant of ``from_wire``; ``None`` if ``from_wire`` is lossless.
-        elements_for_one: Number of elements that count as one for :attr:`~orinkit.values.codec.PacketLimits.variants`,
-            according to the cost of reading them.
+        elements_for_one: Number of elements that are counted as one element of the limit
+            :attr:`~orinkit.values.codec.PacketLimits.variants`; more for types that are faster to read.
         text: Form of an element as text; ``None`` if the notation has a special rule for the type.
         size: Size of one element in bytes; 0 if it is not fixed.
-        bounds: The smallest and the largest value of a whole number, otherwise ``None``.
+        bounds: The smallest and the largest value of a whole-number type; ``None`` for other types.
     """
 
     code: IntEnum

@@ -95,14 +95,14 @@ _POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtr
 
 INPUTS_V1: Final = (
     *_axis(0, "A/Y", (*_of_an_axis(Logic.NOT_AND), _POLARITY)),
-    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (0 to 1)"), Logic.OR),
+    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), Logic.OR),
     *_axis(12, "B/X", (*_of_an_axis(Logic.NOT_AND), _POLARITY_BX_V1)),
-    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (0 to 1)"), Logic.OR),
+    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), Logic.OR),
     Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), Logic.AND),
     Bit(25, "bx_torque", N_("B/X torque (0: speed)"), Logic.AND),
     Bit(26, "slave", N_("slave (0: master)"), Logic.AND),
     Bit(28, "brake_release", N_("brake released (0: with servo and error)"), Logic.AND),
-    Bit(31, "error_reset", N_("errors reset (0 to 1), servo off"), Logic.OR),
+    Bit(31, "error_reset", N_("errors reset (0 to 1), servo off while 1"), Logic.OR),
 )  # fmt: skip
 CONTROL_V1: Final = (
     *INPUTS_V1,
@@ -116,8 +116,8 @@ INPUTS_V2: Final = (
     Bit(17, "bx_torque", N_("B/X torque (0: speed)"), Logic.AND),
     Bit(18, "slave", N_("master and slave"), Logic.AND),
     Bit(19, "brake_release", N_("brake released (0: with servo and error)"), Logic.AND),
-    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (0 to 1)"), Logic.OR),
-    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (0 to 1)"), Logic.OR),
+    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), Logic.OR),
+    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), Logic.OR),
     Bit(22, "error_reset", N_("errors reset (0 to 1), servo off while 1"), Logic.OR),
 )  # fmt: skip
 CONTROL_V2: Final = (

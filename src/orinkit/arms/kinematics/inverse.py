@@ -140,7 +140,8 @@ class SphericalWrist(InverseSolver):
             near: (..., n >= 6) deg; joints 1 and 4 are taken from it if the flange does not determine them.
 
         Returns:
-            Joints (..., 6), deg, with J1, J4, J6 SINGLE; and a mask (...), False for flanges out of reach.
+            Joints (..., 6), deg, with J1, J4, J6 SINGLE (-180 < angle <= 180); and a mask (...), False for flanges
+            out of reach.
         """
         bits = np.asarray(posture)
         lefty, below, nonflip = (bits & LEFTY) != 0, (bits & BELOW) != 0, (bits & NONFLIP) != 0

@@ -48,7 +48,7 @@ class Samples:
         lines: Indices of the functions, one for each row, (L,).
         angles: (L, S), rising or falling along a row.
         values: (L, S); NaN outside the domain.
-        margins: (L, S).
+        margins: Distances of the angles from the edge of the domain, negative outside it, (L, S).
     """
 
     lines: Lines

@@ -63,7 +63,7 @@ class Search(InverseSolver):
             seeds: (N, 6) deg.
 
         Returns:
-            Joints (N, 6), deg; and a mask (N,), True for rows that hold their flange.
+            Joints (N, 6), deg; and a mask (N,), True for rows whose joints reach their flange.
         """
         joints = seeds.copy()
         errors = self.error(joints, flanges)

@@ -201,7 +201,8 @@ class Kinematics:
 
         Args:
             flanges: (N, 4, 4).
-            start: (n >= 6,) deg, the joints before the first row; they are the first row if they hold its flange.
+            start: (n >= 6,) deg, the joints before the first row. If they reach the first flange, they are the first
+                row.
 
         Returns:
             The joints, (N, 6) deg.
@@ -243,9 +244,10 @@ class Kinematics:
     def is_singular(self, joints: ArrayLike) -> bool:
         """Return True if the arm is at a singular point, or so close that the joints of a path through it would jump.
 
-        An arm with a wrist centre is singular if joint 5 or the bend of the elbow is within :data:`WRIST_SINGULAR` of 0 or
-        180 deg, or the wrist centre is within :data:`SHOULDER_SINGULAR` above or below joint 1. Another arm is singular if
-        its Jacobian nearly is (:data:`CONDITION_SINGULAR`).
+        An arm with a wrist centre is at a singular point if joint 5 or the bend of the elbow is within
+        :data:`WRIST_SINGULAR` of 0 or 180 deg, or if the wrist centre is less than :data:`SHOULDER_SINGULAR` in front
+        of or behind the axis of joint 1. Any other arm is at a singular point if its Jacobian is nearly singular
+        (:data:`CONDITION_SINGULAR`).
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.

@@ -116,7 +116,7 @@ def _runtime_directory() -> Path:
     if not _is_ours(directory):
         raise _cannot(
             str(directory),
-            tr("it is not a directory that only this account can access (mode 0700)"),
+            tr("it must be a directory that only this account can access (mode 0700)"),
         )
     return directory
 

@@ -54,7 +54,11 @@ class DriverOptions:
     ] = 5
     dialect: Annotated[
         str,
-        Parameter(help=tr("v1 (as in the document) or v2 (of 2023). A wrong dialect switches wrong inputs on.")),
+        Parameter(
+            help=tr(
+                "v1 (as in the manufacturer's document) or v2 (2023 and later). A wrong dialect switches on unintended inputs."
+            ),
+        ),
     ] = "v1"
     load_unit: Annotated[
         float, Parameter(help=tr("Unit of load values in %: 1 or 0.1."))

@@ -23,8 +23,8 @@ def serve_ve026a(
         JOINTS,
         Parameter(
             help=tr(
-"Initial joint position in deg, J7 is the hand: \"J(0, 30, 120, 0, 30, 0, 0)\" or "
-"0,30,120,0,30,0,0; the home pose by default."),
+"Initial joint position in deg (J7: the hand), as \"J(0, 30, 120, 0, 30, 0, 0)\" or "
+"0,30,120,0,30,0,0. Default: the home pose."),
         ),
     ] = None,
     motor_on: MotorOn = False,

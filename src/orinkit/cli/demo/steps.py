@@ -172,7 +172,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
          f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, keep=_IO150.name),
     DemoStep(N_("Read it: the point is off"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, False)),
-    DemoStep(N_("Write it, as the sample does: VT_I4 -1"), "RC8 3.1.7",
+    DemoStep(N_("Write IO150 as the sample does: VT_I4 -1"), "RC8 3.1.7",
          f.variable_put_value, (_IO150, Variant(VarType.I4, -1)), nothing),
     DemoStep(N_("Read it back: the point is on"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, True)),

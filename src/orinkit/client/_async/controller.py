@@ -303,7 +303,7 @@ class AsyncController(AsyncObjectContainer):
         Args:
             name: Path relative to the root folder; the path of a folder may end in a separator.
             option: Option string of Controller_GetFile.
-            create: Create the file if it does not exist. Otherwise, setting its text or data creates it.
+            create: Create the file now if it does not exist. By default, it is created when its text or data is set.
         """
         return await _file(self, f.controller_get_file, name, option, create=create)
 

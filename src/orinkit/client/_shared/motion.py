@@ -261,7 +261,7 @@ def _if_packet_lost(profile: TransportProfile) -> str:
         )
     if profile.memory:
         return tr(
-            " (if the closing packet is lost: after {seconds:g} s or more without a request)", seconds=profile.memory
+            " (if the closing packet is lost: after at least {seconds:g} s without a request)", seconds=profile.memory
         )
     return ""
 

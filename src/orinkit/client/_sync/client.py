@@ -154,7 +154,7 @@ class Client(Closing):
 
     @property
     def profile(self) -> TransportProfile:
-        """The transport profile."""
+        """The properties of the transport that the client uses."""
         return self._conversation.profile
 
     @classmethod

@@ -164,7 +164,11 @@ class ArmBase(ObjectContainer):
     # --- position -----------------------------------------------------------------------------------------------
 
     def motion_complete(self, mode: int = 0) -> bool:
-        """Return True if all motions are over (MotionComplete). Mode 0 checks the command position, mode 1 also the arm."""
+        """Return True if all motions have ended (MotionComplete).
+
+        Args:
+            mode: 0 checks the command position; 1 also checks the actual position (encoders).
+        """
         return bool(read_number("MotionComplete", self._ask("MotionComplete", [-1, mode])))
 
     def get_joints(self) -> J:

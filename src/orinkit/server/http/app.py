@@ -74,7 +74,7 @@ class App:
         self._codes = shared.host.dialect.codes
 
     def listens_at(self, port: int) -> None:
-        """Set the port; it is part of the cookie's name, because a host's cookies do not depend on the port."""
+        """Set the port. The cookie's name contains it, because a client sends its cookies to every port of the host."""
         self._cookie = b"orinkit-%d" % port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -135,7 +135,7 @@ class AxisLimiter:
     def within(self, before: float, now: float, wanted: float) -> float:
         """Return the admissible command nearest to the desired one, after the commands ``before`` and ``now``.
 
-        The range is applied last: the rounding errors of its bounds are within the margin to the other limits.
+        The range is applied last. This may change the step by a rounding error; the other limits have a margin for it.
         """
         step = now - before
         move = min(max(wanted - now, step - self.change, -self.most), step + self.change, self.most)

@@ -33,9 +33,9 @@ class JerkLimitedMotion:
         count: Number of axes.
         period: Period, s.
         halting: True if the motion ends at standstill at any position, instead of at a goal.
-        ranges: Lower and upper positions. If given, the axes are synchronized: they arrive together, from standstill on
-            a straight line. If that path would leave the ranges, or cannot be computed, each axis moves independently,
-            as fast as possible.
+        ranges: Lower and upper positions. If given, the axes are synchronized: they arrive at the same
+            time. A motion that begins at standstill follows a straight line. If that path would leave the ranges, or
+            cannot be computed, each axis moves independently, as fast as possible.
 
     Attributes:
         position: Position after the last step.

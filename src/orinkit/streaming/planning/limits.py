@@ -75,7 +75,7 @@ class Limits:
     def of_model(cls, model: ArmModel) -> Limits:
         """Return the limits of an arm.
 
-        DENSO publishes no jerks, and few accelerations. The jerks, acceleration / 0.05 s, and the accelerations of
+        DENSO publishes neither jerks nor accelerations. The jerks, acceleration / 0.05 s, and the accelerations of
         :class:`orinkit.arms.Axis` are assumptions of this project.
 
         Args:

@@ -171,14 +171,13 @@ class PosePlanner:
         return self.command
 
     def check(self, point: Sequence[float]) -> None:
-        """Check that :meth:`track` would return a set-point unchanged, so that a caller can reject it otherwise.
+        """Check that :meth:`track` would return a set-point unchanged. A caller can thus reject other set-points.
 
         Args:
             point: A pose.
 
         Raises:
-            InvalidValue: If the pose is not valid, or would be changed; the message names the limit, and by how much it
-                is exceeded.
+            InvalidValue: If the pose is not valid, or would be changed; the message contains the limit and the excess.
         """
         goal = self._read(point)
         step, rotation = self._steps_to(goal)

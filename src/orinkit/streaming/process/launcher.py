@@ -102,7 +102,7 @@ class StreamerProcess:
                 self.error = StreamError(
                     tr(
                         "the streaming process made no progress for {seconds:g} s; it was killed, and the "
-                        "connection was given up",
+                        "connection is closed",
                         seconds=_HANG_TIMEOUT,
                     )
                 )
@@ -126,7 +126,7 @@ class StreamerProcess:
                 self.reason = "died"
                 self.error = StreamError(
                     tr(
-                        "the streaming process ended unexpectedly (exit code {exit_code}); the connection was given up",
+                        "the streaming process ended unexpectedly (exit code {exit_code}); the connection is closed",
                         exit_code=self._exit_code(),
                     )
                 )

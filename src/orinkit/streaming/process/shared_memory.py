@@ -159,7 +159,7 @@ _NO_OUTPUTS: Final = Outputs()
 
 
 class StreamMemory:
-    """The shared memory, for either side.
+    """The memory shared by a program and its streaming process; each side has an object of this class.
 
     Args:
         descriptor: Descriptor of the memory; it stays open until :meth:`close`.

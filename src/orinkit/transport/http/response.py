@@ -254,7 +254,7 @@ class HttpServerInfo:
             ended: True if the response is only truncated.
         """
         if ended:
-            return lost(tr("closed by the peer in the middle of the reply"))
+            return lost(tr("the peer closed the connection in the middle of the reply"))
         return self._strange(tidy(str(reason)))
 
     def _strange(self, what: str) -> ProtocolError:

@@ -79,7 +79,7 @@ def parse_com(given: AddressText) -> SerialAddress:
     place, *values = (part.strip() for part in given.rest.split(":"))
     if len(values) > len(_SETTINGS):
         reason = tr(
-            "at most {count} settings may follow the port; write a path that contains colons as serial://",
+            "at most {count} settings may follow the port. Try: serial://PATH, if the path of the port contains colons",
             count=len(_SETTINGS),
         )
         raise bad_address(text, reason, "com")

@@ -71,7 +71,7 @@ class AsyncStreamLink(ProcessBound, ABC):
             raise lost(error) from error
 
     def share(self) -> None:
-        """Prepare for calls of :meth:`beside`; nothing to do in asyncio."""
+        """Do nothing: :meth:`beside` needs no preparation in asyncio."""
 
     def beside(self, data: bytes) -> None:
         """Send a few bytes while another task waits in :meth:`receive`; errors are reported to that task."""

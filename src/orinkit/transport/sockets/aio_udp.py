@@ -115,7 +115,7 @@ class AsyncUdpLink(ProcessBound):
     def fileno(self) -> int:
         """Return the socket's descriptor, for handing it over to another process.
 
-        Nothing is received here until the next call.
+        This process receives nothing until the next call of :meth:`receive`.
 
         Raises:
             ConnectionClosed: If the link is closed.

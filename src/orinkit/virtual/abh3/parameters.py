@@ -163,7 +163,7 @@ class Parameters:
         if self.single_mode is not None:
             _set(self, "single_mode", check_whole("single_mode", self.single_mode, LONGEST_PERIOD, -1))
             if self.single_mode > 0 and self.host is None:
-                raise _unusable("single_mode", self.single_mode, tr("-1 or 0 without a fixed host"))
+                raise _unusable("single_mode", self.single_mode, tr("-1 or 0 if host is None"))
         self._check_rows()
 
     def _check_rows(self) -> None:

@@ -68,17 +68,17 @@ class VE026AArm:
 
     Args:
         model: The arm model.
-        cycles: The controller's cycle.
+        cycles: The control loop of the controller.
         joints: The initial joints, one for each axis, deg.
         motor_seconds: Duration of the command Motor, s.
         clear_seconds: Duration of the command ClearError, s.
-        strict_time: True to not wait for late set-points.
+        strict_time: True to report a late set-point as an error at once, False to wait for it.
 
     Attributes:
         error: Code of the present error, 0 for none. It is the first error since the last ClearError.
         motor_on: True if the motor is on.
         emergency: True if the emergency stop is pressed.
-        queue: The motion queue, which generates the command.
+        queue: The motion queue, which generates the command position.
         servo: The servo, with the encoders.
         slave: Slave mode.
     """

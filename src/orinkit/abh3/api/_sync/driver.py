@@ -40,7 +40,7 @@ class Driver(Closing, Generic[F, S]):
     sent last.
 
     If a reply is late or the bus breaks, the commands are set to 0 and start is switched off; the program has to command any
-    motion again. If the bus was opened here, the next call reopens it.
+    motion again. If orinkit opened the bus, the next call reopens it.
 
     Args:
         bus: The bus that the driver is on.

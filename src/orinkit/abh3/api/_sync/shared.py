@@ -101,7 +101,7 @@ class SharedBus(Closing):
         dialect: str | Dialect = "v1",
         load_unit: float = 1.0,
     ) -> dict[int, AnyRecord]:
-        """Request a broadcast of all drivers of a group, and return their replies by address (4.7).
+        """Request a broadcast from all drivers of a group, and return their replies by address (4.7).
 
         Args:
             number: 0 to 6; or, from 8 on, group * 8 + number as in the document.

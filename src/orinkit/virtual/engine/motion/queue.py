@@ -190,7 +190,7 @@ class MotionQueue:
         if self.state in _COMING_TO_REST:
             raise error_for(
                 hresult.STOPPING_MOTION,
-                tr("the arm is stopping. Try: again when it is at rest"),
+                tr("the arm is stopping. Try: repeat the call when the arm is at standstill"),
             )
         if self.state is QueueState.FOLLOWING:
             raise ValueError(tr("the queue follows external commands"))

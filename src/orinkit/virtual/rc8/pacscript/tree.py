@@ -224,7 +224,7 @@ class Jump:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """``@P``, ``@E``, ``@0`` or ``@10``; ``radius`` in mm with mode ``"n"``."""
+    """A pass mark: ``@P``, ``@E``, ``@0`` or ``@10``; ``radius`` in mm if the mode is ``"n"``, otherwise ``None``."""
 
     at: Place
     mode: str
