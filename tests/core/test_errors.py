@@ -224,7 +224,7 @@ def test_a_driver_that_does_not_reply():
     assert isinstance(error, TimeoutError)
     assert (error.function, error.seconds, error.tries, error.address) == ("abh3_can_cmd", 2.5, 1, 0)
     assert str(error).startswith(
-        "abh3_can_cmd: no reply from ABH3 0 within 2.5 s; it may or may not have accepted the command. Try: check that "
+        "abh3_can_cmd: no reply from ABH3 0 within 2.5 s; the driver may or may not have accepted the command. Try: check that "
     )
     assert "group" not in str(error)  # a command does not depend on the broadcast group
     i18n.use("ja")
