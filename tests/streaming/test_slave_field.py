@@ -29,7 +29,7 @@ from orinkit.virtual.rc8.robot.slave_feedback import SOURCES
 ROW = """
     Field(name="temperature", label=N_("temperature"), form=Form.REAL, place=7, receive=0x400, text=N_("of the arm, deg C")),
 """
-END_OF_ROWS = ')  # fmt: skip\n"""The rows."""'
+END_OF_ROWS = ')  # fmt: skip\n"""The rows of the table."""'
 
 PROGRAM = """
 import json
