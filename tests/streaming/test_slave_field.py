@@ -27,7 +27,7 @@ from orinkit.streaming.recording.samples import OWN
 from orinkit.virtual.rc8.robot.slave_feedback import SOURCES
 
 ROW = """
-    Field(name="temperature", label=N_("temperature"), form=Form.REAL, place=7, receive=0x400, text=N_("of the arm, deg C")),
+    SlaveField(name="temperature", label=N_("temperature"), form=FieldType.REAL, place=7, receive=0x400, text=N_("of the arm, deg C")),
 """
 END_OF_ROWS = ')  # fmt: skip\n"""The rows of the table."""'
 
