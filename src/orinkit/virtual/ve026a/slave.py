@@ -18,17 +18,16 @@ from __future__ import annotations
 import logging
 from typing import Final, Protocol
 
-from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.engine.elastic_time import DrainInput, left_late, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
-from orinkit.virtual.engine.motion.queue import MotionQueue
 from orinkit.virtual.engine.set_point_buffer import (
     LENIENCY,
     SERVO_LIMIT,
+    FollowingArm,
     PlannedSetPoint,
     SetPointBuffer,
     SlaveFault,
@@ -43,16 +42,8 @@ _ROOM: Final = 1
 _ROUNDING: Final = 1e-4  # deg; set-points of clients are R4 numbers
 
 
-class StreamedArm(Protocol):
+class StreamedArm(FollowingArm, Protocol):
     """The arm that slave mode moves."""
-
-    @property
-    def model(self) -> ArmModel:
-        """The arm's model."""
-
-    @property
-    def queue(self) -> MotionQueue:
-        """The motion queue, which follows the set-points."""
 
     def angles(self) -> Variant:
         """Return the reply to slvMove: the encoder values."""

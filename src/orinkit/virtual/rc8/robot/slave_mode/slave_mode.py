@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
@@ -15,8 +14,13 @@ from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.elastic_time import DrainInput, left_late, not_waited, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
-from orinkit.virtual.engine.motion.queue import MotionQueue
-from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint, ReplyFactory, SetPointBuffer, SlaveFault
+from orinkit.virtual.engine.set_point_buffer import (
+    FollowingArm,
+    PlannedSetPoint,
+    ReplyFactory,
+    SetPointBuffer,
+    SlaveFault,
+)
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.slave_mode.limits import SlaveLimits
 from orinkit.virtual.rc8.robot.speeds import Speeds
@@ -30,12 +34,8 @@ ROOM: Final = 3
 QUEUE, NEWEST, WAIT = 0, 1, 2  # buffering according to table 4-4
 
 
-class StreamedArm(Protocol):
+class StreamedArm(FollowingArm, Protocol):
     """The arm that slave mode moves."""
-
-    @property
-    def model(self) -> ArmModel:
-        """The arm's model."""
 
     @property
     def switches(self) -> Switches:
@@ -44,10 +44,6 @@ class StreamedArm(Protocol):
     @property
     def speeds(self) -> Speeds:
         """Internal and external speeds."""
-
-    @property
-    def queue(self) -> MotionQueue:
-        """The motion queue, which follows the set-points."""
 
     @property
     def busy(self) -> bool:
