@@ -66,5 +66,5 @@ serve = AsyncServer
 
 for _name in __all__:  # help() and tracebacks show the public names
     _public = globals()[_name]
-    if isinstance(_public, type):
+    if isinstance(_public, type) or getattr(_public, "__name__", "") == _name:
         _public.__module__ = __name__

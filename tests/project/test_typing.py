@@ -2,17 +2,24 @@
 
 Each program is checked by mypy with the project's own settings. A line that ends in ``# reveals TYPE`` must reveal
 that type; one that ends in ``# rejects TEXT`` must be an error with that text; any other error fails the test.
+
+The Python blocks of the README and of each how-to are checked in the same way, as one program per page, in which a name may be
+assigned anew.
 """
 
 from __future__ import annotations
 
 import os
+import pydoc
 import re
 import subprocess
 import sys
 
 import pytest
 
+import orinkit
+from orinkit import aio
+from support.pages import blocks
 from support.paths import ROOT
 
 pytest.importorskip("mypy")
@@ -168,18 +175,44 @@ PROGRAMS = {
     "objects_async": OBJECTS.format(**ASYNC),
     "properties_sync": PROPERTIES,
 }
+PAGES = ["README.md", *sorted(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "howto").glob("*.md"))]
+REDEFINES = ["--allow-redefinition-new", "--local-partial-types"]  # the blocks of a page are one program
+
+
+def module_of(page: str) -> str:
+    """Return the name of the module made from a page."""
+    return "page_" + re.sub(r"\W", "_", page.removesuffix(".md")).lower()
+
+
+def program_of(page: str) -> str:
+    """Return the Python blocks of a page as one program, each line with the number that it has in the page."""
+    lines = [""] * (ROOT / page).read_text(encoding="utf-8").count("\n")
+    for block in blocks(page):
+        if block.language == "python":
+            text = re.sub(r"(?m)^from __future__ .*$", "", block.text).split("\n")
+            lines[block.line - 1 : block.line - 1 + len(text)] = text
+    return "\n".join(lines)
+
+
+def programs() -> dict[str, str]:
+    """Return all programs to check, by the name of their module."""
+    saved = {block.saved: block.text for page in PAGES for block in blocks(page) if block.saved}
+    assert not saved.keys() & {f"{name}.py" for name in PROGRAMS}
+    pages = {module_of(page): program_of(page) for page in PAGES}
+    return {**PROGRAMS, **{name.removesuffix(".py"): text for name, text in saved.items()}, **pages}
 
 
 @pytest.fixture(scope="module")
 def verdict(tmp_path_factory):
     """Return the findings of mypy in all programs, by file and line, from a single run, because starting mypy is slow."""
     folder = tmp_path_factory.mktemp("programs")
-    for name, text in PROGRAMS.items():
+    modules = programs()
+    for name, text in modules.items():
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
     # fmt: off
     command = [
-        sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache"),
-        "--no-error-summary", "--hide-error-context", "--show-error-codes", *(f"{name}.py" for name in PROGRAMS),
+        sys.executable, "-m", "mypy", "--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache" / "programs"),
+        "--no-error-summary", "--hide-error-context", "--show-error-codes", *REDEFINES, *(f"{name}.py" for name in modules),
     ]
     # fmt: on
     environment = {**os.environ, "MYPYPATH": str(ROOT / "src")}
@@ -212,3 +245,41 @@ def test_results_are_inferred_and_wrong_calls_rejected(verdict, name):
         if not good:
             wrong.append(f"{number}: {line.strip()}\n    mypy: {said}")
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_programs_of_the_documents_have_no_type_errors(verdict, page):
+    name = module_of(page)
+    wrong = [f"{page}:{line}: {each}" for (module, line), said in verdict.items() if module == name for each in said]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_saved_programs_of_the_documents_have_no_type_errors(verdict):
+    known = {*PROGRAMS, *map(module_of, PAGES)}
+    assert not {place: said for place, said in verdict.items() if place[0] not in known}
+
+
+# --- what help() shows ------------------------------------------------------------------------------------------------
+
+OPTIONS = "speed: 'float' = ..., accel: 'float' = ..., decel: 'float' = ..., time: 'float' = ..., wait: 'bool' = True"
+
+
+@pytest.mark.parametrize(("kind", "result"), [(orinkit.Robot, "Motion"), (aio.AsyncRobot, "AsyncMotion")])
+def test_help_shows_the_arguments_of_a_motion(kind, result):
+    shown = pydoc.plain(pydoc.render_doc(kind))
+    for signature in (
+        f"move(self, pose: 'PoseLike', mark: 'str | PassMark' = '', *, {OPTIONS}) -> '{result}'",
+        f"move_l(self, pose: 'PoseLike', mark: 'str | PassMark' = '', *, {OPTIONS}) -> '{result}'",
+        f"drive(self, axes: 'Mapping[int, float]', mark: 'str | PassMark' = '', *, absolute: 'bool' = False, {OPTIONS})",
+    ):
+        assert signature in shown
+
+
+@pytest.mark.parametrize("module", [orinkit, aio])
+def test_public_names_belong_to_the_public_module(module):
+    for name in module.__all__:
+        public = getattr(module, name)
+        if getattr(public, "__name__", "") == name:
+            assert public.__module__ == module.__name__
+    assert repr(orinkit.Robot) == "<class 'orinkit.Robot'>"
+    assert "connect in module orinkit\n" in pydoc.plain(pydoc.render_doc(orinkit.connect))

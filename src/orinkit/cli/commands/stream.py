@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -296,8 +295,7 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
 
 def _distance(entered: Stream, goal: J | P | T) -> float:
     """Return the distance of the command from a pose: the largest difference of their values."""
-    sample = entered.latest
-    return math.inf if sample is None else max(abs(a - b) for a, b in zip(sample.command, goal, strict=False))
+    return max(abs(a - b) for a, b in zip(entered.latest.command, goal, strict=False))
 
 
 def _streamed(
@@ -345,8 +343,8 @@ class StreamDisplay:
 
 def place(entered: Stream) -> str:
     """Return the current joint position as text; ``""`` if the feedback does not contain it."""
-    sample = entered.latest
-    return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
+    joints = entered.latest.joints
+    return "" if joints is None else str(rounded(shown(joints), 1))
 
 
 def _interrupted(job: _StreamRequest) -> CommandError:

@@ -137,7 +137,7 @@ class _Lines:
 
     def __call__(self, progress: Progress) -> None:
         sample = self._stream.latest
-        if progress.sent < self._next or sample is None or sample.joints is None:
+        if progress.sent < self._next or sample.joints is None:
             return
         sent, total = progress
         self._next = sent + _LINES if total in (None, sent) else min(sent + _LINES, total)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, Final, TypedDict, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, ForwardRef, TypedDict, TypeVar, get_overloads
 
 from orinkit.client._shared.common import unexpected_value
 from orinkit.core import hresult
@@ -33,6 +33,7 @@ _MAX_SECONDS: Final = 3600.0
 _JOINTS: Final = 6  # number of joints of most arms
 
 Pose = TypeVar("Pose", P, T, J)
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class MoveOptions(TypedDict, total=False):
@@ -51,6 +52,32 @@ class MoveOptions(TypedDict, total=False):
     decel: float
     time: float
     wait: bool
+
+
+class _Default:
+    """The default of an option in a signature: what the controller is set to."""
+
+    def __repr__(self) -> str:
+        return "..."
+
+
+def with_options(function: F) -> F:
+    """Give a function the signature that ``help()`` shows: that of its last overload, with all options of a motion."""
+    *_, shown = get_overloads(function) or [function]
+    signature = inspect.signature(shown)
+    named = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
+    options = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=True if name == "wait" else _Default(),
+            annotation=annotation.__forward_arg__ if isinstance(annotation, ForwardRef) else annotation,
+        )
+        for name, annotation in MoveOptions.__annotations__.items()
+    ]
+    target: Any = function
+    target.__signature__ = signature.replace(parameters=[*named, *options])
+    return function
 
 
 def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:

@@ -126,6 +126,7 @@ class Robot(ArmBase):
     def move(self, interpolation: int, pose: Value, option: str = "") -> None: ...
     @overload
     def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion: ...
+    @common.with_options
     def move(self, *arguments: Any, **named: Any) -> Motion | None:
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
@@ -158,15 +159,18 @@ class Robot(ArmBase):
             return None
         return self._move_to(common.PTP, *arguments, **named)
 
+    @common.with_options
     def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool to a pose in a straight line."""
         return self._move_to(common.LINE, pose, mark, **options)
 
+    @common.with_options
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool along an arc through ``via`` to ``end``."""
         segment = MotionSegment(common.literal_end(end))
         return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 
+    @common.with_options
     def move_s(
         self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> Motion:
@@ -179,6 +183,7 @@ class Robot(ArmBase):
         """
         return self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
+    @common.with_options
     def approach(
         self,
         pose: PoseLike,
@@ -192,6 +197,7 @@ class Robot(ArmBase):
         comp = common.LINE if line else common.PTP
         return self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
+    @common.with_options
     def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
     ) -> Motion:
@@ -210,6 +216,7 @@ class Robot(ArmBase):
         absolute: bool = False,
         **options: Unpack[MoveOptions],
     ) -> Motion: ...
+    @common.with_options
     def drive(self, *arguments: Any, **named: Any) -> Motion | None:
         """Move axes by deg (mm for linear axes), or with ``absolute`` to a value: ``drive({1: 10, 2: -5}, absolute=False)``.
 

@@ -17,7 +17,7 @@ from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
 from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
 from orinkit.client._sync.motion import ArmBase
 from orinkit.client._sync.slave_mode import SlaveMode
-from orinkit.core.errors import InvalidValue
+from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
@@ -300,8 +300,15 @@ class Stream(SlaveMode):
         return list(self._reader.new())
 
     @property
-    def latest(self) -> Sample | None:
-        """The newest sample; ``None`` before the first one."""
+    def latest(self) -> Sample:
+        """The newest sample; the block begins with the first one."""
+        sample = self._newest()
+        if sample is None:
+            raise StreamError(tr("no sample of the stream can be read yet"))
+        return sample
+
+    def _newest(self) -> Sample | None:
+        """Return the newest sample; ``None`` before the first one."""
         shared = self._alive().shared
         for number in range(shared.samples - 1, max(-1, shared.samples - 3), -1):
             raw = shared.sample(number)
@@ -330,7 +337,7 @@ class Stream(SlaveMode):
 
     def _command(self) -> tuple[float, ...]:
         """Return the newest command position; NaN without a sample."""
-        sample = self.latest
+        sample = self._newest()
         assert self.limits is not None
         count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._pose_type]
         return sample.command[:count] if sample is not None else (math.nan,) * count

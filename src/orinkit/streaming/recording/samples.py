@@ -33,18 +33,19 @@ class Sample:
         more: Fields of the reply without an attribute here, by name.
     """
 
+    # "| Any" instead of "| None": who requests a field need not check each sample for it
     number: int
     sent: float
     command: tuple[float, ...]
     code: int = 0
-    time: float | None = None
-    joints: J | None = None
-    position: P | None = None
-    trans: T | None = None
-    mini: int | None = None
-    hand: int | None = None
-    user: bytes | None = None
-    current: tuple[float, ...] | None = None
+    time: float | Any = None
+    joints: J | Any = None
+    position: P | Any = None
+    trans: T | Any = None
+    mini: int | Any = None
+    hand: int | Any = None
+    user: bytes | Any = None
+    current: tuple[float, ...] | Any = None
     delay: float | None = None
     answered: float = 0.0
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
