@@ -191,7 +191,7 @@ def test_messages_in_japanese():
     before = i18n.current()
     i18n.use("ja")
     try:
-        with pytest.raises(ValueError, match="内蔵の機種: VS-050"):
+        with pytest.raises(ValueError, match="内蔵の機種: COBOTTA, "):
             load_model("VS-999")
         with pytest.raises(ValueError, match="テーブルが必要です"):
             parse_model(GOOD.replace("[path]\nspeed = 250", "path = 1").replace("home", "home", 1), "arm.toml")

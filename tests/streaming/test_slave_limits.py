@@ -83,8 +83,8 @@ def test_limits_that_cannot_be(changes: dict[str, tuple[float, ...]], said: str)
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (0.0, "is 0"),
-        (-1.0, "is -1"),
+        (0.0, "must be greater than 0, not 0.0"),
+        (-1.0, "must be greater than 0, not -1.0"),
         (2e9, r"is 2e\+09"),
         (math.nan, "must be a finite number, not nan"),
         (math.inf, "must be a finite number, not inf"),

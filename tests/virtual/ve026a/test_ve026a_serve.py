@@ -109,7 +109,7 @@ def test_over_a_pseudo_terminal(serve):
         os.close(descriptor)
 
 
-@pytest.mark.parametrize(("lang", "words"), [("en", "J7 is the hand"), ("ja", "J7 はハンド")])
+@pytest.mark.parametrize(("lang", "words"), [("en", "(J7: the hand)"), ("ja", "J7 はハンド")])
 def test_its_help_is_there_in_both_languages(capsys, lang, words):
     before = i18n.current()
     i18n.use(lang)
