@@ -393,7 +393,7 @@ def test_a_bus_that_does_not_open_blocks_no_other_client(device, option, monkeyp
         host, port = silent.getsockname()
         provider = load(NAME)
         monkeypatch.setattr("orinkit.abh3.provider.options._CLIENT_OPTIONS", ("host", "port"))
-        monkeypatch.setattr("orinkit.abh3.provider.options._is_number", lambda _: True)
+        monkeypatch.setattr("orinkit.abh3.provider.options.is_number", lambda _: True)
         with orinkit.serve(provider, "tcp://127.0.0.1:0") as server:
             wanted = f"Bus=can://socketcand/x?host={host}&port={port}"
             with ThreadPoolExecutor() as threads:

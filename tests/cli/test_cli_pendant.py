@@ -352,7 +352,7 @@ def test_no_secret_is_stored_in_an_unsafe_directory(refused, runtime, tmp_path, 
     (runtime / "control-5008").chmod(0o600)
     assert find_secret(Address("tcp", "127.0.0.1", 5008)) == ""
     with (
-        pytest.raises(CommandError, match="not a directory that only this account can access"),
+        pytest.raises(CommandError, match="must be a directory that only this account can access"),
         stored_secret("0" * 16, 5008),
     ):
         pass
@@ -360,7 +360,7 @@ def test_no_secret_is_stored_in_an_unsafe_directory(refused, runtime, tmp_path, 
         runtime.chmod(0o700)
         os.chown(runtime, 65534, 65534)
         with (
-            pytest.raises(CommandError, match="not a directory that only this account can access"),
+            pytest.raises(CommandError, match="must be a directory that only this account can access"),
             stored_secret("0" * 16, 5008),
         ):
             pass
