@@ -72,7 +72,7 @@ def test_messages_name_the_dimension() -> None:
     with pytest.raises(InvalidValue, match="track must be greater than 0, not -1"):
         Differential(wheel_diameter=0.1, track=-1, gear=1)
     i18n.use("ja")
-    with pytest.raises(InvalidValue, match="gear は有限の数値でなければなりません (nan)"):
+    with pytest.raises(InvalidValue, match=r"gear は有限の数値でなければなりません \(nan\)"):
         Differential(wheel_diameter=0.1, track=1, gear=math.nan)
 
 
