@@ -14,7 +14,7 @@ from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
 from orinkit.values.codec import encode_variant
 from orinkit.values.variant import Variant, variant
-from support.devices import Workshop
+from support.devices import Recorder, Workshop
 from support.strategies import variants
 
 pytestmark = pytest.mark.core
@@ -126,6 +126,19 @@ def test_a_refused_tag_does_not_replace_the_previous_one():
     assert put_tag(session, handle, "mine") == 0
     assert put_tag(session, handle, bytes(VALUE_LIMIT)) == hresult.E_TOO_MUCH_DATA
     assert session.invoke(f.variable_get_tag.id, [variant(handle)]).result == variant("mine")
+
+
+def test_ids_and_parameters_are_bounded_like_tags():
+    session = Session(ProviderRegistry(Recorder()))
+    session.invoke(3, [variant(text) for text in ("", "Test.Recorder", "localhost", "")])
+    for make, *stores in (
+        (f.controller_get_variable, f.variable_put_tag, f.variable_put_id),
+        (f.controller_get_command, f.command_put_tag, f.command_put_id, f.command_put_parameters),
+    ):
+        handle = session.invoke(make.id, [variant(2), variant("x"), variant("")]).result
+        for store in stores:
+            assert session.invoke(store.id, [handle, variant(bytes(VALUE_LIMIT))]).code == hresult.E_TOO_MUCH_DATA
+            assert session.invoke(store.id, [handle, variant("short")]).code == 0
 
 
 def test_the_size_of_a_header():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
 from itertools import pairwise
@@ -16,6 +18,7 @@ from orinkit.cli.app import main
 from orinkit.core import i18n
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.rc8 import VirtualRC8
+from support.stopping import stopped
 from support.waiting import until
 
 HOME = [0, 45, 90, 0, 45, 0]
@@ -214,6 +217,30 @@ def test_the_connection_is_lost(capsys, when, tmp_path):
     assert "connection" in error.splitlines()[-1]
     until(lambda: status(device, "moving", "arm_holder") == [False, ""])
     device.close()
+
+
+def test_a_command_that_is_suspended_stops_the_arm(program):
+    """The attack: SIGSTOP. The connection stays open, and the motion would take minutes."""
+    device = VirtualRC8(language="en")
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        command = [*program, "move", server.url, POSE, "--speed", "0.1"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            until(lambda: status(device, "moving") == [True])
+            with stopped(process.pid):
+                until(lambda: status(device, "moving") == [False])
+        finally:
+            process.kill()
+            process.wait()
+        assert joints(device)[0] < 40
+    device.close()
+
+
+@pytest.mark.parametrize(("argv", "sent"), [([], ["1000"]), (["--alive", "0.5"], ["500"]), (["--alive", "0"], [])])
+def test_the_server_is_asked_to_watch_the_command(run, url, argv, sent):
+    trace = run("move", url, POSE, "--trace", *argv).err
+    assert "Service_Start(" in trace
+    assert re.findall(r"Service_Start\(.*Alive=(\d+)", trace) == sent
 
 
 def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import threading
 from collections.abc import Iterator
@@ -11,11 +12,13 @@ import pytest
 import orinkit
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.core import hresult
+from orinkit.server.http import app
 from orinkit.server.threaded import Server
 from orinkit.values.variant import ARRAY, VarType
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.objects.controller_commands import COMMANDS
 from orinkit.virtual.rc8.objects.robot_commands import ROBOT_COMMANDS
+from support.devices import Workshop
 from support.large_values import MOST, argument, arrays, ask, text, texts
 from support.peers import RawClient
 from support.waiting import PATIENCE
@@ -100,6 +103,32 @@ def test_a_large_result_does_not_block_the_server(server, client):
         for _ in range(3):
             assert client.ask(call("File_GetValue"), file) == content
     watch.check()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "value"), [("tcp", "\ud800" * 3_000_000), ("http", [1.5] * 700_000)], ids=["tcp", "http"]
+)
+def test_a_result_that_is_slow_to_encode_does_not_block_the_server(scheme, value):
+    with (
+        orinkit.serve(Workshop(), f"{scheme}://127.0.0.1:0") as server,
+        orinkit.connect(server.url, provider="Test.Workshop", timeout=PATIENCE) as workshop,
+        watched(server) as watch,
+    ):
+        assert workshop.execute("Echo", value) == value
+    watch.check()
+
+
+def test_a_large_body_is_sent_in_pieces():
+    sent = []
+
+    async def send(message):
+        sent.append(message.get("body", b""))
+
+    exchange = app.Exchange({"headers": [], "state": {"connection": None}}, None, send)
+    body = bytes(range(256)) * 20_000
+    asyncio.run(exchange.answer(body, 0, ""))
+    assert b"".join(sent) == body
+    assert max(map(len, sent)) <= app._PIECE
 
 
 def test_requests_after_a_large_one_are_answered_in_order(client):

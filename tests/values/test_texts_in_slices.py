@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Callable
+from types import FrameType
+
 import pytest
 
 from orinkit.cao.arguments import read_arguments
@@ -9,11 +14,13 @@ from orinkit.cao.coerce import to_integer
 from orinkit.cao.functions import controller_get_variable
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
+from orinkit.ecap import fields
 from orinkit.ecap.fields import read_fields
 from orinkit.ecap.message import read_request, write_reply
 from orinkit.values.codec import decode, encode_variant
 from orinkit.values.notation import format_variant, parse
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
+from support.watching import allowed
 
 pytestmark = pytest.mark.core
 
@@ -49,6 +56,55 @@ def test_long_texts_in_an_e_cap_body(text):
         found = read_fields(b"Func=102,Arg1=5,Arg2=" + body)["arg2"].text
         assert found == (" " + text if body[:1] == b"+" else text)
     assert write_reply(0, variant(text)).decode("utf-8", "surrogatepass") == f"0x00000000,8,{text}"
+
+
+def longest_call_into_c(function: Callable[[], object]) -> float:
+    """Return the CPU time in s of the longest call into C: no other thread runs meanwhile, not even the event loop."""
+    longest, began = 0.0, 0.0
+
+    def look(_frame: FrameType, event: str, _argument: object) -> None:
+        nonlocal longest, began
+        now = time.thread_time()
+        if event in ("c_return", "c_exception") and began:
+            longest = max(longest, now - began)
+        began = now if event == "c_call" else 0.0  # 0 if C has called back, as a join of a generator does
+
+    sys.setprofile(look)
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    return longest
+
+
+def test_no_call_into_c_is_long():
+    """Otherwise decoding a packet in the worker would stop the event loop, too."""
+    text = "\ud800" * 2_000_000
+    item = variant(text)
+    data = encode_variant(item)
+    body = b"Func=102,Arg1=5,Arg2=" + text.encode("utf-8", "surrogatepass")
+    for function in (
+        lambda: decode(data, exact=True),
+        lambda: encode_variant(item),
+        lambda: read_fields(body),
+        lambda: write_reply(0, item),
+    ):
+        assert longest_call_into_c(function) < allowed(5.0)
+
+
+def test_no_search_of_a_long_body_is_long():
+    body = b"Func=102,Arg2=" + b"," * 8_000_000
+    assert longest_call_into_c(lambda: read_fields(body)) < allowed(5.0)
+
+
+def test_a_body_of_separators_is_not_split_completely(monkeypatch):
+    searches = []
+    search = fields._search
+    monkeypatch.setattr(fields, "_search", lambda *given: searches.append(1) or search(*given))
+    for body in (b"&" * 100_000, b"Func=102" + b",arg1=" * 100_000):
+        with pytest.raises(CallError, match="more than 32 fields"):
+            read_fields(body)
+    assert len(searches) < 100
 
 
 def test_bytes_that_are_no_utf_8_far_behind():

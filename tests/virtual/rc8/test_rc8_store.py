@@ -325,12 +325,24 @@ def test_state_is_for_its_owner_only(start, path, caplog):
         os.umask(before)
 
 
-def test_leftovers_of_dead_processes_are_removed_and_nothing_else(tmp_path, monkeypatch):
+@pytest.fixture
+def left(tmp_path, monkeypatch) -> Path:
+    """The temporary directory of a killed process."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     program = "import os, signal; from orinkit.virtual.rc8 import VirtualRC8; d = VirtualRC8(); os.kill(os.getpid(), signal.SIGKILL)"
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     subprocess.run([sys.executable, "-c", program], env=environment, check=False)
     (left,) = tmp_path.iterdir()
+    return left
+
+
+def test_the_next_start_removes_the_leftovers_of_a_killed_process(left):
+    device = VirtualRC8()
+    assert not left.exists()
+    device.close()
+
+
+def test_leftovers_of_dead_processes_are_removed_and_nothing_else(left, tmp_path):
     alive = VirtualRC8()
     beside = tmp_path / "elsewhere"
     beside.mkdir()
