@@ -104,7 +104,7 @@ class VehicleOptions:
         """Return the commands of A/Y and B/X in min^-1 for the model of the driver."""
         differential = self.differential()
         v, omega = self.velocity or 0.0, self.turn or 0.0
-        return differential.to_travel(v, omega) if travel else differential.to_wheels(v, omega)
+        return differential.to_travel(v, omega) if travel else differential.to_motors(v, omega)
 
 
 @dataclass(frozen=True)
