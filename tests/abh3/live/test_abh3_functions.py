@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from orinkit.abh3 import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2
-from orinkit.core.errors import ConnectionClosed, DriverRefused, DriverTimeout, InvalidValue, ProtocolError
+from orinkit.core.errors import ConnectionClosed, DriverTimeout, InvalidValue, ParameterRefused, ProtocolError
 from support.abh3_wires import COMMAND, DRIVERS, FEEDBACK, Hosts, Peer, Place, message, obliging, only_on, wait
 from support.both import Both
 
@@ -309,7 +309,7 @@ def test_parameters_monitors_identification(both: Both, hosts: Hosts, world: Pla
     both.run(driver.write_parameter(0x4117, 0))
     assert both.run(driver.read_monitor(0x1004)).value == 24.0
     assert "orinkit" in both.run(driver.read_identification())
-    with pytest.raises(DriverRefused, match="Try"):
+    with pytest.raises(ParameterRefused, match="Try"):
         both.run(driver.read_parameter(0x7FFF))
     with pytest.raises(InvalidValue):
         both.run(driver.write_parameter(0x7FFF, 1))

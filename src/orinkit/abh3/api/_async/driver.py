@@ -287,7 +287,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
 
         Raises:
             InvalidValue: If the address is out of range.
-            DriverRefused: If the driver refuses the request.
+            ParameterRefused: If the driver refuses the request.
             ProtocolError: If the driver aborted the transfer, or its reply cannot be read.
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
@@ -304,7 +304,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
 
         Raises:
             InvalidValue: If the value or the address is not valid; nothing was sent.
-            DriverRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
+            ParameterRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
         """
         word = parameter_value.word_of(address, value, raw=raw)
         (await self._ask(telabh3.write_parameter(address, word))).confirmed()
