@@ -200,7 +200,7 @@ def test_turning_a_driver_of_2023(both: Both, hosts: Hosts, world: Place) -> Non
     assert type(states) is BR1V2
     assert "servo_on" in states.external  # the terminals are on
     currents = both.run(driver.currents())
-    assert (currents.a_load, currents.raw["a_load"]) == (5.0, 50)
+    assert (currents.a_load, currents.raw_values["a_load"]) == (5.0, 50)
     for number in (0, 2, 4, 5, 6):
         both.run(driver.request_broadcast(number))
         both.run(driver.request_broadcast(3 * 8 + number, everyone=True))
