@@ -17,7 +17,7 @@ from typing import Any, get_args
 import pytest
 
 import orinkit
-from orinkit.client._shared.stream_options import Wanted
+from orinkit.client._shared.stream_options import FeedbackField
 from orinkit.rc8 import slave_fields
 from orinkit.rc8.slave_feedback import SlaveAnswer
 from orinkit.rc8.slave_formats import SetPoint
@@ -119,7 +119,7 @@ def test_a_row_is_in_the_messages_of_an_mcap_file(run: tuple[Path, list[Any]]) -
 
 
 def test_the_words_of_recv() -> None:
-    assert set(get_args(Wanted)) == {row.name for row in slave_fields.WORDS}
+    assert set(get_args(FeedbackField)) == {row.name for row in slave_fields.WORDS}
 
 
 def test_every_row_has_its_attributes() -> None:

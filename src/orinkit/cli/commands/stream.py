@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orinkit import Progress
     from orinkit.cao.dialect import Dialect
     from orinkit.cli._shared.stream_report import StreamReport
-    from orinkit.client._shared.stream_options import StreamOptions, Wanted
+    from orinkit.client._shared.stream_options import FeedbackField, StreamOptions
     from orinkit.client._sync.stream import Stream
     from orinkit.rc8.slave_formats import PoseKind
     from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -35,7 +35,7 @@ Points: TypeAlias = "list[tuple[float, ...]]"
 
 _CONNECTION: Final = ConnectionOptions()
 _SUFFIXES: Final = (".csv", ".mcap")
-_RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
+_RECEIVED: Final[dict[str, tuple[FeedbackField, ...]]] = {
     "J": ("time", "joints"),
     "P": ("time", "position", "joints"),
     "T": ("time", "trans", "joints"),

@@ -16,7 +16,7 @@ from orinkit.client._async.motion import AsyncArmBase
 from orinkit.client._async.slave_mode import AsyncSlaveMode
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
-from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
+from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.limits import Limits
@@ -275,8 +275,8 @@ class AsyncStream(AsyncSlaveMode):
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
         outputs = read_outputs(**given)
-        check_opened(self._options, outputs)
-        check_outputs(self._options, outputs)
+        check_outputs_enabled(self._options, outputs)
+        check_sendable(self._options, outputs)
         return outputs
 
     # --- feedback -----------------------------------------------------------------------------------------------

@@ -59,20 +59,20 @@ class Timing:
 
     gaps: tuple[float, ...] = ()
 
-    def part(self, part: float) -> float:
-        """Return a quantile of the gaps in s, for a part of 0 to 1."""
+    def quantile(self, q: float) -> float:
+        """Return a quantile of the gaps in s; ``q`` is from 0 to 1."""
         ordered = sorted(self.gaps)
-        return ordered[min(len(ordered) - 1, int(part * len(ordered)))] if ordered else 0.0
+        return ordered[min(len(ordered) - 1, int(q * len(ordered)))] if ordered else 0.0
 
     @property
     def p50(self) -> float:
         """The median gap in s."""
-        return self.part(0.5)
+        return self.quantile(0.5)
 
     @property
     def p99(self) -> float:
         """The 99th percentile of the gaps in s."""
-        return self.part(0.99)
+        return self.quantile(0.99)
 
     @property
     def max(self) -> float:
@@ -145,7 +145,7 @@ def ended_because(reason: str, idle: float | None) -> StreamError:
     return StreamError(texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block"))
 
 
-def with_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def split_by_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Split joints into those with limits and the others.
 
     Raises:

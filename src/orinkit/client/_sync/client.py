@@ -30,10 +30,10 @@ from orinkit.client._shared.endpoint import (
     another,
     closing_deadline,
     conversation,
+    enable_concurrent_send,
     link_for_closing,
     opening_of,
     send_during_call,
-    share,
 )
 from orinkit.core import hresult
 from orinkit.core.closing import Closing
@@ -245,7 +245,7 @@ class Client(Closing):
         with self._lock:
             return Reply(*self._execute(function, bound, seconds, exact, limit))
 
-    def end_within(self, seconds: float | None) -> None:
+    def set_overall_deadline(self, seconds: float | None) -> None:
         """Set a common deadline in s for all further calls; ``None`` removes it."""
         self._end = None if seconds is None else Deadline(seconds)
 
@@ -269,7 +269,7 @@ class Client(Closing):
             return self._execute_with_signs(call)
         return self._execute_now(call)
 
-    def promise(self, seconds: float, controller: int) -> None:
+    def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
 
         Call this once, after Controller_Connect. On UDP and serial lines, repeated requests are the signs of life during a
@@ -282,7 +282,7 @@ class Client(Closing):
         self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)
-        share(self._link)
+        enable_concurrent_send(self._link)
         link = another(self._link)
         if link is not None:
             self._second = type(self)(link, timeout=self._timeout, profile=self.profile)

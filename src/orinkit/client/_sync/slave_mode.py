@@ -126,7 +126,7 @@ class SlaveMode:
         if self._pose_type == "T":
             return tuple(robot.get_trans()), ()
         assert isinstance(self.limits, Limits)
-        return common.with_limits(tuple(robot.get_joints()), self.limits)
+        return common.split_by_limits(tuple(robot.get_joints()), self.limits)
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait until the streaming process fulfils a condition."""

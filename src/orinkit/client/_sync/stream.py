@@ -14,7 +14,7 @@ from typing import Any
 
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
-from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
+from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
 from orinkit.client._sync.motion import ArmBase
 from orinkit.client._sync.slave_mode import SlaveMode
 from orinkit.core.errors import InvalidValue
@@ -275,8 +275,8 @@ class Stream(SlaveMode):
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
         outputs = read_outputs(**given)
-        check_opened(self._options, outputs)
-        check_outputs(self._options, outputs)
+        check_outputs_enabled(self._options, outputs)
+        check_sendable(self._options, outputs)
         return outputs
 
     # --- feedback -----------------------------------------------------------------------------------------------

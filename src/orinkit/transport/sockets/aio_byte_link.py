@@ -70,10 +70,10 @@ class AsyncStreamLink(ProcessBound, ABC):
         except OSError as error:
             raise lost(error) from error
 
-    def share(self) -> None:
-        """Do nothing: :meth:`beside` needs no preparation in asyncio."""
+    def enable_concurrent_send(self) -> None:
+        """Do nothing: :meth:`send_concurrently` needs no preparation in asyncio."""
 
-    def beside(self, data: bytes) -> None:
+    def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another task waits in :meth:`receive`; errors are reported to that task."""
         if self._transport is not None and not self._ended:
             self._transport.write(data)

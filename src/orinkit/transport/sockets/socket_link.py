@@ -78,8 +78,8 @@ class SocketLink(ProcessBound):
                 raise self._broken(error) from error
             raise
 
-    def share(self) -> None:
-        """Prepare for calls of :meth:`beside`; must not be called during a send."""
+    def enable_concurrent_send(self) -> None:
+        """Prepare for calls of :meth:`send_concurrently`; must not be called during a send."""
         lock = self._sending = threading.Lock()
         whole = self._sendall
 
@@ -89,7 +89,7 @@ class SocketLink(ProcessBound):
 
         self._sendall = sendall
 
-    def beside(self, data: bytes) -> None:
+    def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
 
         Errors are reported to that thread.
