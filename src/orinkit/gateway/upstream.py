@@ -248,7 +248,7 @@ class UpstreamConnection:
     def hold(self, release: Function[[int], None], handle: int) -> None:
         """Count one more object with this handle; a controller may return the same handle for several objects."""
         if self._client is not None:
-            self._client.handles.hold(release, handle)
+            self._client.handles.add_reference(release, handle)
 
     # --- for any caller -------------------------------------------------------------------------------------------
 
@@ -256,7 +256,7 @@ class UpstreamConnection:
         """Release an object of the controller in the background, before any further call."""
         if self._closed or self._client is None or generation != self.generation:
             return
-        if self._client.handles.is_last(release, handle):
+        if self._client.handles.drop_reference(release, handle):
             self._released.append((release, handle))
             if len(self._released) == 1:
                 self._spawn(self._send_releases())

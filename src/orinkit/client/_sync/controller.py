@@ -20,7 +20,7 @@ from orinkit.client._shared.common import (
     check_alive,
     check_content,
     check_deadline,
-    check_watchdog,
+    check_no_watchdog,
     clear_error_parameter,
     dialect_of,
     error_count,
@@ -608,7 +608,7 @@ def connect(
         client.dialect = known or client.dialect
         tries_are_signs = alive is not None and client.profile.lossy  # S_EXECUTING would postpone the next attempt
         if tries_are_signs:
-            check_watchdog(service)
+            check_no_watchdog(service)
         wanted = service if tries_are_signs else service_option(service, client.profile, client.dialect, client.timeout)
         client.call(f.service_start, with_alive(wanted, alive))
         handle = client.call(f.controller_connect, name, provider, machine, option)

@@ -79,7 +79,7 @@ class Lease(ABC):
             problem = self._retry(error, robot.halt, _HALT_TIMEOUT)
             if isinstance(problem, BusyError):
                 robot.client.close()
-                error.add_note(common.note_closed(robot.client.profile))
+                error.add_note(common.closed_note(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return

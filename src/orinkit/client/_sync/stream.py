@@ -109,7 +109,7 @@ class Stream(SlaveMode):
         polled = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
-                while shared.waiting >= QUEUE_ROOM:
+                while shared.queued >= QUEUE_ROOM:
                     run.start()
                     self._poll(run)
                 shared.put(point)
@@ -163,7 +163,7 @@ class Stream(SlaveMode):
         """Wait until all pushed set-points are sent or the live target is reached, and the arm is at standstill."""
         shared = self._alive().shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or not shared.rested or shared.waiting:
+        while shared.samples <= current or not shared.rested or shared.queued:
             self._alive()
             pause(common.POLL)
         shared.hold()
@@ -190,7 +190,7 @@ class Stream(SlaveMode):
         """
         values = read_point(point, self._pose_type, self._axes)
         outputs = self._changed(mini=mini, hand=hand, user=user)
-        while self._alive().shared.waiting >= self._options.queue:
+        while self._alive().shared.queued >= self._options.queue:
             pause(common.POLL)
         with self._lock:
             self._put(values, outputs)
@@ -198,7 +198,7 @@ class Stream(SlaveMode):
     def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
         shared = self._alive().shared
         shadow = self._pushed
-        moving = shared.waiting or not shared.at_rest
+        moving = shared.queued or not shared.at_rest
         if shadow is None or not (moving or _admitted(shadow, values)):
             shadow = self._shadow(self._command())  # the arm is held: start at the current command
         shadow.check(values)
@@ -261,7 +261,7 @@ class Stream(SlaveMode):
         streaming = self._alive()
         shared = streaming.shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or shared.waiting or not shared.settled:
+        while shared.samples <= current or shared.queued or not shared.settled:
             self._alive()
             pause(common.POLL)
 
@@ -315,9 +315,9 @@ class Stream(SlaveMode):
         return self._alive().shared.at_rest
 
     @property
-    def waiting(self) -> int:
+    def queued(self) -> int:
         """The number of queued set-points."""
-        return self._alive().shared.waiting
+        return self._alive().shared.queued
 
     @property
     def underflows(self) -> int:

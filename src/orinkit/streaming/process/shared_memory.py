@@ -212,7 +212,7 @@ class StreamMemory:
         return self._words[_Word.ORDER_DONE] == self._words[_Word.ORDER]
 
     @property
-    def waiting(self) -> int:
+    def queued(self) -> int:
         """The number of set-points in the queue."""
         words = self._words
         return int(words[_Word.WRITTEN] - max(words[_Word.READ], words[_Word.FORGOTTEN]))

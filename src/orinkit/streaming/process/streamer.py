@@ -304,12 +304,12 @@ class Streamer:
     def _finished(self) -> bool:
         """Return True if all queued set-points were sent; a live target need not be reached."""
         shared = self._shared
-        return shared.feed is not SetPointSource.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
+        return shared.feed is not SetPointSource.QUEUE or (not shared.queued and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
         """Return True if set-points were sent, the arm stands, and the queue is empty."""
         shared = self._shared
-        return shared.feed is SetPointSource.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
+        return shared.feed is SetPointSource.QUEUE and not shared.queued and self._sent > 0 and self._rests > 0
 
     def _command(self, reason: Reason) -> tuple[float, ...]:
         if reason or self._shared.wanted is StreamCommand.HALT:
@@ -342,7 +342,7 @@ class Streamer:
 
     def _ready(self) -> bool:
         """Return True if streaming can begin: with a few queued set-points, one that is slightly late has no effect."""
-        waiting = self._shared.waiting
+        waiting = self._shared.queued
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
             return True
         self._patience = self._patience - 1 if waiting else _AHEAD
