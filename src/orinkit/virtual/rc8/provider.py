@@ -183,7 +183,7 @@ class VirtualRC8(Provider):
         self.state.clear_errors()
 
     @property
-    def lateness(self) -> Lateness:
+    def set_point_lateness(self) -> Lateness:
         """The lateness of the set-points of the current stream in slave mode, or of the last one."""
         with self.guard:
             return self.state.arm.slave.lateness(0)

@@ -120,7 +120,7 @@ class VirtualVE026A(Provider):
             return self._arm.slave.mode
 
     @property
-    def lateness(self) -> Lateness:
+    def set_point_lateness(self) -> Lateness:
         """Lateness of the set-points of the present or last stream in slave mode."""
         with self.guard:
             return self._arm.slave.lateness(0)
