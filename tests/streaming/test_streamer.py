@@ -249,8 +249,10 @@ def no_answer() -> Exception:
 
 
 def late(shared: StreamMemory, watch: ProgramMonitor, controller: Controller) -> None:
-    tells = controller.lateness(0) is not None
-    Streamer(setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), tells=tells).run()
+    reports_lateness = controller.lateness(0) is not None
+    Streamer(
+        setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), reports_lateness=reports_lateness
+    ).run()
 
 
 def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ProgramMonitor) -> None:
@@ -262,7 +264,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemor
             controller.answer = [2.0, 0.1, 0.15] if cycle == 100 else [1.0, 0.02, 0.02]
         elif cycle == 1200:
             shared.order(StreamCommand.LEAVE)
-        rested[cycle] = shared.rested
+        rested[cycle] = shared.lateness_queried
         told[cycle] = shared.lateness
 
     rested: dict[int, bool] = {}

@@ -139,14 +139,14 @@ class AsyncSlaveMode:
         if streaming is None:
             return
         try:
-            streaming.look()
+            streaming.poll()
             if not streaming.ended:
                 if order is StreamCommand.LEAVE:
                     streaming.shared.forget()
                 streaming.shared.order(order)
             while not streaming.ended:
                 await apause(common.POLL)
-                streaming.look()
+                streaming.poll()
         finally:
             await self._give_up(streaming)
 
@@ -236,7 +236,7 @@ class AsyncSlaveMode:
 
     def _has_ended(self, streaming: StreamerProcess) -> bool:
         """Return True if streaming has ended; record the cause."""
-        streaming.look()
+        streaming.poll()
         if streaming.ended:
             self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
         return streaming.ended

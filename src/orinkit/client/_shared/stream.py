@@ -250,7 +250,7 @@ class TrajectoryRun:
         self._progress = progress
         self._reader = SampleReader(shared, shared.samples)
         self._samples: list[Sample] = []
-        self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
+        self._before, self._dry, self._first = shared.taken, shared.underflows, shared.written
         self._late_before = self._late_seen = shared.lateness
         self._max_lateness = 0.0  # s
         self._started = False
@@ -259,7 +259,7 @@ class TrajectoryRun:
     @property
     def sent(self) -> int:
         """The number of set-points of the trajectory that have been sent."""
-        return self.shared.sent - self._before
+        return self.shared.taken - self._before
 
     def start(self) -> None:
         """Start sending the queued set-points."""
@@ -277,7 +277,7 @@ class TrajectoryRun:
         if self._progress is not None:
             self._progress(Progress(self.sent, self._total))
         fed = not self._started or self.shared.feed is SetPointSource.QUEUE
-        if not fed or self.shared.forgotten > self._first:
+        if not fed or self.shared.discarded_until > self._first:
             self._broken_off = True
             raise broken_off(self.sent)
 
@@ -295,7 +295,7 @@ class TrajectoryRun:
             self._progress(Progress(sent, self._total))
         samples, missed, late, before = tuple(self._samples), self._reader.missed, self._late_seen, self._late_before
         lateness = Lateness(late.count - before.count, self._max_lateness, late.total - before.total)
-        return StreamResult(sent, self.shared.dry - self._dry, samples, missed, timing_of(samples), lateness)
+        return StreamResult(sent, self.shared.underflows - self._dry, samples, missed, timing_of(samples), lateness)
 
     def _read(self) -> None:
         self._samples.extend(self._reader.new())

@@ -127,7 +127,7 @@ def check_sendable(options: StreamOptions, outputs: Outputs) -> None:
     Raises:
         InvalidValue: If an output cannot be sent.
     """
-    pose_type, given = options.mode.kind, options.outputs.changed(outputs).given()
+    pose_type, given = options.mode.kind, options.outputs.changed(outputs).present_items()
     dummy = SetPoint((0.0,) * POSE_SIZES[pose_type], (), **given, window=options.window)
     encode_set_point(pose_type, dummy, options.send, options.receive)
 
@@ -155,8 +155,8 @@ def check_outputs_enabled(options: StreamOptions, outputs: Outputs) -> None:
     Raises:
         InvalidValue: If slave mode was entered without one of them.
     """
-    opened = options.outputs.given()
-    for name in outputs.given():
+    opened = options.outputs.present_items()
+    for name in outputs.present_items():
         if name not in opened:
             raise InvalidValue(tr("{name} outputs are not enabled. Try: slave_mode({name}=...)", name=name))
 
@@ -181,7 +181,7 @@ _OUTPUT_READERS: Final[dict[FieldType, Callable[[str, object], object]]] = {
 
 
 def _send(outputs: Outputs) -> SendBits:
-    given = outputs.given()
+    given = outputs.present_items()
     for first, second in EXCLUSIVE:
         if first in given and second in given:
             raise InvalidValue(

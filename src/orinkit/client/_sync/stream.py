@@ -163,7 +163,7 @@ class Stream(SlaveMode):
         """Wait until all pushed set-points are sent or the live target is reached, and the arm is at standstill."""
         shared = self._alive().shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or not shared.rested or shared.queued:
+        while shared.samples <= current or not shared.lateness_queried or shared.queued:
             self._alive()
             pause(common.POLL)
         shared.hold()
@@ -288,7 +288,7 @@ class Stream(SlaveMode):
         while self._streaming is streaming and not streaming.ended:
             yield from reader.new()
             pause(common.POLL)
-            streaming.look()
+            streaming.poll()
         if self._streaming is streaming:
             self._alive()
 
@@ -322,7 +322,7 @@ class Stream(SlaveMode):
     @property
     def underflows(self) -> int:
         """The number of times that the queue was empty while the arm moved, so that the arm was stopped."""
-        return self._alive().shared.dry
+        return self._alive().shared.underflows
 
     @property
     def _axes(self) -> int:

@@ -115,7 +115,7 @@ class Outputs:
     hand: int | None = None
     user: tuple[int, bytes] | None = None
 
-    def given(self) -> dict[str, Any]:
+    def present_items(self) -> dict[str, Any]:
         """Return the outputs that are not ``None``, by name."""
         return {name: value for name, value in self.items() if value is not None}
 
@@ -125,7 +125,7 @@ class Outputs:
 
     def changed(self, other: Outputs) -> Outputs:
         """Return these outputs, overridden by those of ``other`` that are not ``None``."""
-        return self if other is _NO_OUTPUTS else Outputs(**{**self.given(), **other.given()})
+        return self if other is _NO_OUTPUTS else Outputs(**{**self.present_items(), **other.present_items()})
 
 
 _OUTPUT_NAMES: Final = tuple(row.name for row in OUTPUTS)
@@ -234,7 +234,7 @@ class StreamMemory:
         self._words[_Word.FEED] = SetPointSource.QUEUE
 
     @property
-    def forgotten(self) -> int:
+    def discarded_until(self) -> int:
         """The number of set-points queued before the queue was last discarded."""
         return int(self._words[_Word.FORGOTTEN])
 
@@ -284,12 +284,12 @@ class StreamMemory:
         return int(self._words[_Word.SAMPLES])
 
     @property
-    def sent(self) -> int:
+    def taken(self) -> int:
         """The number of set-points taken from the queue."""
         return int(self._words[_Word.SENT])
 
     @property
-    def dry(self) -> int:
+    def underflows(self) -> int:
         """The number of underflows: the queue was empty while the arm moved, so that the arm was stopped."""
         return int(self._words[_Word.DRY])
 
@@ -308,7 +308,7 @@ class StreamMemory:
         return bool(self._words[_Word.RESTS])
 
     @property
-    def rested(self) -> bool:
+    def lateness_queried(self) -> bool:
         """True if the controller has detected that, and was queried for late set-points."""
         return self._words[_Word.RESTS] >= RESTS
 

@@ -145,14 +145,14 @@ class StreamerConnection:
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
 
-    def lateness(self, leave_out: int) -> Lateness | None:
-        """Return how late set-points were, except the first ``leave_out``; ``None`` if the controller cannot report it.
+    def lateness(self, skip_first: int) -> Lateness | None:
+        """Return how late set-points were, except the first ``skip_first``; ``None`` if the controller cannot report it.
 
         A real controller does not have this command: call it before slave mode is on, and never again if it returns
         None.
         """
         try:
-            return read_lateness(self.execute(LATENESS, leave_out)[1])
+            return read_lateness(self.execute(LATENESS, skip_first)[1])
         except (CallError, CallTimeout):
             return None
 
@@ -185,7 +185,7 @@ class StreamerConnection:
         except CallError as error:  # the name of the command is more specific than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
-    def first_error(self, error: CallError) -> CallError:
+    def read_first_error(self, error: CallError) -> CallError:
         """Return the controller's first error: the following ones only report that slave mode is off (RC8 4.7).
 
         Args:
@@ -235,7 +235,7 @@ class Streamer:
         shared: Memory shared with the program.
         watch: Monitor of the program.
         planner: Planner of the commands.
-        tells: True if the controller reports late set-points.
+        reports_lateness: True if the controller reports late set-points.
     """
 
     def __init__(
@@ -246,7 +246,7 @@ class Streamer:
         watch: ProgramMonitor,
         planner: Planner,
         *,
-        tells: bool = False,
+        reports_lateness: bool = False,
     ) -> None:
         self._setup = setup
         self._shared = shared
@@ -255,7 +255,8 @@ class Streamer:
         self._connection = connection
         call: Call = connection.move
         buffering = setup.mode.buffering
-        if setup.plain and buffering == 0:  # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
+        # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
+        if setup.joints_only and buffering == 0:
             buffering = 2
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _ControllerClock(setup.receive.microseconds)
@@ -272,7 +273,7 @@ class Streamer:
         self._patience = _AHEAD
         self._waits_since = monotonic()
         self._rests = 0
-        self._late = 0 if tells else None  # number of late set-points that the controller has reported
+        self._late = 0 if reports_lateness else None  # number of late set-points that the controller has reported
         self._moved = False  # since the last query
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
@@ -388,7 +389,7 @@ class Streamer:
             self._note_outputs()
 
     def _note_outputs(self) -> None:
-        self._beside = self._outputs.given()
+        self._beside = self._outputs.present_items()
         if self._setup.window is not None:
             self._beside["window"] = self._setup.window
 
@@ -400,7 +401,7 @@ class Streamer:
 
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup = self._setup
-        if setup.plain:
+        if setup.joints_only:
             return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":

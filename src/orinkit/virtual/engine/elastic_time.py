@@ -108,11 +108,11 @@ class _Cases:
         count, longest, total = self._all.count, self._all.longest, self._all.total
         self._all = Lateness(count + 1, max(longest, seconds), total + seconds)
 
-    def lateness(self, leave_out: int) -> Lateness:
-        """Return the lateness, without the first ``leave_out`` late set-points."""
-        if leave_out == 0:
+    def lateness(self, skip_first: int) -> Lateness:
+        """Return the lateness, without the first ``skip_first`` late set-points."""
+        if skip_first == 0:
             return self._all
-        count = max(0, self._all.count - leave_out)
+        count = max(0, self._all.count - skip_first)
         known = list(self._seconds)[max(0, len(self._seconds) - count) :]
         return Lateness(count, max(known, default=0.0), sum(known))
 
@@ -178,9 +178,9 @@ class CyclePacer:
             self._update_wait()
             self._end_wait(math.inf)
 
-    def lateness(self, leave_out: int = 0) -> Lateness:
-        """Return the lateness of the set-points, without the first ``leave_out`` late ones."""
-        return self._cases.lateness(max(0, leave_out))
+    def lateness(self, skip_first: int = 0) -> Lateness:
+        """Return the lateness of the set-points, without the first ``skip_first`` late ones."""
+        return self._cases.lateness(max(0, skip_first))
 
     # --- a late client ------------------------------------------------------------------------------------------
 

@@ -64,7 +64,7 @@ def mode(parameter: Variant) -> int:
     return number
 
 
-def left_out(parameter: Variant) -> int:
+def skip_first_count(parameter: Variant) -> int:
     """Return the parameter of slvGetLateness, the number of late set-points to leave out; 0 by default.
 
     Raises:

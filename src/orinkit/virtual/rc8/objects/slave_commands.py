@@ -53,8 +53,8 @@ def get_mode(caller: ClientContext, _: Variant) -> int:
 
 def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
     """Return the lateness of the current stream, or of the last one (see :mod:`orinkit.rc8.slave_lateness`)."""
-    (leave_out,) = parameters.whole_numbers(parameter, 0)
-    return build_lateness(caller.state.arm.slave.lateness(leave_out))
+    (skip_first,) = parameters.whole_numbers(parameter, 0)
+    return build_lateness(caller.state.arm.slave.lateness(skip_first))
 
 
 def set_send_format(caller: ClientContext, parameter: Variant) -> None:
