@@ -184,7 +184,7 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
         ask(2, EXECUTE, handle, "CountLater", "a")
         assert await answer() == Packet(2, 0, [1])
         assert shop.counts == ["a"]
-        endpoint.shared.all.pop().close()
+        endpoint.context.all.pop().close()
 
     with asyncio.Runner(loop_factory=LeapingLoop) as runner:
         runner.run(main())

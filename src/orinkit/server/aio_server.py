@@ -141,10 +141,10 @@ def _parse_listen_address(url: str) -> AnyAddress:
     return address
 
 
-async def _listen(address: AnyAddress, shared: ServerContext, http: HttpOptions) -> Listener:
+async def _listen(address: AnyAddress, context: ServerContext, http: HttpOptions) -> Listener:
     """Open one address."""
     row = row_of(address)
-    opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))
+    opened = resolve(row.listener)(address, context, *((http,) if row.http else ()))
     try:
         listener: Listener = await opened
     except ConnectFailed:  # already has its own hint

@@ -32,7 +32,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     """The client at the other end of a serial line; clients may succeed one another.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the line.
         path: path of the line, for the provider and the log.
         lost: callback invoked when the line has failed or has been closed.
@@ -40,16 +40,16 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
 
     def __init__(
         self,
-        shared: ServerContext,
+        context: ServerContext,
         loop: asyncio.AbstractEventLoop,
         path: str,
         lost: Callable[[Exception | None], None] | None = None,
     ) -> None:
-        super().__init__(shared, loop, LINE)
+        super().__init__(context, loop, LINE)
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self.server_limit = shared.alive
+        self.server_limit = context.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
@@ -61,8 +61,8 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         )  # some do not derive from WriteTransport
         self._is_closing = transport.is_closing
         transport.set_write_buffer_limits(_MAX_UNSENT)
-        self._shared.all.add(self)
-        if self._shared.closing:
+        self._context.all.add(self)
+        if self._context.closing:
             transport.abort()
 
     def data_received(self, data: bytes) -> None:
@@ -87,7 +87,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             self._silence.cancel()
             self._silence = None
         self._leave(exc)
-        self._shared.discard(self)
+        self._context.discard(self)
         if self._lost is not None:
             self._lost(exc)
 
@@ -146,16 +146,16 @@ class PortListener:
 
     Args:
         address: the port.
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the port.
 
     Attributes:
         url: the URL of the port, with the settings that differ from the defaults.
     """
 
-    def __init__(self, address: SerialAddress, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, address: SerialAddress, context: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
         self._address = address
-        self._shared = shared
+        self._context = context
         self._loop = loop
         self._closed = False
         self._reopening: asyncio.Task[None] | None = None
@@ -164,14 +164,14 @@ class PortListener:
         self.url = _url(address)
 
     @classmethod
-    async def open(cls, address: SerialAddress, shared: ServerContext) -> Self:
+    async def open(cls, address: SerialAddress, context: ServerContext) -> Self:
         """Open the port.
 
         Raises:
             ConnectFailed: If the port cannot be opened.
             MissingExtra: If serialx is not installed.
         """
-        listener = cls(address, shared, asyncio.get_running_loop())
+        listener = cls(address, context, asyncio.get_running_loop())
         await listener._open_port()
         return listener
 
@@ -182,7 +182,7 @@ class PortListener:
         try:
             self._transport, _ = await serialx.create_serial_connection(
                 self._loop,
-                lambda: SerialClient(self._shared, self._loop, self._address.path, self._lost),
+                lambda: SerialClient(self._context, self._loop, self._address.path, self._lost),
                 self._address.path,
                 transport_cls=serialx.SerialTransport,
                 **chosen,
@@ -229,7 +229,7 @@ class PtyListener:
         self.url = _url(SerialAddress(terminal.path))
 
     @classmethod
-    async def open(cls, address: PtyAddress, shared: ServerContext) -> Self:
+    async def open(cls, address: PtyAddress, context: ServerContext) -> Self:
         """Open a pair of pseudo-terminals.
 
         Raises:
@@ -239,7 +239,7 @@ class PtyListener:
         try:
             from orinkit.server.pseudo_terminal import PseudoTerminal
 
-            return cls(PseudoTerminal(loop, lambda path: SerialClient(shared, loop, path)))
+            return cls(PseudoTerminal(loop, lambda path: SerialClient(context, loop, path)))
         except (ImportError, OSError) as error:
             raise ConnectFailed(
                 tr(

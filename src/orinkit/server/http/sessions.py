@@ -100,16 +100,16 @@ class HttpSession:
     """
 
     def __init__(self, sessions: HttpSessions, key: str, address: str, port: int) -> None:
-        shared = sessions.shared
+        context = sessions.context
         self.key = key
         self.address = address
-        self.session = Session(shared.host, ClientInfo(address, "http", port), shared.numbers)
-        self.invoke_timeout = shared.invoke_timeout
+        self.session = Session(context.host, ClientInfo(address, "http", port), context.numbers)
+        self.invoke_timeout = context.invoke_timeout
         self.known = False
         self.plain = False
         self.address_session: HttpSession | None = None
         self._sessions = sessions
-        self._shared = shared
+        self._context = context
         self._loop = sessions.loop
         self._name = f"{address}:{port}/http"
         self._calls: set[RunningCall] = set()
@@ -173,7 +173,7 @@ class HttpSession:
     @property
     def server_limit(self) -> float | None:
         """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
-        return None if self._has_persistent and not self.plain else self._shared.alive
+        return None if self._has_persistent and not self.plain else self._context.alive
 
     def give_up(self, reason: str) -> None:
         """End the session: the client has become unreachable."""
@@ -220,7 +220,7 @@ class HttpSession:
 
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
-        default = self._shared.invoke_timeout
+        default = self._context.invoke_timeout
         self.client_limit = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.address_session is not None:
@@ -231,10 +231,10 @@ class HttpSession:
         call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
-        self._shared.tasks.add(task)
+        self._context.tasks.add(task)
 
         def done(_: object) -> None:
-            self._shared.tasks.discard(task)
+            self._context.tasks.discard(task)
             if iscoroutine(pending.work):
                 pending.work.close()  # prevents a warning if it was cancelled before it began
 
@@ -295,7 +295,7 @@ class HttpSession:
         self._timer.cancel()
         self._liveness.end()
         self._sessions.forget(self)
-        self._shared.open.discard(self)
+        self._context.open.discard(self)
         calls, self._calls = self._calls, set()
         for call in calls:
             call.give_up(CallReply(hresult.E_ABORT, detail=tr("the session has ended")))
@@ -303,7 +303,7 @@ class HttpSession:
                 call.task.cancel()
         logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
         self.session.close()
-        self._shared.discard(self)
+        self._context.discard(self)
 
     def close(self) -> None:
         """End the session after the requests in progress have completed: the server is closing."""
@@ -320,12 +320,12 @@ class HttpSessions:
     """The sessions of one HTTP listener.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         idle: seconds of silence after which a session ends.
     """
 
-    def __init__(self, shared: ServerContext, idle: float) -> None:
-        self.shared = shared
+    def __init__(self, context: ServerContext, idle: float) -> None:
+        self.context = context
         self.loop = asyncio.get_running_loop()
         self.idle = idle
         self._by_key: dict[str, HttpSession] = {}  # oldest first
@@ -351,17 +351,17 @@ class HttpSessions:
 
     def create(self, address: str, port: int) -> HttpSession | None:
         """Create a session that can be reached only by its cookie; return ``None`` if the limit is reached."""
-        shared = self.shared
-        if not shared.closing and len(shared.open) >= shared.clients:
+        context = self.context
+        if not context.closing and len(context.open) >= context.clients:
             self._make_room()
-        reason = shared.make_room(network_of(address))
+        reason = context.make_room(network_of(address))
         if reason:
-            logger.log(shared.refusal_level(self.loop.time()), "%s:%d/http refused: %s", address, port, reason)
+            logger.log(context.refusal_level(self.loop.time()), "%s:%d/http refused: %s", address, port, reason)
             return None
         made = HttpSession(self, secrets.token_urlsafe(18), address, port)
         self._by_key[made.key] = made
-        shared.open.add(made)
-        shared.all.add(made)
+        context.open.add(made)
+        context.all.add(made)
         return made
 
     def for_service_start(self, address: str, port: int) -> HttpSession | None:
