@@ -49,6 +49,6 @@ def forget_clients(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
             caller._check_idle_time()
 
     with monkeypatch.context() as patched:
-        patched.setattr(udp, "FORGOTTEN_AFTER", 0.0)
+        patched.setattr(udp, "IDLE_TIMEOUT", 0.0)
         server._loop.call_soon_threadsafe(look)
         until(lambda: server.clients == 0)

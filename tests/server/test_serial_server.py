@@ -115,8 +115,8 @@ def test_the_device_receives_the_client_info(raw: SerialRaw, server: Server, sho
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("serial", server.url.removeprefix("serial://"), 0)
     handled = threading.Event()
-    assert visitor.drain_input is not None
-    visitor.drain_input(handled.set)
+    assert visitor.when_input_processed is not None
+    visitor.when_input_processed(handled.set)
     assert handled.wait(PATIENCE)
 
 

@@ -64,7 +64,7 @@ def raw(server: Server) -> Iterator[UdpRaw]:
 @pytest.fixture
 def long(monkeypatch: pytest.MonkeyPatch) -> float:
     """Set and return the time after which a client is dropped, s; it elapses only when a test advances the clock."""
-    monkeypatch.setattr(udp, "FORGOTTEN_AFTER", 1000.0)
+    monkeypatch.setattr(udp, "IDLE_TIMEOUT", 1000.0)
     return 1000.0
 
 
@@ -220,8 +220,8 @@ def test_the_device_receives_the_client_info(raw: UdpRaw, shop: Counting) -> Non
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("udp", "127.0.0.1", raw.port)
     handled = threading.Event()
-    assert visitor.drain_input is not None
-    visitor.drain_input(handled.set)
+    assert visitor.when_input_processed is not None
+    visitor.when_input_processed(handled.set)
     assert handled.wait(PATIENCE)
 
 

@@ -49,7 +49,7 @@ class Wire:
         self.asked: list[Callable[[], None]] = []
         self.arrived: list[Callable[[], Any]] = []
 
-    def drain_input(self, handled: Callable[[], None]) -> None:
+    def when_input_processed(self, handled: Callable[[], None]) -> None:
         self.asked.append(handled)
 
     def read(self) -> None:
@@ -72,7 +72,7 @@ class LateCell(Cell):
         self.arm = self.rc8.state.arm
         self.cycles_ = self.rc8.state.cycles
         self.controller = self.rc8.connect(
-            "c", "", "", ClientInfo(ADDRESS, "tcp", 1, self.wire.drain_input if wired else None)
+            "c", "", "", ClientInfo(ADDRESS, "tcp", 1, self.wire.when_input_processed if wired else None)
         )
         self.robot = self.controller.get_robot("Arm", "")
         self.commands = [self.arm.queue.joints]

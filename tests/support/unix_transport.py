@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from orinkit.bcap.profiles import STREAM
-from orinkit.server.accepting import ONE_AT_A_TIME, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, set_backlog
 from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener
 from orinkit.transport.address import bad_address
@@ -65,7 +65,7 @@ async def listen(address: UnixAddress, shared: ServerContext) -> TcpListener:
     server = await loop.create_unix_server(
         lambda: TcpConnection(shared, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
     )
-    deepen(server)
+    set_backlog(server)
     return TcpListener(server, str(address))
 
 

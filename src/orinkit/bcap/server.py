@@ -117,8 +117,8 @@ class ServerConversation:
         packets: number of complete packets received.
         calls: number of packets that were calls to execute.
         alive: the client's own limit on silence, s, ``None`` for no limit; set by ``Alive=<ms>``.
-        heard: time of the last complete request.
-        answered: time of the last reply to a call.
+        last_request_at: time of the last complete request.
+        last_reply_at: time of the last reply to a call.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class ServerConversation:
         self.calls = 0
         self.timed_out = False
         self._next_wdt = 0.0
-        self._now = self.heard = self.answered = 0.0
+        self._now = self.last_request_at = self.last_reply_at = 0.0
         self._expires_at = 0.0
 
     @property
@@ -235,7 +235,7 @@ class ServerConversation:
     def _request(self, frame: bytes) -> Action | None:
         self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
-        self.heard = self._now
+        self.last_request_at = self._now
         if len(frame) > self._limits.packet:  # a datagram; in a stream the framer raises an error
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._profile.tail
@@ -338,7 +338,7 @@ class ServerConversation:
         if call is not self._current:
             return b""
         self._current = None
-        self.answered = self._now
+        self.last_reply_at = self._now
         if self.timed_out:
             self.timed_out = False
             return b""

@@ -15,7 +15,7 @@ from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.context import Listener, ServerContext
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
-from orinkit.server.log_limiter import THROTTLE
+from orinkit.server.log_limiter import LOG_LIMITER
 from orinkit.transport.address import parse_address
 from orinkit.transport.links import refused
 from orinkit.transport.registry import AnyAddress, resolve, row_of
@@ -117,7 +117,7 @@ class AsyncServer:
             await listener.close()
         self._listeners.clear()
         await self._connections.close(_GRACE)
-        THROTTLE.report()
+        LOG_LIMITER.report()
 
     async def __aenter__(self) -> Self:
         await self.start()

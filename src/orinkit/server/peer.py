@@ -121,25 +121,25 @@ class Peer(ABC):
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
-    server_limit: float | None = None
+    server_silence_limit: float | None = None
 
     @property
-    def heard(self) -> float:
+    def last_request_at(self) -> float:
         """The time of the last complete request."""
-        return self._conversation.heard
+        return self._conversation.last_request_at
 
     @property
-    def answered(self) -> float:
+    def last_reply_at(self) -> float:
         """The time of the last reply."""
-        return self._conversation.answered
+        return self._conversation.last_reply_at
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a call is in progress."""
         return self._conversation.busy
 
     @property
-    def client_limit(self) -> float | None:
+    def client_silence_limit(self) -> float | None:
         """The client's own limit on silence (``Alive``), s."""
         return self._conversation.alive
 
@@ -170,7 +170,7 @@ class Peer(ABC):
     def abort(self) -> None:
         """Close the connection immediately and drop pending data."""
 
-    def drain_input(self, handled: Callable[[], None]) -> None:
+    def when_input_processed(self, handled: Callable[[], None]) -> None:
         """Invoke ``handled`` after all data received so far has been processed; may be called from any thread.
 
         The next turn of the loop polls for received data, and the turn after it has processed the data. One more turn is
@@ -271,7 +271,7 @@ class Peer(ABC):
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
-        if self.server_limit is not None or self._conversation.alive is not None:
+        if self.server_silence_limit is not None or self._conversation.alive is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:

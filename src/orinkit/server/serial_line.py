@@ -49,7 +49,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self.server_limit = context.alive
+        self.server_silence_limit = context.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             self._act(self._conversation.timeout(now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self._name, LINE.name, 0, self.drain_input)
+        return ClientInfo(self._name, LINE.name, 0, self.when_input_processed)
 
     def _end_session(self, reason: object = None) -> None:
         """Close the session and drop unsent replies, which the next client must not receive."""

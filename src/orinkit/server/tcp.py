@@ -10,7 +10,7 @@ from typing import Final, Self, cast
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
-from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
 from orinkit.server.context import ServerContext
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
@@ -168,7 +168,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _about(self) -> ClientInfo:
         host, port = self._peername
-        return ClientInfo(host, self._kind, port, self.drain_input)
+        return ClientInfo(host, self._kind, port, self.when_input_processed)
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)
@@ -210,5 +210,5 @@ class TcpListener(StreamListener):
         server = await loop.create_server(
             lambda: TcpConnection(context, loop), address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True
         )
-        deepen(server)
+        set_backlog(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))

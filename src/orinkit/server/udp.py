@@ -21,7 +21,7 @@ from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
-FORGOTTEN_AFTER: Final = 10.0
+IDLE_TIMEOUT: Final = 10.0
 """Seconds of silence after which a client is disconnected (reference behaviour: docs/protocol.md)."""
 
 _MAX_SIZE_ATTRIBUTE: Final = "max_size"  # asyncio's receive size; its default of 256 KiB per datagram is slow
@@ -33,8 +33,8 @@ _SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host,
 class UdpClient(ConnectionlessClient):
     """A client on UDP.
 
-    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`FORGOTTEN_AFTER`
-    while no call is in progress. The reply to the last request is stored for :data:`FORGOTTEN_AFTER`, in case it was lost.
+    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`IDLE_TIMEOUT`
+    while no call is in progress. The reply to the last request is stored for :data:`IDLE_TIMEOUT`, in case it was lost.
     """
 
     def __init__(self, udp_socket: UdpSocket, socket_address: _SocketAddress) -> None:
@@ -45,7 +45,7 @@ class UdpClient(ConnectionlessClient):
         self._host = str(socket_address[0])
         self._send = partial(udp_socket.send, socket_address)
         self._is_closing = udp_socket.is_closing
-        self.server_limit = udp_socket.context.alive
+        self.server_silence_limit = udp_socket.context.alive
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:
@@ -54,7 +54,7 @@ class UdpClient(ConnectionlessClient):
         self._act(self._conversation.receive(data, now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.drain_input)
+        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.when_input_processed)
 
     def _new_session(self) -> Session | None:
         session = super()._new_session()
@@ -62,7 +62,7 @@ class UdpClient(ConnectionlessClient):
             self._context.all.add(self)
             self._socket.keep(self)
             if self._timer is None:
-                self._timer = self._loop.call_later(FORGOTTEN_AFTER, self._check_idle_time)
+                self._timer = self._loop.call_later(IDLE_TIMEOUT, self._check_idle_time)
         return session
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
@@ -74,7 +74,7 @@ class UdpClient(ConnectionlessClient):
         self._socket.keep_for_duplicates(self)
 
     def _check_idle_time(self) -> None:
-        until = FORGOTTEN_AFTER if self._conversation.busy else self._heard + FORGOTTEN_AFTER - self._loop.time()
+        until = IDLE_TIMEOUT if self._conversation.busy else self._heard + IDLE_TIMEOUT - self._loop.time()
         if until > 0:
             self._timer = self._loop.call_later(until, self._check_idle_time)
         else:

@@ -361,7 +361,7 @@ def test_clients_that_make_calls_are_not_dropped(workshop: Workshop) -> None:
 def test_a_client_whose_connection_breaks_in_a_call_is_dropped_sooner(
     workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", 100.0)
+    monkeypatch.setattr(http_sessions, "IDLE_TIMEOUT", 100.0)
     with orinkit.serve(workshop, "http://127.0.0.1:0", http=IDLE) as server:
         web = Web(server.url, keeps_cookies=True)
         handle = connect(web)
@@ -497,7 +497,7 @@ def test_the_arm_of_a_disconnected_client_stops_within_its_limits(how: str) -> N
         else:
             web.close()
             see_broken(server)
-            leap(server, http_sessions.FORGOTTEN_AFTER)
+            leap(server, http_sessions.IDLE_TIMEOUT)
         until(lambda: server.clients == 1)
         take_turns(server)
         while arm.busy:

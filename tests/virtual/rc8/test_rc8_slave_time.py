@@ -180,9 +180,9 @@ def test_without_anybody_to_ask_it_is_decided_at_once():
 def test_draining_may_end_at_once(late):
     """Without input in transit: it calls back before it returns."""
     moving(late)
-    late.wire.drain_input = None
+    late.wire.when_input_processed = None
     pace = late.cycles_.pace
-    pace._drain_input = lambda handled: handled()
+    pace._when_input_processed = lambda handled: handled()
     late.drive(PERIOD)
     assert late.error == hresult.COMMAND_DELAY
 
@@ -194,7 +194,7 @@ def test_draining_that_delivers_the_set_point_at_once():
         cell.call(NEXT)
         handled()
 
-    cell.cycles_.pace._drain_input = look
+    cell.cycles_.pace._when_input_processed = look
     cell.drive(PERIOD)
     assert (cell.arm.queue.joints, cell.error) == (NEXT, 0)
     cell.close()
@@ -569,7 +569,7 @@ def test_draining_over_tcp(ask_from_loop):
         async with AsyncServer(provider, "tcp://127.0.0.1:0") as server:
             client = await asyncio.to_thread(RawClient, server.url)
             handle = await asyncio.to_thread(client.ask, controller_connect.id, "c", "x", "", "")
-            assert provider.client.drain_input is not None
+            assert provider.client.when_input_processed is not None
             for turn in range(100):
                 over, seen = asyncio.Event(), []
 
@@ -579,9 +579,9 @@ def test_draining_over_tcp(ask_from_loop):
 
                 client.request(controller_get_variable_names.id, handle, str(turn))  # this thread runs the loop
                 if ask_from_loop:
-                    provider.client.drain_input(handled)
+                    provider.client.when_input_processed(handled)
                 else:
-                    asking = threading.Thread(target=provider.client.drain_input, args=(handled,))
+                    asking = threading.Thread(target=provider.client.when_input_processed, args=(handled,))
                     asking.start()
                     asking.join(SOON)
                 assert not seen
@@ -596,7 +596,7 @@ def test_draining_over_tcp(ask_from_loop):
 def test_draining_when_the_loop_is_closed():
     provider = Heard()
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, provider="x"):
-        look = provider.client.drain_input
+        look = provider.client.when_input_processed
     called = []
     look(lambda: called.append(threading.current_thread()))
     assert called == [threading.current_thread()]

@@ -23,7 +23,7 @@ from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.server.accepting import watch
+from orinkit.server.accepting import install_exception_handler
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.server.alive_option import ALIVE, check_alive
 from orinkit.server.capacity import DEFAULT_CLIENTS
@@ -169,7 +169,7 @@ async def _serve(
     before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
-    watch(asyncio.get_running_loop())
+    install_exception_handler(asyncio.get_running_loop())
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
             server = AsyncServer(

@@ -227,7 +227,7 @@ class App:
             if not hresult.failed(reply.code):
                 session.end()
             return reply
-        if session.busy and function_id not in _STOPPING:
+        if session.at_call_limit and function_id not in _STOPPING:
             detail = tr("{calls} calls of this client are in progress", calls=CALLS)
             return CallReply(hresult.E_BUSY_PROC, detail=detail)
         if function_id == _SERVICE_START:

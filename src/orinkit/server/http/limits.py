@@ -68,7 +68,7 @@ class LimitedConnection(Protocol):
         """The network of the client's address; see :func:`~orinkit.transport.address.network_of`."""
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a complete request is in progress."""
 
     def abort(self) -> None:
@@ -116,7 +116,7 @@ class ConnectionLimiter:
         full = len(of_address) >= self.per_address
         if full or len(self) >= self.limit:
             candidates = of_address if full else chain(self._unproven, self._proven)
-            oldest = next((each for each in candidates if not each.at_work), None)
+            oldest = next((each for each in candidates if not each.has_call), None)
             if oldest is None:
                 return False
             self.discard(oldest)
@@ -124,7 +124,7 @@ class ConnectionLimiter:
         self._unproven[connection] = None
         return True
 
-    def answered(self, connection: LimitedConnection) -> None:
+    def mark_replied(self, connection: LimitedConnection) -> None:
         """Mark a connection as having completed a request."""
         if connection in self._unproven or connection in self._proven:
             self.discard(connection)
@@ -204,7 +204,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return self.client[0] if self.client else ""
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a complete request is in progress."""
         return self._stage is Stage.WORK
 
@@ -330,7 +330,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def on_response_complete(self) -> None:
         """Continue after a complete response."""
-        self._guard.answered(self)
+        self._guard.mark_replied(self)
         super().on_response_complete()
         if self._half_closed and not self._whole:
             self.transport.close()
@@ -427,7 +427,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._stage is Stage.WORK:
             self.cycle.keep_alive = False
         elif self._stage is Stage.BODY:
-            self._respond("503 Service Unavailable", closing())
+            self._respond("503 Service Unavailable", closing_message())
         else:
             self.transport.close()
             self._update_stage()
@@ -437,6 +437,6 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.abort()
 
 
-def closing() -> str:
+def closing_message() -> str:
     """Return the message for clients while the server is closing."""
     return tr("the server is closing")

@@ -31,7 +31,7 @@ logger = logging.getLogger("orinkit.server")
 CALLS: Final = 8
 """Limit on the calls of one client in progress."""
 _MAX_CALLS: Final = 8 * CALLS  # including abandoned ones
-FORGOTTEN_AFTER: Final = 10.0
+IDLE_TIMEOUT: Final = 10.0
 """Seconds of silence after which a session ends if its connection broke during a call, or if its cookie was never sent
 back."""
 
@@ -95,8 +95,8 @@ class HttpSession:
         plain: whether the session has been used without a cookie.
         ended: whether the session has ended.
         address_session: the session of the client's address, to which the Service_Start of this session may also belong.
-        client_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
-        heard: loop time of the last request, s.
+        client_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
+        last_request_at: loop time of the last request, s.
     """
 
     def __init__(self, sessions: HttpSessions, key: str, address: str, port: int) -> None:
@@ -117,8 +117,8 @@ class HttpSession:
         self._broken = False
         self._closing = False
         self.ended = False
-        self.client_limit: float | None = None
-        self.heard = self._heard = self._loop.time()
+        self.client_silence_limit: float | None = None
+        self.last_request_at = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
         ] = {}  # open connections; the value: whether it has carried several requests
@@ -136,7 +136,7 @@ class HttpSession:
         """
         self._waiting += 1
         self._broken = False
-        self.heard = self._loop.time()
+        self.last_request_at = self._loop.time()
         if connection is not None:
             self._connections[connection] = connection in self._connections
         self._liveness.start()
@@ -161,17 +161,17 @@ class HttpSession:
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
     @property
-    def answered(self) -> float:
+    def last_reply_at(self) -> float:
         """The time of the last response."""
         return self._heard
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a request is in progress."""
         return self._waiting > 0
 
     @property
-    def server_limit(self) -> float | None:
+    def server_silence_limit(self) -> float | None:
         """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
         return None if self._has_persistent and not self.plain else self._context.alive
 
@@ -195,7 +195,7 @@ class HttpSession:
             self._restart_timer()
 
     @property
-    def busy(self) -> bool:
+    def at_call_limit(self) -> bool:
         """True if the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
         awaited = sum(call.client_waits for call in self._calls)
         return awaited >= CALLS or len(self._calls) >= _MAX_CALLS
@@ -221,7 +221,7 @@ class HttpSession:
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
         default = self._context.invoke_timeout
-        self.client_limit = options.alive
+        self.client_silence_limit = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.address_session is not None:
             self.address_session.set_options(options)
@@ -257,14 +257,14 @@ class HttpSession:
 
     # --- end of the session --------------------------------------------------------------------------------------------------
 
-    def replaced(self) -> None:
+    def on_address_lost(self) -> None:
         """Restart the idle timer: from now on the session can be reached only by its cookie."""
         self._restart_timer()
 
     def _idle_limit(self) -> float:
         idle = self._sessions.idle
         short_lived = self._broken or not (self.known or self._sessions.is_reachable_by_address(self))
-        return min(idle, FORGOTTEN_AFTER) if short_lived else idle
+        return min(idle, IDLE_TIMEOUT) if short_lived else idle
 
     def _restart_timer(self) -> None:
         self._timer.cancel()
@@ -378,7 +378,7 @@ class HttpSessions:
         if current is None or not current.plain:
             self._by_address[address] = made
             if current is not None:
-                current.replaced()
+                current.on_address_lost()
         else:
             current.enter()
             current.leave()

@@ -37,7 +37,7 @@ class TlsAcceptor(asyncio.Protocol):
         self._early = bytearray()
         self.network = ""
 
-    at_work = False
+    has_call = False
 
     def data_received(self, data: bytes) -> None:
         """Buffer data received before the server's side of the handshake has begun."""

@@ -8,7 +8,7 @@ either of them:
   In mode 1 the arm then stops in place; the set-point is still counted.
 * **The server is late** (due cycles were not run in time): the missed cycles are not caught up. One cycle is run, and the
   controller's time lags from then on. Set-points that have arrived count even if they have not been read yet: before a
-  cycle runs without a set-point, the network input is drained (``drain_input``). Strict time does the same, and grants
+  cycle runs without a set-point, the network input is drained (``when_input_processed``). Strict time does the same, and grants
   one more period to a client that may not have received its reply yet.
 * **A client that is paced by the clock** notices neither, and its next set-point is farther away than one cycle allows.
   In a queue (modes 0 and 2) this does no harm. If only the newest set-point counts (mode 1), as many cycles are run on
@@ -43,7 +43,7 @@ _LAG_LIFETIME: Final = 125  # cycles
 _HALF: Final = 0.5  # fraction of a period
 _MAX_CASES: Final = 10_000  # late set-points that are stored individually
 
-DrainInput = Callable[[Callable[[], None]], None]
+WhenInputProcessed = Callable[[Callable[[], None]], None]
 """Invokes a callback once all input received so far has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
 
 
@@ -123,15 +123,17 @@ class CyclePacer:
     Args:
         cycles: The controller's cycle.
         slave: Slave mode of the arm.
-        drain_input: Drains the input of the client that sends set-points; ``None`` if there is never unread input.
+        when_input_processed: Drains the input of the client that sends set-points; ``None`` if there is never unread input.
         strict: True to not wait for late set-points (strict time).
     """
 
-    def __init__(self, cycles: ControlLoop, slave: PacedSlave, drain_input: DrainInput | None, *, strict: bool) -> None:
+    def __init__(
+        self, cycles: ControlLoop, slave: PacedSlave, when_input_processed: WhenInputProcessed | None, *, strict: bool
+    ) -> None:
         self._cycles = cycles
         self._slave = slave
-        self._drain_input = (
-            None if cycles.clock.manual else drain_input
+        self._when_input_processed = (
+            None if cycles.clock.manual else when_input_processed
         )  # a manual clock moves after all input is handled
         self._strict = strict
         self._longest_wait = LONGEST_WAIT  # of the present wait
@@ -227,16 +229,16 @@ class CyclePacer:
 
     def _input_drained(self) -> bool:
         """Request that the input be drained, unless that is pending; return True once it has been drained."""
-        if self._drain_input is None:
+        if self._when_input_processed is None:
             return True
         clock = self._cycles.clock
         if self._drain_request is None:
             self._drain_request = request = object()
             self._drain_requested_at, self._drained = clock.now(), False
-            self._drain_input(lambda: self._on_drained(request))
+            self._when_input_processed(lambda: self._on_drained(request))
         if not self._drained and (clock.now() - self._drain_requested_at) / clock.scale > _DRAIN_TIMEOUT:
-            self._drain_input, self._late_until = None, self._cycles.number + _GRACE_CYCLES
-        return self._drained or self._drain_input is None
+            self._when_input_processed, self._late_until = None, self._cycles.number + _GRACE_CYCLES
+        return self._drained or self._when_input_processed is None
 
     def _on_drained(self, request: object) -> None:
         if request is self._drain_request:

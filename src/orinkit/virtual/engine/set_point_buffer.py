@@ -19,7 +19,7 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.catch_up import gentlest
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput
+from orinkit.virtual.engine.elastic_time import CyclePacer, WhenInputProcessed
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 
@@ -173,15 +173,15 @@ class SetPointBuffer(ABC):
 
     # --- for the subclasses -------------------------------------------------------------------------------------
 
-    def _open(self, drain_input: DrainInput | None, *, strict: bool) -> None:
+    def _open(self, when_input_processed: WhenInputProcessed | None, *, strict: bool) -> None:
         """Begin a stream: from now on its set-points pace the control loop.
 
         Args:
-            drain_input: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
             strict: True to not wait for late set-points.
         """
         self.lenient = 0
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=strict)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
 
     def _close(self) -> list[Deferred[Value]]:
         """End the stream and clear the buffer; return the replies that still wait."""

@@ -149,7 +149,7 @@ class VirtualRC8(Provider):
         """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
         return RC8Controller(
-            ClientContext(self.state, Origin(name, client.address), access, client.drain_input), option
+            ClientContext(self.state, Origin(name, client.address), access, client.when_input_processed), option
         )
 
     def close(self) -> None:

@@ -374,7 +374,7 @@ class VE026AArm:
 
     def _finish(self, change: _Change) -> None:
         if change.mode != OFF:
-            self.slave.begin(change.operator, change.mode, change.operator.drain_input)
+            self.slave.begin(change.operator, change.mode, change.operator.when_input_processed)
 
     def _fail_change(self, code: int) -> None:
         change, self._change = self._change, None

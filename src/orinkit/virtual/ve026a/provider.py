@@ -77,7 +77,7 @@ class VirtualVE026A(Provider):
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:  # noqa: ARG002
         """Return the controller object for one client; machine and option are not used (VE026A 5.2.1)."""
-        return VE026AController(self._arm, Operator(client.drain_input), name)
+        return VE026AController(self._arm, Operator(client.when_input_processed), name)
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the handle of an object, the same for every client.

@@ -22,7 +22,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
-from orinkit.virtual.engine.elastic_time import DrainInput, left_late, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     LENIENCY,
@@ -109,17 +109,17 @@ class VE026ASlaveMode(SetPointBuffer):
 
     # --- commands of clients ------------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: int, drain_input: DrainInput | None) -> None:
+    def begin(self, owner: Operator, mode: int, when_input_processed: WhenInputProcessed | None) -> None:
         """Turn slave mode on; the arm must stand still, and the caller must have checked all preconditions.
 
         Args:
             owner: The client.
             mode: 0x002 or 0x102.
-            drain_input: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self.mode, self.owner = mode, owner
         self._started = False
-        self._open(drain_input, strict=self._strict)
+        self._open(when_input_processed, strict=self._strict)
 
     def put(self, joints: Joints) -> Value | Deferred[Value]:
         """Accept a set-point; return the reply, or a deferred reply if the buffer is full in synchronous mode."""

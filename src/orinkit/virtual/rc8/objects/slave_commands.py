@@ -41,7 +41,7 @@ def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | N
     arm = caller.state.arm
     require("slvChangeMode off" if mode is None else "slvChangeMode on", arm, caller)
     if mode is not None:
-        arm.slave.begin(caller, mode, caller.drain_input)
+        arm.slave.begin(caller, mode, caller.when_input_processed)
     return arm.slave.leave() if mode is None and arm.slave.on else None
 
 

@@ -12,7 +12,7 @@ from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import DrainInput, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, not_waited, waited_in_vain
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     FollowingArm,
@@ -117,18 +117,18 @@ class RC8SlaveMode(SetPointBuffer):
 
     # --- functions of clients -----------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: SlaveMode, drain_input: DrainInput | None) -> None:
+    def begin(self, owner: Operator, mode: SlaveMode, when_input_processed: WhenInputProcessed | None) -> None:
         """Turn slave mode on; the caller has checked the conditions, and the arm is at standstill.
 
         Args:
             owner: The operator.
             mode: The mode.
-            drain_input: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
-        self._open(drain_input, strict=self._arm.switches.strict_time)
+        self._open(when_input_processed, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Deferred[None]:
         """Turn slave mode off once the buffer is empty and the arm at standstill; return a Deferred of that."""
