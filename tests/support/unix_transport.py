@@ -13,7 +13,7 @@ from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener
 from orinkit.transport.address import bad_address
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import AddressText, LinkOptions, ServeOption, Transport
+from orinkit.transport.registry import LinkOptions, ServeOption, SplitAddress, Transport
 from orinkit.transport.sockets.aio_tcp import AsyncTcpLink
 from orinkit.transport.sockets.socket_link import SocketLink
 
@@ -29,7 +29,7 @@ class UnixAddress:
         return f"unix://{self.path}"
 
 
-def parse(given: AddressText) -> UnixAddress:
+def parse(given: SplitAddress) -> UnixAddress:
     if not given.rest.startswith("/"):
         raise bad_address(given.text, "an absolute path is needed", given.scheme)
     return UnixAddress(given.rest)

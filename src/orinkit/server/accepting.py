@@ -62,7 +62,7 @@ class StreamListener:
         self.url = url
         keep_from_children(self)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptors to replace in a forked child."""
         return [each.fileno() for each in self._server.sockets]
 

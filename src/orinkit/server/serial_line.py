@@ -206,7 +206,7 @@ class PortListener:
                 logger.info("%s: reopened", self.url)
                 return
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 

@@ -179,7 +179,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         super().evict()
         self._transport.abort()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return (self._transport.get_extra_info("socket").fileno(),)
 

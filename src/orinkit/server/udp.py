@@ -181,7 +181,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._clients.pop(client.socket_address, None)
         self._without_session.pop(client.socket_address, None)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 

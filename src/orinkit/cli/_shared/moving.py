@@ -12,7 +12,7 @@ from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.client._shared.motion import POLL
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P
 
 _SETTLING: Final = 2.0  # s that the encoders may lag behind the command
@@ -38,7 +38,7 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
     deadline = Deadline(_SETTLING)
     while not robot.motion_complete(1) and not deadline.passed:
         interrupts.check()
-        pause(POLL)
+        sleep(POLL)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, shown
 from orinkit.client._shared.motion import POLL
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import pause
+from orinkit.transport.runner import sleep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -290,7 +290,7 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
         interrupts.check()
         if bar.seen:
             bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
-        pause(POLL)
+        sleep(POLL)
     entered.wait()
 
 

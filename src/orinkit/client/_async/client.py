@@ -39,7 +39,7 @@ from orinkit.core import hresult
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
-from orinkit.transport.aio_keepalive import AsyncKeepAlive, atake_now
+from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
@@ -292,7 +292,7 @@ class AsyncClient(AsyncClosing):
 
     async def _send_sign(self) -> None:
         """Send a sign of life: a call if the client is idle, otherwise a message during the call."""
-        if await atake_now(self._lock):
+        if await atry_acquire(self._lock):
             try:
                 if self._idle.passed and not self._finished:
                     await self._get_name()
@@ -398,14 +398,14 @@ class AsyncClient(AsyncClosing):
         """Give the connection up to the other process; close it in this process."""
         if isinstance(self._link, AsyncDetachedLink):
             self._link = self._link.link
-        self._link.release()
+        self._link.close_local()
 
     @property
     def stray_replies(self) -> int:
         """The number of replies that were late, repeated, or matched no request."""
         return self._conversation.stray_replies
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child, where the thread that held the lock does not exist."""
         self._lock = asyncio.Lock()
         self._finished, self._pulse = True, None

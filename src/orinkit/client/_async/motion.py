@@ -17,7 +17,7 @@ from orinkit.client._shared.common import error_count, error_info
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, apause
+from orinkit.transport.runner import Deadline, asleep
 from orinkit.values.poses import J, P, T
 from orinkit.values.variant import Value
 
@@ -286,7 +286,7 @@ class AsyncMotion:
         while not await self.get_done():
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the motion is not over after {seconds:g} s", seconds=timeout))
-            await apause(min(common.POLL, deadline.left))
+            await asleep(min(common.POLL, deadline.left))
 
     async def halt(self) -> None:
         """Stop and abort the motion. It then counts as stopped before its end."""
@@ -349,7 +349,7 @@ class AsyncMotion:
     async def _arrived_late(self) -> bool:
         """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
         robot = self._robot
-        await apause(common.SETTLE)
+        await asleep(common.SETTLE)
         if not await robot.motion_complete(_ARM):
             return False
         if await self._arrived() is not False or await robot._locked():
@@ -376,7 +376,7 @@ class AsyncMotionProgress:
         if self._ended:
             raise StopAsyncIteration
         if self._begun:
-            await apause(common.POLL)
+            await asleep(common.POLL)
         self._begun = True
         fraction = await self._motion.get_progress()
         self._ended = fraction >= 1.0

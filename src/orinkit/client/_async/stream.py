@@ -26,7 +26,7 @@ from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.streaming.trajectory.retime import retime as retimed
 from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory, read_point, read_trajectory
-from orinkit.transport.runner import apause
+from orinkit.transport.runner import asleep
 from orinkit.values.poses import J, P, T
 
 
@@ -128,7 +128,7 @@ class AsyncStream(AsyncSlaveMode):
         """
         self._alive()
         run.look()
-        await apause(common.POLL)
+        await asleep(common.POLL)
 
     def _prepare(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
         options, start = self._options, self._command()
@@ -165,7 +165,7 @@ class AsyncStream(AsyncSlaveMode):
         current = shared.samples + 1  # a later sample takes the newest target into account
         while shared.samples <= current or not shared.lateness_queried or shared.queued:
             self._alive()
-            await apause(common.POLL)
+            await asleep(common.POLL)
         shared.hold()
 
     # --- single set-points --------------------------------------------------------------------------------------
@@ -191,7 +191,7 @@ class AsyncStream(AsyncSlaveMode):
         values = read_point(point, self._pose_type, self._axes)
         outputs = self._changed(mini=mini, hand=hand, user=user)
         while self._alive().shared.queued >= self._options.queue:
-            await apause(common.POLL)
+            await asleep(common.POLL)
         with self._lock:
             self._put(values, outputs)
 
@@ -251,7 +251,7 @@ class AsyncStream(AsyncSlaveMode):
         try:
             while not shared.order_done:
                 self._alive()
-                await apause(common.POLL)
+                await asleep(common.POLL)
         finally:
             if not shared.closed:
                 shared.order(StreamCommand.RUN)  # without set-points, the arm stops or remains at standstill
@@ -263,7 +263,7 @@ class AsyncStream(AsyncSlaveMode):
         current = shared.samples + 1  # a later sample takes the newest target into account
         while shared.samples <= current or shared.queued or not shared.settled:
             self._alive()
-            await apause(common.POLL)
+            await asleep(common.POLL)
 
     def outputs(
         self, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
@@ -288,7 +288,7 @@ class AsyncStream(AsyncSlaveMode):
         while self._streaming is streaming and not streaming.ended:
             for sample in reader.new():
                 yield sample
-            await apause(common.POLL)
+            await asleep(common.POLL)
             streaming.poll()
         if self._streaming is streaming:
             self._alive()

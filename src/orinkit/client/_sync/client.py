@@ -40,7 +40,7 @@ from orinkit.core.closing import Closing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.fork_safety import keep_from_children
-from orinkit.transport.keepalive import KeepAlive, take_now
+from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
 from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import Deadline, DetachedLink, Link, run, send_close
@@ -292,7 +292,7 @@ class Client(Closing):
 
     def _send_sign(self) -> None:
         """Send a sign of life: a call if the client is idle, otherwise a message during the call."""
-        if take_now(self._lock):
+        if try_acquire(self._lock):
             try:
                 if self._idle.passed and not self._finished:
                     self._get_name()
@@ -398,14 +398,14 @@ class Client(Closing):
         """Give the connection up to the other process; close it in this process."""
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
-        self._link.release()
+        self._link.close_local()
 
     @property
     def stray_replies(self) -> int:
         """The number of replies that were late, repeated, or matched no request."""
         return self._conversation.stray_replies
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child, where the thread that held the lock does not exist."""
         self._lock = threading.RLock()
         self._finished, self._pulse = True, None

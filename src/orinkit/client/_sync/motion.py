@@ -16,7 +16,7 @@ from orinkit.client._sync.client import Client
 from orinkit.client._sync.objects import ObjectBase, ObjectContainer
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P, T
 from orinkit.values.variant import Value
 
@@ -300,7 +300,7 @@ class Motion:
         while not self.get_done():
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the motion is not over after {seconds:g} s", seconds=timeout))
-            pause(min(common.POLL, deadline.left))
+            sleep(min(common.POLL, deadline.left))
 
     def halt(self) -> None:
         """Stop and abort the motion. It then counts as stopped before its end."""
@@ -363,7 +363,7 @@ class Motion:
     def _arrived_late(self) -> bool:
         """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
         robot = self._robot
-        pause(common.SETTLE)
+        sleep(common.SETTLE)
         if not robot.motion_complete(_ARM):
             return False
         if self._arrived() is not False or robot._locked():
@@ -408,7 +408,7 @@ class MotionProgress:
         if self._ended:
             raise StopIteration
         if self._begun:
-            pause(common.POLL)
+            sleep(common.POLL)
         self._begun = True
         fraction = self._motion.get_progress()
         self._ended = fraction >= 1.0

@@ -418,7 +418,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.close()
         self._update_stage()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return (self.transport.get_extra_info("socket").fileno(),)
 

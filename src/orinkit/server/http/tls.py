@@ -90,7 +90,7 @@ class TlsAcceptor(asyncio.Protocol):
                 protocol.connection_made(secured)
             self._guard.context.discard(self)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 

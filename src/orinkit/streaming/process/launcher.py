@@ -18,7 +18,7 @@ from orinkit.streaming.process.channel import Channel, decode_error
 from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.process.shared_memory import StreamMemory
-from orinkit.transport.links import lendable
+from orinkit.transport.links import require_handover
 from orinkit.transport.registry import Transport
 
 _START: Final = """
@@ -56,7 +56,7 @@ class StreamerProcess:
     """
 
     def __init__(self, link: int, kind: str) -> None:
-        row = lendable(kind)
+        row = require_handover(kind)
         load_ruckig()  # the process imports it; a missing package is reported here, to the program
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(

@@ -66,7 +66,7 @@ def main(
     outcome["ended"] = True
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)
-    link.release()
+    link.close_local()
     channel.receive(_FOREVER)  # until the program closes the channel; it may still read the shared memory
 
 

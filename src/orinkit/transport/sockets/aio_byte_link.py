@@ -120,7 +120,7 @@ class AsyncStreamLink(ProcessBound, ABC):
     @abstractmethod
     def _descriptor(self, transport: asyncio.Transport) -> int: ...
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         transport, self._transport = self._transport, None
         if transport is None:
@@ -131,7 +131,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         )  # referenced, so that the child neither closes it nor warns about it
         return (self._descriptor(transport),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()  # asyncio does not shut the connection down
 

@@ -134,12 +134,12 @@ class SocketLink(ProcessBound):
         """Return the exception for an error of the system."""
         return lost(error)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
         return (self._socket.fileno(),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
         self._socket.close()
