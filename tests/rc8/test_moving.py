@@ -105,7 +105,7 @@ def test_a_conversation_records_the_times_of_requests_and_replies() -> None:
     assert isinstance(busy, Send)
     assert packet.decode(busy.data).serial == 0
     assert conversation.last_request_at == 6.0
-    conversation.go_on(7.0)
+    conversation.update_time(7.0)
     assert conversation.finish(call, 0, None)
     assert (conversation.last_request_at, conversation.last_reply_at) == (6.0, 7.0)
     list(conversation.receive(packet.encode(Packet(2, 21, [2])), 8.0))

@@ -230,7 +230,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
                     frame = framer.next_frame()
         except ConnectionError:  # closed by the server before it has read all bytes
             in_order = False
-    assert framer.skipped == 0
+    assert framer.skipped_bytes == 0
     assert not in_order or framer.pending == 0
     return answers, in_order
 

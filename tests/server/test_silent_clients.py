@@ -63,7 +63,7 @@ def read(server: Server, client: RawClient, incomplete: int) -> None:
     name = "{}:{}".format(*client.socket.getsockname())
 
     def received() -> list[int]:
-        return [each._conversation.incomplete for each in list(shared(server).all) if each._name == name]  # type: ignore[attr-defined]
+        return [each._conversation.incomplete_bytes for each in list(shared(server).all) if each._name == name]  # type: ignore[attr-defined]
 
     until(lambda: received() == [incomplete])
     take_turns(server)

@@ -74,7 +74,7 @@ class EcapConversation:
         *,
         exact: bool = False,
         tries: int = 1,  # noqa: ARG002 - the transport is reliable
-        later: float = 0.0,  # noqa: ARG002
+        retry_timeout: float = 0.0,  # noqa: ARG002
         deadline: float | None = None,
     ) -> Operation:
         # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
@@ -86,7 +86,7 @@ class EcapConversation:
             seconds: time-out, s; every line feed from the server restarts it.
             exact: return the result as a :class:`~orinkit.values.variant.Variant`.
             tries: ignored; for unreliable transports of b-CAP.
-            later: ignored; for unreliable transports of b-CAP.
+            retry_timeout: ignored; for unreliable transports of b-CAP.
             deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.
 
         Raises:

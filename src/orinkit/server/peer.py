@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Final
 
 from orinkit.bcap.profiles import BcapProfile
-from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import Action, Close, Decode, Encoded, EndSession, Execute, Send, ServerConversation
 from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
@@ -214,7 +214,7 @@ class Peer(ABC):
                 logger.log(level, "%s: closed: %s", self._name, action.reason)
                 self.close()
                 return
-            elif type(action) is Reset:
+            elif type(action) is EndSession:
                 self._end_session(action.reason)
             if self._slow or self._held:
                 self._waiting = actions
@@ -253,7 +253,7 @@ class Peer(ABC):
         if not (self._slow or self._held):
             waiting, self._waiting = self._waiting, None
             if waiting is not None:
-                self._conversation.go_on(self._loop.time())
+                self._conversation.update_time(self._loop.time())
                 self._act(waiting)
 
     def _free(self) -> None:
@@ -291,7 +291,7 @@ class Peer(ABC):
             reply = session.complete(pending, result, client_waits=not self._conversation.timed_out)
         if self._serves(session):
             self._free()
-            self._conversation.go_on(self._loop.time())
+            self._conversation.update_time(self._loop.time())
             self._answer(call, reply)
 
     def _serves(self, session: Session) -> bool:
@@ -312,7 +312,7 @@ class Peer(ABC):
         if self._session is session and not self._is_closing():
             self._free()
             self._unhold()
-            self._conversation.go_on(self._loop.time())
+            self._conversation.update_time(self._loop.time())
             self._deliver(call, code, encoded)
             self._resume()
 

@@ -69,7 +69,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         """Handle received bytes: packets, or noise."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(data, now))
-        if self._silence is None and self._conversation.pending:
+        if self._silence is None and self._conversation.stale_bytes:
             self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
 
     def pause_writing(self) -> None:
@@ -100,15 +100,15 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def _on_silence(self) -> None:
         """Abandon a partial packet, unless more of it has been received meanwhile."""
         self._silence = None
-        if self._is_closing() or not self._conversation.pending:
+        if self._is_closing() or not self._conversation.stale_bytes:
             return
         now = self._loop.time()
         if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
-        while self._conversation.pending and not self._is_closing():
+        while self._conversation.stale_bytes and not self._is_closing():
             # noise may be followed by several packets; all of them must be found without further bytes
-            self._act(self._conversation.timeout(now))
+            self._act(self._conversation.discard_incomplete(now))
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.when_input_processed)

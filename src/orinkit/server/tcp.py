@@ -78,7 +78,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Process received data."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(bytes(self._context.view[:nbytes]), now))
-        incomplete = self._conversation.incomplete
+        incomplete = self._conversation.incomplete_bytes
         if (incomplete or self._partial) and not self._held:  # a packet in the worker counts until it is decoded
             self._count(incomplete)
         if incomplete:
@@ -105,7 +105,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def _unhold(self) -> None:
         self._held = False
         if self._partial:
-            self._count(self._conversation.incomplete)
+            self._count(self._conversation.incomplete_bytes)
         if not self._slow:
             self._transport.resume_reading()
 
@@ -124,7 +124,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         before, self._partial = self._partial, incomplete
         if self._context.partial.change(before, incomplete) or self._is_closing():
             return
-        self._send(self._conversation.refuse_packet())
+        self._send(self._conversation.packet_too_long_reply())
         level = self._context.refusal_level(self._loop.time(), "partial")
         logger.log(level, "%s: closed: incomplete packets have %d bytes", self._name, self._context.partial.bytes)
         self.close()
@@ -140,7 +140,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _mark(self, now: float) -> None:
         self._begun = now
-        self._seen = self._conversation.packets, self._conversation.incomplete
+        self._seen = self._conversation.packets, self._conversation.incomplete_bytes
 
     def _check_progress(self) -> None:
         """Close the connection if the first call or the rest of a packet is overdue; otherwise restart the timer."""
@@ -152,7 +152,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._give_up("no call received")
         elif self._begun:
             # if the client does not read its replies, the server has stopped reading
-            if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
+            if self._slow or self._conversation.incomplete_bytes - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
                 self._await_packet(now)

@@ -140,9 +140,9 @@ class StreamerConnection:
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
         # after noise on the line, the controller synchronizes again when the line is silent
-        later = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
+        retry_timeout = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
-        code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
+        code, value = self._call(functions.robot_execute, arguments, seconds, tries, retry_timeout)
         return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
 
     def lateness(self, skip_first: int) -> Lateness | None:
@@ -178,10 +178,18 @@ class StreamerConnection:
             pass
 
     def _call(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int, later: float = 0.0
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        tries: int,
+        retry_timeout: float = 0.0,
     ) -> tuple[int, Any]:
         try:
-            return run(self.conversation.call(function, arguments, seconds, tries=tries, later=later), self._link)
+            return run(
+                self.conversation.call(function, arguments, seconds, tries=tries, retry_timeout=retry_timeout),
+                self._link,
+            )
         except CallError as error:  # the name of the command is more specific than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
