@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
 from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
-from orinkit.cao.call_limits import CallTimer, Clock, standing
+from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
@@ -64,7 +64,7 @@ class BcapConversation:
         trace: Trace | None = None,
         profile: BcapProfile = STREAM,
         dialect: Dialect = RC8,
-        clock: Clock = standing,
+        clock: Clock = no_clock,
     ) -> None:
         self.stray_replies = 0
         self._clock = clock
@@ -177,7 +177,7 @@ class BcapConversation:
                 frame = framer.next_frame()
             if idle:
                 patience = patience or CallTimer(function.name, None, self._clock)
-                patience.heard(idle, executing=wait is not None)
+                patience.count_other(idle, executing=wait is not None)
                 wait = patience.bound(wait)
             received = yield b"", wait
 
@@ -230,7 +230,7 @@ class BcapConversation:
                 frame = framer.next_frame()
             if not idle and received and not self.profile.shared:
                 idle = 1  # an empty datagram; on a serial line, a single byte is normal
-            patience.heard(idle, executing=executing)
+            patience.count_other(idle, executing=executing)
             if received or executing:
                 received = yield b"", patience.bound(seconds if executing else None)
                 continue

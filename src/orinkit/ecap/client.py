@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
-from orinkit.cao.call_limits import CallTimer, Clock, standing
+from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
@@ -56,7 +56,7 @@ class EcapConversation:
         trace: Trace | None = None,
         profile: TransportProfile = HTTP,
         dialect: Dialect = RC8,
-        clock: Clock = standing,
+        clock: Clock = no_clock,
     ) -> None:
         self._clock = clock
         self.trace = trace
@@ -105,7 +105,7 @@ class EcapConversation:
         patience = CallTimer(function.name, deadline, self._clock)
         received = yield request, patience.bound(seconds)
         while received and not received.strip():
-            patience.heard(1, executing=True)
+            patience.count_other(1, executing=True)
             received = yield b"", patience.bound(seconds)
         if not received:
             expired = patience.end() if received is None else None

@@ -97,7 +97,7 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
         CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG for a wrong number of values or a fraction,
             and as for :func:`receive_format`.
     """
-    given = coerce.single(parameter)
+    given = coerce.unwrap_single(parameter)
     most = len(_RECEIVE_NUMBERS)
     if given.type & ARRAY:
         numbers = elements(given, most + 1)

@@ -75,7 +75,7 @@ def convert(given: Kind, wanted: Kind) -> Answer:
 def _named(parameter: Variant, kind: Kind) -> Target:
     """Return a pose; untyped values have the pose type of the command's name if their number matches."""
     target = parameters.pose(parameter)
-    given = parameters.elements(coerce.single(parameter))
+    given = parameters.elements(coerce.unwrap_single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
     if not untyped or isinstance(target.value, int) or len(target.value) not in _COUNTS[kind]:
         return target

@@ -28,7 +28,7 @@ _SHOWN: Final = 10**20  # larger numbers are not printed
 
 def number(given: Variant) -> int | float:
     """Return a number from a numeric VARIANT, VT_BOOL (-1, 0), a string or a one-element array of these."""
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type not in _NUMBERS:
         raise _mismatch(given, tr("a number"))
     try:
@@ -103,7 +103,7 @@ def string(given: Variant) -> str:
     Raises:
         CallError: DISP_E_TYPEMISMATCH; STRING_TOO_LONG.
     """
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type != VarType.BSTR:
         raise _mismatch(given, "VT_BSTR")
     text = str(element.value)
@@ -115,7 +115,7 @@ def string(given: Variant) -> str:
 
 def moment(given: Variant) -> datetime:
     """Return a local date and time from VT_DATE."""
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type != VarType.DATE:
         raise _mismatch(given, "VT_DATE")
     value = plain_date(element.value)
