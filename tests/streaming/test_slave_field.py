@@ -19,7 +19,7 @@ import pytest
 import orinkit
 from orinkit.client._shared.stream_options import FeedbackField
 from orinkit.rc8 import slave_fields
-from orinkit.rc8.slave_feedback import SlaveAnswer
+from orinkit.rc8.slave_feedback import SlaveReply
 from orinkit.rc8.slave_formats import SetPoint
 from orinkit.streaming.process.record_layout import WORD, RecordLayout
 from orinkit.streaming.process.shared_memory import Outputs
@@ -124,7 +124,7 @@ def test_the_words_of_recv() -> None:
 
 def test_every_row_has_its_attributes() -> None:
     assert {row.name for row in slave_fields.RECEIVED} == OWN
-    assert SlaveAnswer.of({row.name: 1 for row in slave_fields.RECEIVED}).more == {}
+    assert SlaveReply.of({row.name: 1 for row in slave_fields.RECEIVED}).more == {}
     assert set(Outputs.__slots__) == {row.name for row in slave_fields.OUTPUTS}
     assert {"pose", "extra", *(row.name for row in slave_fields.PARAMETERS)} == set(SetPoint.__slots__)
 

@@ -20,7 +20,7 @@ from orinkit.arms import load_model
 from orinkit.bcap.profiles import STREAM
 from orinkit.core import hresult
 from orinkit.core.errors import CallTimeout, error_for
-from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveAnswer, UserWindow, mode_of
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveReply, UserWindow, mode_of
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.joint_planner import JointPlanner
 from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -75,7 +75,7 @@ class Controller(StreamerConnection):
         self.count += 1
         assert self.count < 5000
         self._script(self.count)
-        return Delivery(monotonic(), monotonic(), 0, SlaveAnswer())
+        return Delivery(monotonic(), monotonic(), 0, SlaveReply())
 
 
 @pytest.fixture

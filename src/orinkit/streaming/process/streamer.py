@@ -16,7 +16,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.slave_fields import RECEIVED, FieldType
-from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveAnswer, encode_set_point, read_answer
+from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveReply, encode_set_point, read_reply
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.rc8.slave_lateness import Lateness, read_lateness
 from orinkit.streaming.planning.planners import Planner
@@ -143,7 +143,7 @@ class StreamerConnection:
         retry_timeout = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, retry_timeout)
-        return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+        return Delivery(sent, monotonic(), code, read_reply(self._receive, value))
 
     def lateness(self, skip_first: int) -> Lateness | None:
         """Return how late set-points were, except the first ``skip_first``; ``None`` if the controller cannot report it.
@@ -419,7 +419,7 @@ class Streamer:
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 
     def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
-        answer: SlaveAnswer = delivery.answer
+        answer: SlaveReply = delivery.reply
         sent = round(delivery.sent * 1e9)
         delay = -1
         if self._delay_from:
@@ -427,4 +427,4 @@ class Streamer:
         values = answer.values()
         if _STAMP in values:
             values[_STAMP] = self._clock.read(values[_STAMP])
-        return RawSample(sent, round(delivery.answered * 1e9), delivery.code, command, delay, values)
+        return RawSample(sent, round(delivery.replied_at * 1e9), delivery.code, command, delay, values)

@@ -23,7 +23,7 @@ from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.slave_feedback import answer_of, require_sources
+from orinkit.virtual.rc8.robot.slave_feedback import reply_of, require_sources
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
 from orinkit.virtual.rc8.robot.target import Joints
@@ -102,7 +102,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
         io.require_window(state.variables, point.window)
     slave.require_room()
     command = PlannedSetPoint(_joints(caller, slave.mode, point), partial(io.set_outputs, state.variables, outputs))
-    return slave.put(command, partial(answer_of, arm, state.variables, formats.receive, point.window))
+    return slave.put(command, partial(reply_of, arm, state.variables, formats.receive, point.window))
 
 
 def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:

@@ -10,7 +10,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_fields import POSE_MASK, POSE_PARTS, RECEIVED, SlaveField
-from orinkit.rc8.slave_formats import ReceiveFormat, SlaveAnswer, UserWindow, build_answer
+from orinkit.rc8.slave_formats import ReceiveFormat, SlaveReply, UserWindow, build_reply
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.robot import state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -40,7 +40,7 @@ class FeedbackSnapshot(NamedTuple):
     window: UserWindow | None
 
 
-def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
+def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
     """Return the result in a client's format; poses are those of the encoders, like CurPos, CurJnt and CurTrn.
 
     Args:
@@ -51,7 +51,7 @@ def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, win
     """
     snapshot = FeedbackSnapshot(arm, state_report.current(arm), variables, receive, window)
     rows = _rows_of(receive.number)
-    return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](snapshot) for row in rows}))
+    return build_reply(receive, SlaveReply.of({row.name: SOURCES[row.name](snapshot) for row in rows}))
 
 
 def require_sources(receive: ReceiveFormat) -> None:
