@@ -26,7 +26,7 @@ class HandClock(Clock):
     def now(self) -> float:
         return self.seconds
 
-    def stopwatch(self, seconds: float) -> Callable[[], bool]:
+    def time_budget(self, seconds: float) -> Callable[[], bool]:
         return lambda: False
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
@@ -120,7 +120,7 @@ class LateCell(Cell):
     @property
     def due_in(self) -> float:
         """Seconds until the next cycle."""
-        return -self.cycles_.late
+        return -self.cycles_.overdue
 
 
 POSES = list(straight(1.0, 150))

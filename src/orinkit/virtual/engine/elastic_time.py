@@ -12,7 +12,7 @@ either of them:
   one more period to a client that may not have received its reply yet.
 * **A client that is paced by the clock** notices neither, and its next set-point is farther away than one cycle allows.
   In a queue (modes 0 and 2) this does no harm. If only the newest set-point counts (mode 1), as many cycles are run on
-  the way to it as it seems to need (:meth:`PacedSlave.bridge`). If the server was late, the limits are larger in these
+  the way to it as it seems to need (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these
   cycles.
 
 A delay of a cycle or a set-point by less than a quarter of a period leaves the grid of 8 ms unchanged. The delays of a
@@ -47,13 +47,13 @@ WhenInputProcessed = Callable[[Callable[[], None]], None]
 """Invokes a callback once all input received so far has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
 
 
-def waited_in_vain() -> str:
+def timed_out_detail() -> str:
     """Return the detail of the error raised when the wait for a set-point ends without one."""
     milliseconds = round(LONGEST_WAIT * 1e3)
     return tr("no set-point for {milliseconds} ms", milliseconds=milliseconds)
 
 
-def not_waited() -> str:
+def late_detail() -> str:
     """Return the detail of the error raised for a late set-point with strict time."""
     return tr("no set-point for this cycle (strict time: the controller does not wait)")
 
@@ -91,7 +91,7 @@ class PacedSlave(Protocol):
     def starving(self) -> bool:
         """True if the next cycle needs a set-point and there is none."""
 
-    def bridge(self, most: int) -> int:
+    def plan_catch_up(self, most: int) -> int:
         """Plan commands to the newest set-point for at most ``most`` cycles; return their number, 0 without a set-point."""
 
 
@@ -164,7 +164,7 @@ class CyclePacer:
             self._end_wait(self._longest_wait)
             late = self._server_late()
             if self._strict and slave.overwrites and self._missed_due is None:
-                self._missed_due = self._cycles.clock.now() - self._cycles.late
+                self._missed_due = self._cycles.clock.now() - self._cycles.overdue
         count = self._catch_up_cycles(late) if slave.overwrites and not slave.starving else 1
         behind = late - (count - 1) * PERIOD
         if behind > _TOLERANCE or count > due:
@@ -191,7 +191,7 @@ class CyclePacer:
         if self._waited is not None:
             self._update_wait()
             return self._waited < self._longest_wait
-        clock, late = self._cycles.clock, self._cycles.late
+        clock, late = self._cycles.clock, self._cycles.overdue
         self._longest_wait = LONGEST_WAIT
         if self._strict:
             self._longest_wait = PERIOD / clock.scale if self._cycles.number <= self._late_until else 0.0
@@ -215,7 +215,7 @@ class CyclePacer:
         if self._waited is None:
             return
         waited, self._waited = min(self._waited, limit), None
-        clock, late = self._cycles.clock, self._cycles.late
+        clock, late = self._cycles.clock, self._cycles.overdue
         if waited * clock.scale <= _TOLERANCE and waited < LONGEST_WAIT:
             return
         if not self._strict:
@@ -250,7 +250,7 @@ class CyclePacer:
 
     def _server_late(self) -> float:
         """Return by how many seconds of the clock the next cycle is late; always 0 with a manual clock."""
-        return 0.0 if self._cycles.clock.manual else self._cycles.late
+        return 0.0 if self._cycles.clock.manual else self._cycles.overdue
 
     def _add_lag(self, seconds: float, *, by_server: bool = False) -> None:
         """Increase the lag of the controller's time.
@@ -269,7 +269,7 @@ class CyclePacer:
         if self._cycles.number > self._lag_expires_at:
             self._lag = self._server_lag = 0.0
         limit = 1 + int((self._lag + late) / PERIOD + _HALF)
-        count = self._slave.bridge(limit) if limit > 1 else 1
+        count = self._slave.plan_catch_up(limit) if limit > 1 else 1
         if count > 1 and self._server_lag + late > _HALF * PERIOD:
             self._slave.lenient = count + _EXTRA_LENIENT_CYCLES
         return max(1, count)

@@ -156,7 +156,7 @@ class SetPointBuffer(ABC):
         self._cycles.wake()
         return make_reply()
 
-    def bridge(self, most: int) -> int:
+    def plan_catch_up(self, most: int) -> int:
         """Plan commands to the newest set-point in at most ``most`` cycles.
 
         Returns:

@@ -168,7 +168,7 @@ class RC8State:
     @property
     def cycle_seconds(self) -> float:
         """Seconds from switching the controller on to its last cycle, in which the joint position was last read."""
-        return self.cycles.seconds
+        return self.cycles.last_cycle_time
 
     @property
     def programs_running(self) -> int:

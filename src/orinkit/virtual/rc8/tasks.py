@@ -278,7 +278,7 @@ class Tasks:
         if not running:
             return False
         self._first = (self._first + 1) % len(running)  # round-robin, in case the time does not suffice for all
-        expired = self._cycles.stopwatch(_PART_OF_CYCLE)
+        expired = self._cycles.time_budget(_PART_OF_CYCLE)
         for task in running[self._first :] + running[: self._first]:
             if task.running:  # the fault of another task may have stopped it
                 self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)

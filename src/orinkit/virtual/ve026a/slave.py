@@ -22,7 +22,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
-from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     LENIENCY,
@@ -148,7 +148,7 @@ class VE026ASlaveMode(SetPointBuffer):
         if self._buffer:
             self._lead_to(self._buffer.popleft().joints)
         elif self.watched:
-            self.fail(SET_POINT_MISSED, "" if self._strict else waited_in_vain())
+            self.fail(SET_POINT_MISSED, "" if self._strict else timed_out_detail())
         elif self.moving:
             queue.follow(queue.joints)
         self._end_cycle()

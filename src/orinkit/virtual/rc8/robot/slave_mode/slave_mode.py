@@ -12,7 +12,7 @@ from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, late_detail, left_late, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     FollowingArm,
@@ -167,7 +167,7 @@ class RC8SlaveMode(SetPointBuffer):
         elif self._leaving:
             queue.halt()
         elif self.moving:
-            late = not_waited() if self._arm.switches.strict_time else waited_in_vain()
+            late = late_detail() if self._arm.switches.strict_time else timed_out_detail()
             if self.overwrites:  # equivalent to a command to stay in place (RC8 table 4-6)
                 self._lead_to(queue.joints, late)
             else:
