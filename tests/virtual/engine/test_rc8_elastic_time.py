@@ -244,7 +244,7 @@ def test_limits_hold_across_the_pause(mode):
 
 def commands(cell: SlaveCell) -> list[float]:
     """Return the executed commands of J1 until an error, with the two before them."""
-    seen = [cell.arm.queue.before[0], cell.arm.queue.joints[0]]
+    seen = [cell.arm.queue.previous_joints[0], cell.arm.queue.joints[0]]
     step = cell.arm.servo.step
     cell.arm.servo.step = lambda command: (seen.append(command[0]) if not cell.error else None, step(command))[1]
     return seen

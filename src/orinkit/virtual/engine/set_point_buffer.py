@@ -165,9 +165,9 @@ class SetPointBuffer(ABC):
         if not self._buffer:
             return 0
         goal, queue = self._buffer[-1], self._arm.queue
-        if self.limit_violation(queue.before, queue.joints, goal.joints, lenient=False) is None:
+        if self.limit_violation(queue.previous_joints, queue.joints, goal.joints, lenient=False) is None:
             return 1  # no set-points were lost, or the loss does not matter
-        *path, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
+        *path, _ = gentlest(self._arm.model, queue.previous_joints, queue.joints, goal.joints, most)
         self._buffer = deque([*map(PlannedSetPoint, path), goal])
         return len(self._buffer)
 
@@ -215,7 +215,7 @@ class SetPointBuffer(ABC):
             True if the limits allow the command position.
         """
         queue = self._arm.queue
-        fault = self.limit_violation(queue.before, queue.joints, joints, lenient=self.lenient > 0)
+        fault = self.limit_violation(queue.previous_joints, queue.joints, joints, lenient=self.lenient > 0)
         if fault is not None:
             self.fail(fault.code, "; ".join(filter(None, (why, fault.detail))))
             return False

@@ -216,7 +216,10 @@ class RC8SlaveMode(SetPointBuffer):
     def _stops_hard(self, joints: Joints) -> bool:
         """Return True if repeating this joint position would be a stop beyond the limits."""
         queue = self._arm.queue
-        return joints == queue.joints and self._limits.fault(queue.before, joints, joints, lenient=False) is not None
+        return (
+            joints == queue.joints
+            and self._limits.fault(queue.previous_joints, joints, joints, lenient=False) is not None
+        )
 
     def _turn_off(self) -> list[Deferred[Value]]:
         """Turn slave mode off; return the replies that still wait."""
