@@ -65,11 +65,11 @@ class ClientContext:
         """Always False: a client is not a program of the controller."""
         return False
 
-    def right(self) -> int:
+    def write_refusal(self) -> int:
         """Return the error code of a refused write, or 0 if the client may write."""
         return 0 if self.access & AccessRight.WRITE else hresult.NO_WRITE_RIGHT
 
-    def token(self, switches: Switches) -> int:
+    def token_refusal(self, switches: Switches) -> int:
         """Return the error code of a refused start, or 0 if the client has the executable token (RC8 2.1)."""
         return switches.token.refusal(self.origin.address)
 

@@ -62,11 +62,11 @@ class Task:
     def __str__(self) -> str:
         return self.name
 
-    def right(self) -> int:
+    def write_refusal(self) -> int:
         """Return 0: the rights were checked when it was started."""
         return 0
 
-    def token(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
+    def token_refusal(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
         """Return 0: the client that started it had the token."""
         return 0
 
@@ -101,7 +101,7 @@ class Task:
         self._mode, self._ending = mode, StopMode.DEFAULT
         self._started = self._seconds()
         self.status = TaskStatus.RUNNING
-        self.world.go_on()
+        self.world.resume_motion()
 
     def stop(self, mode: StopMode) -> None:
         """Stop the task; a task that is not running is not changed, except by INITIALIZE."""
@@ -112,7 +112,7 @@ class Task:
                 self._ending = mode
             else:
                 self.status = TaskStatus.SUSPENDED
-                self.world.pause()
+                self.world.pause_motion()
 
     def suspend(self) -> None:
         """Suspend the task at its own request (Hold); a start continues it."""
