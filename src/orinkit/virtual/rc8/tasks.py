@@ -215,7 +215,7 @@ class Tasks:
             exists = False
         if not exists:
             raise not_found(name)
-        return self.named(self._files.path(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+        return self.named(self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
 
     def named(self, path: str) -> Task:
         """Return the task of a path, even if the program does not exist."""
