@@ -12,7 +12,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
+from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -319,7 +319,7 @@ class Tasks:
 def _compiled(source: bytes, file: str) -> Program | CallError:
     try:
         return compile_program(_text(source), file)
-    except PacScriptError as error:
+    except ProgramLoadError as error:
         return error_for(error.code, str(error))
 
 
