@@ -226,7 +226,7 @@ class RC8State:
             return
         motion = hresult.family(code) in (CodeFamily.MOTION, CodeFamily.SERVO)
         if level >= _CUTTING_LEVEL or (motion and level >= _CUTTING_MOTION_LEVEL):
-            self.arm.cut(code)
+            self.arm.stop_and_power_off(code)
         else:
             self.arm.stop(code)
         self.tasks.stop_all()
@@ -246,7 +246,7 @@ class RC8State:
     def restart(self) -> None:
         """Reset errors, motor, motions and programs, as switching off and on does; clients stay connected."""
         with self.cycles:
-            self.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
+            self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.stop_all()
             self.arm.give()
             self.hand.stop()
@@ -328,7 +328,7 @@ class RC8State:
             self.log(Operation.MACHINE_LOCK, text, origin)
 
     def _halt_all(self, code: int) -> None:
-        self.arm.cut(code)
+        self.arm.stop_and_power_off(code)
         self.tasks.stop_all()
 
     def start_task(self, task: Task, mode: TaskMode, origin: Origin) -> None:

@@ -52,7 +52,7 @@ class StreamedArm(FollowingArm, Protocol):
     def stop(self, code: int) -> None:
         """Stop within the limits, and fail waiting calls with a code."""
 
-    def cut(self, code: int) -> None:
+    def stop_and_power_off(self, code: int) -> None:
         """Stop and then switch the motor off, and fail waiting calls with a code."""
 
 
@@ -60,7 +60,7 @@ class RC8SlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end`
+        arm: The arm; it calls :meth:`step` and :meth:`complete_waiting` in each cycle while the mode is on, and :meth:`end`
             when it is stopped.
         cycles: The control loop of the controller.
         fault: Callback invoked with an error of the controller: code and detail.
@@ -111,7 +111,7 @@ class RC8SlaveMode(SetPointBuffer):
         return not self._buffer or (self.overwrites and self._stops_hard(self._buffer[-1].joints))
 
     @property
-    def pending(self) -> bool:
+    def has_work(self) -> bool:
         """True if the next cycle has work to do, even if nothing moves."""
         return bool(self._buffer or self._leaving)
 
@@ -135,7 +135,7 @@ class RC8SlaveMode(SetPointBuffer):
         done = Deferred[None]()
         self._leaving.append(done)
         self._resume()
-        self.settle()
+        self.complete_waiting()
         if not done.done():
             self._cycles.wake()
         return done
@@ -174,7 +174,7 @@ class RC8SlaveMode(SetPointBuffer):
                 self.fail(hresult.COMMAND_DELAY, late)
         self._end_cycle()
 
-    def settle(self) -> None:
+    def complete_waiting(self) -> None:
         """Refill the buffer and complete waiting calls; call it at the end of a cycle."""
         self._refill()
         if self._leaving and not self._buffer and not self._arm.busy:
@@ -211,7 +211,7 @@ class RC8SlaveMode(SetPointBuffer):
             except Exception as error:  # the arm moves: an error of the outputs must not interrupt the cycle
                 logger.exception("outputs")
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
-                self._arm.cut(hresult.UNDEFINED_ERROR)
+                self._arm.stop_and_power_off(hresult.UNDEFINED_ERROR)
 
     def _stops_hard(self, joints: Joints) -> bool:
         """Return True if repeating this joint position would be a stop beyond the limits."""
