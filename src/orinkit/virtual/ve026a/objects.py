@@ -165,7 +165,7 @@ def _change_mode(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
 
 
 def _move(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
-    return arm.move(operator, lambda: parameters.joints(parameter))
+    return arm.put_set_point(operator, lambda: parameters.joints(parameter))
 
 
 def _lateness(arm: VE026AArm, _: Operator, parameter: Variant) -> Variant:

@@ -56,7 +56,7 @@ class VE026ASlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off. For a late server see :mod:`orinkit.virtual.engine.elastic_time`.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end` when it is
+        arm: The arm; it calls :meth:`step` and :meth:`accept_waiting` in each cycle while the mode is on, and :meth:`end` when it is
             stopped.
         cycles: The controller's cycle.
         strict_time: True to not wait for late set-points.
@@ -93,7 +93,7 @@ class VE026ASlaveMode(SetPointBuffer):
         return self.mode == SYNCHRONOUS and self._started
 
     @property
-    def pending(self) -> bool:
+    def has_work(self) -> bool:
         """True if the next cycle has something to do, even if the arm does not move."""
         return bool(self._buffer) or self.watched
 
@@ -153,7 +153,7 @@ class VE026ASlaveMode(SetPointBuffer):
             queue.follow(queue.joints)
         self._end_cycle()
 
-    def settle(self) -> None:
+    def accept_waiting(self) -> None:
         """Accept and answer a slvMove that waits for room; call it at the end of a cycle."""
         self._refill()
 
