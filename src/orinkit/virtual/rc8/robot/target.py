@@ -9,7 +9,7 @@ import numpy as np
 
 from orinkit.arms import ArmModel, frames
 from orinkit.arms.kinematics import Kinematics
-from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
+from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_wrist_straight
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -155,7 +155,7 @@ class FrameContext:
         if kind == "J":
             joints = self.joints(target, start)
             figure = self.kinematics.figure(joints)
-            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_straight(joints))
+            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_wrist_straight(joints))
         extra = self.with_extra(target.extra, start, start)[ROBOT_AXES:]
         return Goal(self.frame_in_base(kind, values), figure_of(kind, values), extra)
 
@@ -176,7 +176,7 @@ class FrameContext:
             CallError: FIGURE_MISMATCH if the figures differ.
         """
         present = self.kinematics.figure(start)
-        kept = POSTURE & ~NONFLIP if goal.straight or is_straight(start) else POSTURE
+        kept = POSTURE & ~NONFLIP if goal.straight or is_wrist_straight(start) else POSTURE
         if goal.figure >= 0 and goal.figure & kept != present & kept:
             raise error_for(
                 hresult.FIGURE_MISMATCH,
