@@ -28,7 +28,7 @@ from orinkit.core.validation import brief
 from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
 from orinkit.streaming.planning.joint_planner import checked_period
 from orinkit.streaming.planning.limits import PathLimits
-from orinkit.values.pose_numbers import COUNTS, FIELDS, conform, is_whole
+from orinkit.values.pose_numbers import COUNTS, FIELDS, is_whole, to_floats
 
 Kind: TypeAlias = Literal["P", "T"]
 
@@ -251,7 +251,7 @@ class PosePlanner:
             or not -_SURELY_FINITE < sum(values) < _SURELY_FINITE
             or not is_whole(values[-1])
         ):
-            values = conform(kind, values)
+            values = to_floats(kind, values)
         x, y, z, a, b, c = values[:6]
         turn = of_angles(a, b, c) if kind == "P" else of_vectors((a, b, c), values[6:9])
         return _Pose(tuple(values), (x, y, z), turn)

@@ -17,7 +17,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.core.validation import rounded_to_single
-from orinkit.values.conversions import plain_date
+from orinkit.values.conversions import to_datetime
 from orinkit.values.types import ARRAY, INTEGERS, NUMERIC, REALS, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Variant
 
@@ -118,7 +118,7 @@ def moment(given: Variant) -> datetime:
     element = coerce.unwrap_single(given)
     if element.type != VarType.DATE:
         raise _mismatch(given, "VT_DATE")
-    value = plain_date(element.value)
+    value = to_datetime(element.value)
     if not isinstance(value, datetime):
         raise error_for(hresult.E_INVALIDARG, tr("{value} days is not a valid date", value=value))
     return value
