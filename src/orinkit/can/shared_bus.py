@@ -71,7 +71,7 @@ class SharedCanBus(SharedBusBase):
         """
         return cls(Bus.open(address))
 
-    def port(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
+    def receiver(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
