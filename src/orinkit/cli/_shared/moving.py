@@ -34,7 +34,7 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
     for fraction in motion:
         interrupts.check()
         if bar.seen:
-            bar.show(tr("moving"), fraction, str(rounded(shown(robot.joints), 1)))
+            bar.show(tr("moving"), fraction, str(rounded(without_unused(robot.joints), 1)))
     deadline = Deadline(_SETTLING)
     while not robot.motion_complete(1) and not deadline.passed:
         interrupts.check()
@@ -120,12 +120,12 @@ class ProgressBar:
         self._progress.update(self._tasks[what], completed=fraction, beside=beside)
 
 
-def reading(bar: ProgressBar) -> Callable[[int, int], None]:
+def reading_progress(bar: ProgressBar) -> Callable[[int, int], None]:
     """Return a callback that shows how many of the records have been read."""
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 
 
-def shown(joints: J) -> J:
+def without_unused(joints: J) -> J:
     """Return the joints without joints 7 and 8 if these are 0."""
     return joints if any(joints[6:]) else J.of(joints[:6])
 

@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.files import is_open_to_others
-from orinkit.cli._shared.interrupts import ending
+from orinkit.cli._shared.interrupts import termination_signals
 from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
 from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.core import logs
@@ -208,7 +208,7 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
         loop.call_soon_threadsafe(stop.set)
 
     # signal.signal because Windows does not support loop.add_signal_handler
-    before = {number: signal.signal(number, handle) for number in ending()}
+    before = {number: signal.signal(number, handle) for number in termination_signals()}
     try:
         yield
     finally:

@@ -14,7 +14,7 @@ import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, shown
+from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
 from orinkit.client._shared.motion import POLL
 from orinkit.core.i18n import tr
 from orinkit.transport.runner import sleep
@@ -289,7 +289,7 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
     while (left := _distance(entered, first)) > _ARRIVED or not entered.at_rest:
         interrupts.check()
         if bar.seen:
-            bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
+            bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, joints_text(entered))
         sleep(POLL)
     entered.wait()
 
@@ -340,13 +340,13 @@ class StreamDisplay:
         sent, total = progress
         if self._bar.seen and total and (sent >= self._next or sent == total):
             self._next = sent + _UPDATE_EVERY
-            self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {place(self._entered)}")
+            self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {joints_text(self._entered)}")
 
 
-def place(entered: Stream) -> str:
+def joints_text(entered: Stream) -> str:
     """Return the current joint position as text; ``""`` if the feedback does not contain it."""
     sample = entered.latest
-    return str(rounded(shown(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
+    return str(rounded(without_unused(sample.joints), 1)) if sample is not None and sample.joints is not None else ""
 
 
 def _interrupted(job: _StreamRequest) -> CommandError:
