@@ -333,7 +333,7 @@ def test_a_controller_that_stops_reporting_late_set_points(
 
     controller = Controller(script)
     late(shared, watch, controller)
-    assert [leave_out for _, leave_out in controller.asked] == [0, 0, 0, 1]
+    assert [skip_first for _, skip_first in controller.asked] == [0, 0, 0, 1]
     assert shared.lateness == Lateness(1, 0.1, 0.1)
     last = shared.sample(shared.samples - 1)
     assert last is not None

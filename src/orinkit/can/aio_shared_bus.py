@@ -247,7 +247,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
 
 class AsyncCanReceiver(ReceiverBase):
-    """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.port`.
+    """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.receiver`.
 
     Attributes:
         line: The shared bus.

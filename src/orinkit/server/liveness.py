@@ -63,7 +63,7 @@ class LivenessMonitor:
         self._loop = loop
         self._client = client
         self._timer: asyncio.TimerHandle | None = None
-        self._stopped_at = -1.0  # client.heard when its motions were stopped
+        self._stopped_at = -1.0  # client.last_request_at when its motions were stopped
 
     def start(self) -> None:
         """Monitor the client from now on, until it is silent and nothing moves; called with every request."""

@@ -79,7 +79,7 @@ def test_the_frames_of_requests(both: Both, hosts: Hosts, bare: Place, peer: Pee
         for name in (number, 0x28 + number):
             answer = both.run(driver.request_broadcast(name, everyone=everyone))
             assert type(answer) is kind
-            assert list(answer.raw.values()) != []
+            assert list(answer.raw_values.values()) != []
             if kind is BR4:
                 assert (answer.a_pulses, answer.b_pulses) == (4, 4)
     sent = "00EAFF02" if everyone else "00EA0102"

@@ -1,6 +1,6 @@
 """The contents of ABH3 frames as typed records in physical units (section 4.10).
 
-A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw["a_velocity"]`` is -74.
+A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw_values["a_velocity"]`` is -74.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class HttpLink(HttpLinkBase):
         finally:
             self._busy.release()
             if self._transport.closed:
-                self._let_go()
+                self._close_idle()
 
     def receive(self, seconds: float) -> bytes | None:
         """Post the request, if it is not posted yet, and return the received data.
@@ -100,7 +100,7 @@ class HttpLink(HttpLinkBase):
                 return self._received(seconds)
         finally:
             if self._transport.closed:
-                self._let_go()
+                self._close_idle()
 
     def _received(self, seconds: float) -> bytes | None:
         if self._owner not in (0, threading.get_ident()):
@@ -177,9 +177,9 @@ class HttpLink(HttpLinkBase):
         """Close the link; a receive pending in another thread ends at once."""
         self._open = False
         self._transport.close()
-        self._let_go()
+        self._close_idle()
 
-    def _let_go(self) -> None:
+    def _close_idle(self) -> None:
         """Close the descriptor, unless a thread is in :meth:`receive`: its number could be reused before that ends."""
         if self._busy.acquire(blocking=False):
             try:

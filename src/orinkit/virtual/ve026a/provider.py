@@ -34,7 +34,8 @@ class VirtualVE026A(Provider):
         clear_seconds: Duration of the command ClearError, s; about 1 according to the document.
         model: An arm of seven axes with other frames or limits; the published model by default.
         strict_time: If True, a cycle without a set-point in synchronous slave mode is an error at once, as on a real VE026A.
-            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and :attr:`lateness`
+            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and
+            :attr:`set_point_lateness`
             counts it.
 
     Raises:
