@@ -35,8 +35,7 @@ class VirtualVE026A(Provider):
         model: An arm of seven axes with other frames or limits; the published model by default.
         strict_time: If True, a cycle without a set-point in synchronous slave mode is an error at once, as on a real VE026A.
             Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and
-            :attr:`set_point_lateness`
-            counts it.
+            :attr:`set_point_lateness` counts it.
 
     Raises:
         ValueError: If the joints are out of range, a duration is not 0 to 3600 s, or the model does not have seven axes.
