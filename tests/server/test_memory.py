@@ -119,8 +119,8 @@ def test_the_size_of_a_tag_is_limited(server: Server) -> None:
 def test_large_packets_that_wait_for_decoding_count_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     """Complete packets count until the worker has decoded them."""
     gate = threading.Event()
-    shared = server._server._connections
-    blocking = asyncio.run_coroutine_threadsafe(shared.worker.run(gate.wait), server._loop)
+    context = server._server._connections
+    blocking = asyncio.run_coroutine_threadsafe(context.worker.run(gate.wait), server._loop)
     request = packet.encode(Packet(1, EXECUTE, [2, "Echo", bytes(1024 * 1024)]))
     clients = [RawClient(server.url) for _ in range(3)]
     for client in clients:

@@ -55,8 +55,8 @@ async def _turn() -> None:
 
 def settle(server: Server) -> None:
     """Wait until a server has noticed that every client has disconnected and has released their objects."""
-    shared = server._server._connections
-    until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks))
+    context = server._server._connections
+    until(lambda: not (context.open or context.all or context.opening or context.tasks))
     take_turns(server)
 
 

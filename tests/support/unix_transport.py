@@ -60,10 +60,10 @@ def adopt(descriptor: int) -> SocketLink:
     return SocketLink(socket.socket(fileno=descriptor))
 
 
-async def listen(address: UnixAddress, shared: ServerContext) -> TcpListener:
+async def listen(address: UnixAddress, context: ServerContext) -> TcpListener:
     loop = asyncio.get_running_loop()
     server = await loop.create_unix_server(
-        lambda: TcpConnection(shared, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
+        lambda: TcpConnection(context, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
     )
     set_backlog(server)
     return TcpListener(server, str(address))

@@ -574,8 +574,8 @@ def test_the_secret_of_a_cookie_is_not_logged(workshop: Workshop, caplog: pytest
 
 def test_ended_sessions_leave_nothing_behind() -> None:
     async def sessions() -> weakref.ref[Any]:
-        shared = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
-        table = HttpSessions(shared, 60.0)
+        context = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
+        table = HttpSessions(context, 60.0)
         made = table.for_service_start("192.168.0.1", 5)
         assert made is not None
         second = table.for_service_start("192.168.0.1", 6)
@@ -585,7 +585,7 @@ def test_ended_sessions_leave_nothing_behind() -> None:
         for each in (made, second):
             assert each is not None
             each.close()
-        assert (shared.open, shared.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
+        assert (context.open, context.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
             set(),
             set(),
             None,
