@@ -45,7 +45,7 @@ def forget_clients(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a server forget its clients, as after a long idle period."""
 
     def look() -> None:
-        for caller in list(server._server._connections.open):
+        for caller in list(server._server._context.open):
             caller._check_idle_time()
 
     with monkeypatch.context() as patched:

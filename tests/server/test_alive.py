@@ -149,7 +149,7 @@ def test_through_a_gateway() -> None:
 
 
 def _client(server: Server) -> Any:
-    (client,) = server._server._connections.open
+    (client,) = server._server._context.open
     return client
 
 

@@ -315,7 +315,7 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count
         hresult.E_INVALIDRCVPACKET, hresult.E_PACKETSIZEOVER,
     ):  # fmt: skip
         assert codes[code] > 0, hresult.lookup(code).name
-    context = server._server._connections
+    context = server._server._context
     until(lambda: not (context.open or context.all or context.tasks))
     known = {id(thing) for thing in before}
     end = time.monotonic() + PATIENCE

@@ -49,7 +49,7 @@ def server(workshop: Workshop) -> Iterator[Server]:
 
 
 def context_of(server: Server) -> ServerContext:
-    return server._server._connections
+    return server._server._context
 
 
 def open_workshop(client: RawClient) -> int:

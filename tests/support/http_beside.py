@@ -177,7 +177,7 @@ def settled(
 
 def _wait_for_clients(server: Server) -> None:
     """Wait until the server has noticed that every client has disconnected and has finished all calls."""
-    context = server._server._connections
+    context = server._server._context
     until(lambda: not (context.open or context.all or context.opening or context.tasks), IDLE + PATIENCE)
     LOG_LIMITER.forget()  # it intentionally remembers what was logged
     until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))

@@ -57,7 +57,7 @@ def end_of(server: Server, web: Web) -> LimitedProtocol:
     name = "{}:{}/http".format(*web.socket.getsockname())
 
     def found() -> list[LimitedProtocol]:
-        protocols = list(server._server._connections.all)
+        protocols = list(server._server._context.all)
         return [each for each in protocols if isinstance(each, LimitedProtocol) and each.name == name]
 
     until(found)

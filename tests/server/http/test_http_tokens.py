@@ -71,7 +71,7 @@ def guess(server: Server) -> Web:
 def test_guesses_are_slowed_down_and_the_right_token_is_not(
     server: Server, held: DelayedReplies, caplog: pytest.LogCaptureFixture
 ) -> None:
-    context = server._server._connections
+    context = server._server._context
     with Web(server.url) as web, Web(server.url, keeps_cookies=True) as client:
         assert client.ask("Func=1", Authorization=RIGHT).status == 200
         for _ in range(FREE):

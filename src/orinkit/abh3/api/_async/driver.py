@@ -395,10 +395,10 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
     async def _repeat_command(self, timer: KeepAliveTimer) -> None:
         sent_at = monotonic()
         try:
-            answered = await self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
+            replied = await self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
         except OrinError:
-            answered = False
-        timer.sent(sent_at, replied=answered)
+            replied = False
+        timer.sent(sent_at, replied=replied)
 
     async def _end_timer(self, end: KeepAliveEnd, timer: KeepAliveTimer) -> None:
         self._keep_alive_timer = None

@@ -393,10 +393,10 @@ class Driver(Closing, Generic[F, S]):
     def _repeat_command(self, timer: KeepAliveTimer) -> None:
         sent_at = monotonic()
         try:
-            answered = self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
+            replied = self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
         except OrinError:
-            answered = False
-        timer.sent(sent_at, replied=answered)
+            replied = False
+        timer.sent(sent_at, replied=replied)
 
     def _end_timer(self, end: KeepAliveEnd, timer: KeepAliveTimer) -> None:
         self._keep_alive_timer = None
