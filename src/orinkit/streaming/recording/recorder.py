@@ -332,7 +332,7 @@ _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "delay": ("number", N_("time from setting a live target to sending this set-point, the first one towards it, s")),
     "answered": ("number", N_("time of the reply, s since the first set-point was sent")),
 }  # fmt: skip
-_ATTRIBUTES: Final = {"answered": "replied"}  # the name in files is older
+_ATTRIBUTES: Final = {"answered": "replied"}  # attributes whose fields in files have another name
 _ROWS: Final = {row.name: row for row in RECEIVED}
 _GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
     name: partial(_value_of, _ROWS[name])
