@@ -186,7 +186,7 @@ def _stream(url: str, mode: int, wanted: int, outcome: Outcome) -> None:
                     outcome.underflows += result.underflows
                     outcome.gaps += result.timing.gaps
                     outcome.own += [
-                        b.sent - a.answered for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1
+                        b.sent - a.replied for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1
                     ]
 
 
@@ -359,7 +359,7 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
                         if sample.delay is not None:
                             delays.all.append(sample.delay)
                             delays.added.append(sample.sent - max(sample.sent - sample.delay, answered))
-                        answered = sample.answered
+                        answered = sample.replied
 
 
 def main() -> None:

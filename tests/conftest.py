@@ -12,7 +12,7 @@ import pytest
 from hypothesis import settings
 
 from orinkit.core import i18n
-from orinkit.server.log_limiter import THROTTLE
+from orinkit.server.log_limiter import LOG_LIMITER
 from orinkit.virtual.engine import elastic_time
 from support import bare
 from support.both import LISTEN_AT, Both
@@ -58,9 +58,9 @@ def _english() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def _log_of_its_own() -> Iterator[None]:
     """Reset the log limiter, so that the log of one test does not count for the next."""
-    THROTTLE.forget()
+    LOG_LIMITER.forget()
     yield
-    THROTTLE.forget()
+    LOG_LIMITER.forget()
 
 
 @pytest.fixture(autouse=True)

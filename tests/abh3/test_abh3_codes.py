@@ -53,7 +53,7 @@ def test_every_code_of_16_bits_survives(dialect: Dialect, name: str, inputs: int
         record = codec.decode(name, data)
         for code, (_, field, sign, steps) in zip(unsigned, table, strict=True):
             signed = code - 0x10000 if code & sign else code
-            if getattr(record, field) != signed / steps or record.raw[field] != signed:
+            if getattr(record, field) != signed / steps or record.raw_values[field] != signed:
                 pytest.fail(f"{field}: {signed} becomes {record}")
         if codec.encode(record) != data:
             pytest.fail(f"{record} becomes {codec.encode(record).hex()}")

@@ -76,7 +76,7 @@ def allow_silence(provider, seconds):
     """Change the option Idle of all clients that are there: what came before did not depend on a short time."""
     for controller in list(provider._clients):
         controller._wanted = controller._wanted._replace(idle=seconds)
-        heart = controller.motor._heart
+        heart = controller.motor._keep_alive_timer
         if heart is not None:
             heart.idle = seconds
 

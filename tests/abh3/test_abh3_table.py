@@ -32,8 +32,8 @@ from orinkit.abh3.table.signals import (
     VOLTAGE,
     Bit,
     Dialect,
-    Logic,
     Quantity,
+    TerminalLogic,
     Word,
     dialect_of,
     real,
@@ -333,8 +333,8 @@ def test_load_units() -> None:
 
 # --- flag words -------------------------------------------------------------------------------------------------------
 
-AND, OR, NOT, NONE = Logic.AND, Logic.OR, Logic.NOT_AND, None
-Rows = list[tuple[int, str, str, Logic | None]]
+AND, OR, NOT, NONE = TerminalLogic.AND, TerminalLogic.OR, TerminalLogic.NOT_AND, None
+Rows = list[tuple[int, str, str, TerminalLogic | None]]
 
 INPUTS_V1: Rows = [
     (0, "ay_servo_on", "A/Y サーボ", AND),
@@ -578,7 +578,7 @@ def test_every_frame_survives(data: bytes, dialect_name: str, drawn: st.DataObje
     assert Codec(dialect).encode(record) == Codec(dialect).encode(record, name) == data
     for field, _, first, size, code in FRAMES[dialect.name][name][3]:
         number = int.from_bytes(data[first - 1 : first - 1 + size], "little", signed=code in "hi")
-        assert record.raw[field] == number
+        assert record.raw_values[field] == number
         if code == "I":
             assert getattr(record, field) == Flags(number, Word("", ("", ""), ()))
         if code == "i":

@@ -66,7 +66,9 @@ def test_captured_feedback(data: str, values: tuple[float, ...]) -> None:
     assert record == DP0R(*values)
     assert isinstance(record, DP0R)
     assert (record.a_velocity, record.b_velocity, record.y_velocity, record.x_velocity) == values
-    assert [record.raw[name] / 5 for name in ("a_velocity", "b_velocity", "y_velocity", "x_velocity")] == list(values)
+    assert [record.raw_values[name] / 5 for name in ("a_velocity", "b_velocity", "y_velocity", "x_velocity")] == list(
+        values
+    )
     assert abs(record.y_velocity - (record.a_velocity + record.b_velocity) / 2) <= 0.2
     assert abs(record.x_velocity - (record.a_velocity - record.b_velocity) / 2) <= 0.2
     assert ONE.encode(DP0R(*values)) == bytes.fromhex(data)
@@ -129,8 +131,8 @@ def test_golden_frames(codec: Codec, name: str, data: str, record: Record) -> No
     assert found == record
     assert type(found) is type(record)
     assert codec.encode(record) == codec.encode(record, name) == bytes.fromhex(data)
-    assert list(found.raw) == [field.name for field in codec.dialect.layouts[name].fields]
-    assert record.raw == {}
+    assert list(found.raw_values) == [field.name for field in codec.dialect.layouts[name].fields]
+    assert record.raw_values == {}
 
 
 def test_the_first_dialect_is_that_of_the_document() -> None:
@@ -140,9 +142,12 @@ def test_the_first_dialect_is_that_of_the_document() -> None:
 
 def test_raw_values() -> None:
     record = ONE.decode("DP0S", bytes.fromhex("88 13 78 ec 00 00 00 03"))
-    assert record.raw == {"ay_command": 5000, "bx_command": -5000, "inputs": 0x03000000}
-    assert ONE.decode("BR6", bytes.fromhex("00 00 80 3f 00 00 00 c0")).raw == {"monitor_0": 1.0, "monitor_1": -2.0}
-    assert ONE.decode("BR3", struct.pack("<hhHH", -1, 2, 3, 4)).raw == {
+    assert record.raw_values == {"ay_command": 5000, "bx_command": -5000, "inputs": 0x03000000}
+    assert ONE.decode("BR6", bytes.fromhex("00 00 80 3f 00 00 00 c0")).raw_values == {
+        "monitor_0": 1.0,
+        "monitor_1": -2.0,
+    }
+    assert ONE.decode("BR3", struct.pack("<hhHH", -1, 2, 3, 4)).raw_values == {
         "ay_current_command": -1, "bx_current_command": 2, "a_load": 3, "b_load": 4,
     }  # fmt: skip
 
@@ -276,7 +281,7 @@ def test_the_names_of_the_flags_that_are_set() -> None:
     assert list(flags(0xA0000100)) == ["a_pulse_clear", "bit_29", "error_reset"]
     assert list(flags(1 << 27)) == ["bit_27"]
     assert list(Flags(1 << 27, V1.control)) == ["travel_model"]
-    assert flags(0xA0000100).bits == (V1.inputs.by_number[8], V1.inputs.by_number[31])
+    assert flags(0xA0000100).set_bits == (V1.inputs.by_number[8], V1.inputs.by_number[31])
 
 
 def test_texts_of_flags_in_both_languages() -> None:
@@ -316,7 +321,7 @@ def test_every_bit_is_one_name(value: int, dialect: Dialect) -> None:
         masks = [1 << int(name[4:]) if name.startswith("bit_") else word.masks[name] for name in names]
         assert sum(masks) == value
         assert len(names) == value.bit_count()
-        assert len(found.bits) == len(found.texts) == sum(not name.startswith("bit_") for name in names)
+        assert len(found.set_bits) == len(found.texts) == sum(not name.startswith("bit_") for name in names)
         assert all(found[name] and name in found for name in names if not name.startswith("bit_"))
 
 
@@ -336,7 +341,7 @@ def test_records_survive_pickle_and_copy(codec: Codec) -> None:
         for again in (pickle.loads(pickle.dumps(record)), copy.copy(record), copy.deepcopy(record)):
             assert again == record
             assert type(again) is RECORDS[codec.dialect.name][name]
-            assert again.raw == record.raw
+            assert again.raw_values == record.raw_values
             assert codec.encode(again) == bytes(range(1, 9))
     word = pickle.loads(pickle.dumps(Flags(0x3003, V1.inputs)))
     assert list(word) == ["ay_servo_on", "ay_start", "bx_servo_on", "bx_start"]

@@ -99,7 +99,7 @@ def test_omitted_commands_are_unchanged() -> None:
     assert sent_by(host.command(bx=0)) == "00EF0102#0300000003300000"
     assert sent_by(host.command(6553.4, -6553.6)) == "00EF0102#FF7F008003300000"
     assert sent_by(host.command()) == "00EF0102#FF7F008003300000"
-    assert sent_by(host.exchange()) == "00EF0102#FF7F008003300000"
+    assert sent_by(host.send_commands()) == "00EF0102#FF7F008003300000"
     assert host.commands == (6553.4, -6553.6)
     assert host.inputs == 0x3003
 
@@ -257,7 +257,7 @@ def test_bad_values_send_nothing_and_change_nothing(number: int) -> None:
             next(BAD[number](host))
         assert len(str(caught.value)) < 600
     assert (host.commands, host.inputs, host.commanded) == ((1, 2), 0x3003, 2)
-    assert sent_by(host.exchange()) == "00EF0102#05000A0003300000"
+    assert sent_by(host.send_commands()) == "00EF0102#05000A0003300000"
 
 
 def test_errors_name_the_axis() -> None:
@@ -329,7 +329,7 @@ FUNCTIONS: list[tuple[str, Callable[[Host[DP0R]], CanOperation[Any]]]] = [
     ("abh3_can_inBitSet", lambda host: host.reset_errors()),
     ("abh3_can_cmd", lambda host: host.stop()),
     ("abh3_can_cmd", lambda host: host.stop_and_wait(60.0)),
-    ("abh3_can_cmd", lambda host: host.exchange()),
+    ("abh3_can_cmd", lambda host: host.send_commands()),
     ("abh3_can_reqBRD", lambda host: host.request(0)),
     ("abh3_can_reqBRDBRD", lambda host: host.request(0, everyone=True)),
     ("abh3_can_reqSNG", lambda host: host.request_single()),
@@ -378,7 +378,7 @@ def test_an_interrupted_wait_resets_the_commands_too() -> None:
     assert host.commands == (1, 2)
     operation.close()
     peer = Peer(FEEDBACK, None)
-    peer.run(host.exchange())
+    peer.run(host.send_commands())
     assert peer.sent == ["00EF0102#0000000001100000"]
 
 
@@ -401,7 +401,7 @@ def test_when_a_driver_may_be_moving() -> None:
     assert not host.moving
     assert Peer().run(host.release(0.1))
     Peer(FEEDBACK).run(host.command(5))
-    host.abandon()
+    host.relinquish()
     assert not host.moving
 
 
@@ -525,7 +525,7 @@ def test_other_frames_are_not_a_reply() -> None:
 def test_the_priority_of_a_reply_is_ignored(priority: int) -> None:
     host: Host[DP0R] = Host()
     answer = frame(FEEDBACK)
-    assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.exchange()) == VELOCITIES
+    assert Peer(answer._replace(id=answer.id | priority << 26)).run(host.send_commands()) == VELOCITIES
     data = frame("00FF2801 01 00 00 00 00 00 00 00")
     found = Peer(data._replace(id=data.id | priority << 26)).run(host.request(0))
     assert found == BR0(Flags(1, V1.errors), Flags(0, V1.warnings))
@@ -534,7 +534,7 @@ def test_the_priority_of_a_reply_is_ignored(priority: int) -> None:
 
 def test_frames_have_the_selected_priority() -> None:
     host: Host[DP0R] = Host(priority=3)
-    assert sent_by(host.exchange()) == "0CEF0102#0000000000000000"
+    assert sent_by(host.send_commands()) == "0CEF0102#0000000000000000"
     peer = Peer("08FF2801 00 00 00 00 00 00 00 00")
     peer.run(host.request(0))
     assert peer.sent == ["0CEA0102#28FF00"]
@@ -544,7 +544,7 @@ def test_frames_have_the_selected_priority() -> None:
 def test_addresses_and_groups() -> None:
     host: Host[DP0R] = Host(address=0x11, host=0x22, group=16)
     peer = Peer("00EF2211 b6 ff 00 00 db ff db ff")
-    assert peer.run(host.exchange()) == VELOCITIES
+    assert peer.run(host.send_commands()) == VELOCITIES
     assert peer.sent == ["00EF1122#0000000000000000"]
     peer = Peer("00FF2811 00 00 00 00 00 00 00 00", "00FF8111 00 00 00 00 00 00 00 00")
     peer.run(host.request(1))
@@ -635,7 +635,7 @@ def test_single_packets_can_be_requested() -> None:
 
 def test_the_dialect_of_2023() -> None:
     host: Host[DP0RV2] = Host(V2)
-    found = Peer("00EF0201 b6 ff 01 00 03 03 00 80").run(host.exchange())
+    found = Peer("00EF0201 b6 ff 01 00 03 03 00 80").run(host.send_commands())
     assert found == DP0RV2(-14.8, 0.2, Flags(0x80000303, V2.control))
     assert isinstance(found, DP0RV2)
     assert list(found.control) == ["ay_servo_on", "ay_start", "bx_servo_on", "bx_start", "error"]
@@ -819,7 +819,7 @@ def test_release_stops_a_driver() -> None:
 
 def test_a_driver_that_has_another_host_now() -> None:
     host = turning()
-    host.abandon()
+    host.relinquish()
     assert (host.commands, host.inputs, host.commanded, host.moving) == ((0, 0), 0, 2, False)
     assert Peer().run(host.release(0.2)) is True  # nothing is sent
 

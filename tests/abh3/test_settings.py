@@ -18,7 +18,7 @@ from orinkit.abh3.api.common import (
     check_names,
     check_seconds,
     given_bus,
-    host_of,
+    make_host,
 )
 from orinkit.abh3.table.signals import V1, V2
 from orinkit.core import i18n
@@ -158,17 +158,17 @@ def test_invalid_seconds(seconds: Any) -> None:
 
 
 def test_a_host_of_the_document() -> None:
-    host = host_of("v1", {})
+    host = make_host("v1", {})
     assert host.dialect == V1
     assert (host.address, host.host, host.group, host.timeout, host.priority) == (1, 2, 5, 1.0, 0)
 
 
 def test_a_host_of_settings() -> None:
-    host = host_of(V2, {"address": 3, "host": 4, "group": 31, "timeout": 2, "priority": 7, "load_unit": 0.1})
+    host = make_host(V2, {"address": 3, "host": 4, "group": 31, "timeout": 2, "priority": 7, "load_unit": 0.1})
     assert (host.address, host.host, host.group, host.timeout, host.priority) == (3, 4, 31, 2.0, 7)
     assert host.dialect == V2.with_load_unit(0.1) != V2
     both: Settings = {"interface": "virtual", "channel": "x", "bitrate": 1, "address": 9}
-    assert host_of("v1", both).address == 9
+    assert make_host("v1", both).address == 9
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_host_of_settings() -> None:
 )
 def test_settings_out_of_range(dialect: str, settings: Any) -> None:
     with pytest.raises(InvalidValue):
-        host_of(dialect, settings)
+        make_host(dialect, settings)
 
 
 def test_settings_of_the_bus_among_others() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from orinkit.abh3.session import telabh3
 from orinkit.abh3.session.telabh3 import ACK, MONITORS, NAK, PARAMETERS, TelItem, TelReply, TelRequest
 from orinkit.core import i18n
-from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
+from orinkit.core.errors import InvalidValue, ParameterRefused, ProtocolError
 
 pytestmark = pytest.mark.core
 
@@ -127,12 +127,12 @@ def test_a_refusal(form: bytes) -> None:
     reply = telabh3.parse_reply(form)
     assert reply.refused
     for read in (reply.confirmed, lambda: reply.word):
-        with pytest.raises(DriverRefused, match="the driver refused the request") as caught:
+        with pytest.raises(ParameterRefused, match="the driver refused the request") as caught:
             read()
         assert (f"({reply.data})" in str(caught.value)) == bool(reply.data)
         assert "Try: " in str(caught.value)
     i18n.use("ja")
-    with pytest.raises(DriverRefused, match=r"拒否.*対処"):
+    with pytest.raises(ParameterRefused, match=r"拒否.*対処"):
         reply.confirmed()
 
 
@@ -269,5 +269,5 @@ def test_requests_for_people() -> None:
 
 
 def test_a_refusal_names_the_request() -> None:
-    with pytest.raises(DriverRefused, match=r"^parameter 0x1234: the driver refused the request\. Try"):
+    with pytest.raises(ParameterRefused, match=r"^parameter 0x1234: the driver refused the request\. Try"):
         telabh3.parse_reply(telabh3.refusal(), "parameter 0x1234").confirmed()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from orinkit.arms import MODEL_NAMES, ArmModel, AxisModel, load_model
 from orinkit.arms.frames import matrix_of_position, position_of_matrix, trans_of_matrix
 from orinkit.arms.kinematics import Kinematics
-from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE, around, figure_of
+from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE, figure_of, normalize_around
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 
@@ -395,7 +395,7 @@ def test_where_the_wrist_is_straight_joint_4_is_as_near_by(near, figure):
     arm = ARMS["VS-050"]
     frame = arm.forward((10, 20, 70, 33, 0, 15))
     solved = arm.inverse(frame, figure, near)
-    assert solved[3] == pytest.approx(0 if near is None else around(np.array(float(near[3])), np.array(0.0)))
+    assert solved[3] == pytest.approx(0 if near is None else normalize_around(np.array(float(near[3])), np.array(0.0)))
     assert turned(solved[3] + solved[5] - 48) < 1e-8
     assert max(pose_errors(arm.forward(solved), frame)) < 1e-9
 

@@ -298,7 +298,7 @@ def test_other_packets_do_not_restart_the_time_out(conversation):
     for position in range(len(answer) - 1):
         assert call.feed(answer[position : position + 1]) == (b"", None)
     assert call.result(answer[-1:]) == (0, 5)
-    assert (conversation.stray_replies, conversation.skipped) == (2, 0)
+    assert (conversation.stray_replies, conversation.skipped_bytes) == (2, 0)
 
 
 @pytest.mark.parametrize("junk", [b"\0", b"HTTP/1.1 400 Bad Request\r\n\r\n"])

@@ -14,7 +14,7 @@ from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, SILENCE
-from orinkit.bcap.server import Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import EndSession, Execute, Send, ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
@@ -157,7 +157,7 @@ def test_a_foreign_packet_after_noise_costs_one_attempt():
 
 
 def test_later_attempts_may_wait_longer(conversation):
-    operation = conversation.call(f.variable_get_value, (3,), TRY, tries=3, later=2.0)
+    operation = conversation.call(f.variable_get_value, (3,), TRY, tries=3, retry_timeout=2.0)
     assert next(operation)[1] == TRY
     assert operation.send(None)[1] == 2.0
 
@@ -166,7 +166,7 @@ def test_invalid_bytes_and_the_end_of_the_connection(conversation):
     call = Call(conversation)
     call.feed(b"rubbish")
     call.feed(call.reply(1, 42)[:-1] + b"\x05")
-    assert conversation.skipped > 0
+    assert conversation.skipped_bytes > 0
     with pytest.raises(ConnectionLost):
         call.operation.send(b"")
 
@@ -358,9 +358,9 @@ class World:
                 self.heard = self.now
             elif event.what == "done":
                 self.answer(self.busy)
-            elif self.server.pending and self.now - self.heard >= SILENCE:
-                self.act(self.server.timeout(self.now))
-            if self.server.pending:
+            elif self.server.stale_bytes and self.now - self.heard >= SILENCE:
+                self.act(self.server.discard_incomplete(self.now))
+            if self.server.stale_bytes:
                 self.later(SILENCE, "silence")
         self.now = until
         return None
@@ -459,7 +459,7 @@ def test_the_close_sequence_ends_the_call_in_progress():
     operation = client.call(f.controller_execute, (2, "x", 0), TRY)
     (call,) = server.receive(next(operation)[0], 0.0)
     reset, stop = server.receive(client.close_sequence()[0][0], 0.0)
-    assert isinstance(reset, Reset)
+    assert isinstance(reset, EndSession)
     assert isinstance(stop, Execute)
     assert server.finish(call, 0, None) == b""
     server.finish(stop, 0, None)

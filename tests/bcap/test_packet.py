@@ -243,7 +243,7 @@ def test_one_byte_at_a_time():
 def test_many_packets_at_once():
     framer = Framer()
     assert frames(framer, b"".join(STREAM)) == STREAM
-    assert (framer.pending, framer.skipped) == (0, 0)
+    assert (framer.pending, framer.skipped_bytes) == (0, 0)
 
 
 def test_a_packet_and_the_start_of_the_next():
@@ -266,7 +266,7 @@ def test_split_anywhere(packets, data):
     for chunk in chunks(stream, data):
         found += frames(framer, chunk)
     assert found == packets
-    assert (framer.pending, framer.skipped) == (0, 0)
+    assert (framer.pending, framer.skipped_bytes) == (0, 0)
 
 
 def chunks(stream: bytes, data: st.DataObject) -> list[bytes]:

@@ -10,7 +10,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
-from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import Close, EndSession, Execute, Send, ServerConversation
 from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits
@@ -146,7 +146,7 @@ def test_the_age_of_a_reply_counts_from_its_time(line):
     """The lifetime does not begin with the last packet received before."""
     call = line.execute(5, 0, CALL, 3)
     line.now += MEMORY
-    line.server.go_on(line.now)
+    line.server.update_time(line.now)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(5, 0, [1])
     line.now += MEMORY - 1
     assert line.reply(5, 0, CALL, 3) == Packet(5, 0, [1])
@@ -280,7 +280,7 @@ def test_a_new_client_on_a_serial_line():
     call = line.execute(2, 2, CALL, 3)
     line.now += 2.0
     reset, start = line.ask(1, 1, 1)
-    assert isinstance(reset, Reset)
+    assert isinstance(reset, EndSession)
     assert isinstance(start, Execute)
     assert line.read(line.server.finish(start, 0, None)) == Packet(1, 0)
     assert line.server.finish(call, 0, variant(1)) == b"", "the call belongs to the previous client"
@@ -296,7 +296,7 @@ def test_a_client_that_restarts_immediately():
     assert line.ask(2, 1, 1) == []
     line.now += 1.0
     reset, _ = line.ask(3, 1, 1)
-    assert isinstance(reset, Reset)
+    assert isinstance(reset, EndSession)
 
 
 @pytest.mark.parametrize("old", [True, False])
@@ -307,7 +307,7 @@ def test_a_client_that_restarts_on_the_same_port(old):
     line.execute(9, 9, CALL, 3)
     line.now += MEMORY
     reset, start = line.ask(1, 0 if old else 1, 1)
-    assert isinstance(reset, Reset)
+    assert isinstance(reset, EndSession)
     assert isinstance(start, Execute)
 
 
@@ -424,12 +424,12 @@ def test_silence_on_a_line():
     line = Line(LINE)
     half = line.data(5, 5, CALL, 3)[:10]
     assert list(line.server.receive(half, NOW)) == []
-    assert line.server.pending == 10
-    assert list(line.server.timeout(NOW)) == []
-    assert line.server.pending == 0
+    assert line.server.stale_bytes == 10
+    assert list(line.server.discard_incomplete(NOW)) == []
+    assert line.server.stale_bytes == 0
     noise = b"\x01\x00\x10\x00\x00"
     assert list(line.server.receive(noise + line.data(5, 5, CALL, 3) + line.data(6, 6, CALL, 3), NOW)) == []
-    actions = line.server.timeout(NOW)
+    actions = line.server.discard_incomplete(NOW)
     call = next(actions)
     assert isinstance(call, Execute)
     line.server.finish(call, 0, None)
@@ -460,7 +460,7 @@ def test_no_packet_inside_an_incomplete_one():
     list(line.server.receive(b"\x01\x00\xf0\x00\x00" + broken + b"\x01\x12\x00\x00\x00", line.now))
     line.now += 1.0
     assert list(line.server.receive(b"\xaa" * 40, line.now)) == []
-    assert line.server.pending > 0
+    assert line.server.stale_bytes > 0
     assert STREAM.framer(PacketLimits()).resync() is None
     assert DATAGRAM.framer(PacketLimits()).resync() is None
 
@@ -478,7 +478,7 @@ def test_only_a_shared_line_is_searched():
 def test_a_stream_has_no_pending_bytes():
     server = ServerConversation()
     list(server.receive(b"\x01\x20", NOW))
-    assert server.pending == 0
+    assert server.stale_bytes == 0
 
 
 def test_the_ve026a_echoes_the_reserved_field():
@@ -496,7 +496,7 @@ def test_the_ve026a_has_no_options():
     assert line.server.wdt is None
 
 
-@pytest.mark.parametrize(("wire", "kind"), [(STREAM, Close), (LINE, Reset), (DATAGRAM, Reset)])
+@pytest.mark.parametrize(("wire", "kind"), [(STREAM, Close), (LINE, EndSession), (DATAGRAM, EndSession)])
 def test_the_ve026a_drops_a_client_that_sends_invalid_packets(wire, kind):
     """VE026A table 3-5: 0x80010001."""
     line = Line(wire, dialect=VE026A)
@@ -513,4 +513,4 @@ def test_a_short_error_as_argument_and_result():
     (call,) = list(line.server.receive(data, NOW))
     assert call.arguments == [code]
     answer = line.server.finish(call, 0, code)
-    assert packet.decode(answer, PacketLimits(error_size=2), exact=True, crc=True).arguments == [code]
+    assert packet.decode(answer, PacketLimits(vt_error_size=2), exact=True, crc=True).arguments == [code]

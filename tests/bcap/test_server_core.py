@@ -143,15 +143,15 @@ def test_one_byte_at_a_time():
 
 def test_packets_and_calls_are_counted():
     server = ServerConversation()
-    assert (server.packets, server.calls, server.incomplete) == (0, 0, 0)
+    assert (server.packets, server.calls, server.incomplete_bytes) == (0, 0, 0)
     answered(server, packet.pack(1, 1, 2, b""))
-    assert (server.packets, server.calls, server.incomplete) == (1, 0, 0)
+    assert (server.packets, server.calls, server.incomplete_bytes) == (1, 0, 0)
     server.finish(executed(server, request(2, 2) + request(3, 2)[:7]), 0, None)
-    assert (server.packets, server.calls, server.incomplete) == (2, 1, 7)
+    assert (server.packets, server.calls, server.incomplete_bytes) == (2, 1, 7)
 
 
 def test_the_refusal_of_a_packet():
-    assert packet.decode(ServerConversation().refuse_packet()) == Packet(0, hresult.E_PACKETSIZEOVER)
+    assert packet.decode(ServerConversation().packet_too_long_reply()) == Packet(0, hresult.E_PACKETSIZEOVER)
 
 
 def test_several_requests_at_once_are_executed_in_order():
@@ -238,7 +238,7 @@ def test_a_delayed_call_has_its_full_time():
     server = ServerConversation(invoke_timeout=5.0)
     actions = server.receive(request(1, 72, 1, 1, "P1") + request(2, 72, 1, 1, "P2"), 100.0)
     server.finish(next(actions), 0, None)
-    server.go_on(1000.0)
+    server.update_time(1000.0)
     assert next(actions).serial == 2
     assert server.deadline() == 1005.0
 

@@ -194,7 +194,7 @@ def test_corrupted_requests_are_answered_or_close_the_connection(stream):
             reply = answers.next_frame()
         if server.closed:
             break
-    assert (answers.pending, answers.skipped) == (0, 0)
+    assert (answers.pending, answers.skipped_bytes) == (0, 0)
     server.session.close()
     assert len(server.session) == 0
 

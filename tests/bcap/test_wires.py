@@ -92,7 +92,7 @@ def test_a_datagram_is_one_packet_or_nothing():
     assert framer.feed(good) == good
     for bad in (b"", good[:-1], good + b"\x04", good + good, b"\x00" + good[1:], good[:-1] + b"\x05", b"\x01" * 16):
         assert framer.feed(bad) is None
-    assert framer.skipped > 0
+    assert framer.skipped_bytes > 0
     assert framer.next_frame() is None
     assert framer.timeout() is None
     assert framer.pending == 0
@@ -118,7 +118,7 @@ def test_every_packet_of_the_ve026a_document(each):
         function = FUNCTIONS[read.code]
         plain = [value if argument.vt is VarType.VARIANT else value.value
                  for argument, value in zip(function.arguments, read.arguments, strict=False)]  # fmt: skip
-        assert encode_request(function, tuple(plain), read.serial, read.reserved, crc=True, error_size=2) == data
+        assert encode_request(function, tuple(plain), read.serial, read.reserved, crc=True, vt_error_size=2) == data
     else:
         body = b"".join(encode_variant(value, 2) for value in read.arguments)
         assert packet.pack(read.serial, read.code, len(read.arguments), body, read.reserved, crc=True) == data
@@ -150,7 +150,7 @@ def test_a_packet_with_a_wrong_crc_is_skipped():
     broken[-2] ^= 1
     framer = LineFramer(ON_A_LINE)
     assert all_frames(framer, bytes(broken) + WHOLE) == [WHOLE]
-    assert framer.skipped == len(WHOLE)
+    assert framer.skipped_bytes == len(WHOLE)
 
 
 def test_a_length_caused_by_noise_delays_packets_until_silence():
@@ -213,7 +213,7 @@ def test_noise_that_is_slow_to_search_is_discarded():
     noise = (b"\x01" + (size - 0).to_bytes(4, "little") + b"\x04" * 3) * (size // 8)
     framer = LineFramer(PacketLimits(packet=65536))
     assert frames(framer, noise * 3) == []
-    assert framer.skipped >= size
+    assert framer.skipped_bytes >= size
     while framer.pending:
         framer.timeout()
     assert frames(framer, WHOLE) == [WHOLE]
@@ -230,7 +230,7 @@ def test_dialects():
 @pytest.mark.parametrize(("vt", "value"), [(VarType.ERROR, 0x600B), (VarType.ERROR | ARRAY, [1, 2, 0xFFFF])])
 def test_a_short_error(vt, value):
     """VE026A table 3-1."""
-    short = PacketLimits(error_size=2)
+    short = PacketLimits(vt_error_size=2)
     data = encode_variant(Variant(vt, value), 2)
     assert decode(data, limits=short) == (value, len(data))
     assert len(data) == len(encode_variant(Variant(vt, value))) - 2 * (len(value) if vt & ARRAY else 1)
@@ -246,7 +246,7 @@ def test_an_error_that_is_too_long_for_a_short_one():
 
 def test_a_request_with_a_short_error():
     code = Variant(VarType.ERROR, 0x600B)
-    sent = encode_request(f.controller_execute, (1, "ClearError", code), 5, 5, crc=True, error_size=2)
-    assert packet.decode(sent, PacketLimits(error_size=2), exact=True, crc=True).arguments[2] == code
+    sent = encode_request(f.controller_execute, (1, "ClearError", code), 5, 5, crc=True, vt_error_size=2)
+    assert packet.decode(sent, PacketLimits(vt_error_size=2), exact=True, crc=True).arguments[2] == code
     with pytest.raises(InvalidValue, match="Controller_Execute"):
-        encode_request(f.controller_execute, (1, "ClearError", Variant(VarType.ERROR, 1 << 20)), 5, error_size=2)
+        encode_request(f.controller_execute, (1, "ClearError", Variant(VarType.ERROR, 1 << 20)), 5, vt_error_size=2)

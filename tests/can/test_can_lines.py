@@ -229,7 +229,7 @@ def two_places_and_cable(kind: str) -> Iterator[tuple[CanAddress, can.BusABC, Cr
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_request_and_its_reply(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other):
-        port = lines.do(lines.line(mine).port, lambda got: got.id == ANSWER)
+        port = lines.do(lines.line(mine).receiver, lambda got: got.id == ANSWER)
         with echo(other, answering):
             for number in range(20):
                 answer = lines.run(ask(data=bytes([number] * (number % 9))), port)
@@ -241,7 +241,7 @@ def test_a_request_and_its_reply(lines: Lines, kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_reply(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, _):
-        port = lines.do(lines.line(mine).port, lambda got: got.id == ANSWER)
+        port = lines.do(lines.line(mine).receiver, lambda got: got.id == ANSWER)
         begin = monotonic()
         assert lines.run(ask(seconds=0.2), port) is None
         assert 0.19 < monotonic() - begin < PATIENCE
@@ -251,8 +251,8 @@ def test_no_reply(lines: Lines, kind: str) -> None:
 def test_stale_replies_are_dropped(lines: Lines, kind: str, clears_all: None) -> None:
     with two_places(kind) as (mine, other):
         line = lines.line(mine)
-        port = lines.do(line.port, lambda got: got.id == ANSWER)
-        beside = lines.do(line.port, lambda got: got.id == OTHER)
+        port = lines.do(line.receiver, lambda got: got.id == ANSWER)
+        beside = lines.do(line.receiver, lambda got: got.id == OTHER)
         with all_arrives(line, kind, other, 100):
             for number in range(50):
                 other.send(can.Message(arbitration_id=ANSWER, data=[number]), 1)
@@ -272,7 +272,7 @@ def test_stale_replies_behind_a_filter(lines: Lines, clears_all: None) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other, open_bus(mine) as bus:
         bus.set_filters([{"can_id": ANSWER, "can_mask": 0x1FFFFFFF, "extended": True}])
-        port = lines.do(lines.line(bus, own=False).port, everything)
+        port = lines.do(lines.line(bus, own=False).receiver, everything)
         for _ in range(1000):
             other.send(can.Message(arbitration_id=OTHER))
         other.send(can.Message(arbitration_id=ANSWER, data=b"stale"))
@@ -283,7 +283,7 @@ def test_stale_replies_behind_a_filter(lines: Lines, clears_all: None) -> None:
 def test_acknowledgements_of_an_adapter_do_not_end_the_wait(lines: Lines, clears_all: None) -> None:
     with crossed_ptys() as cable:
         line = lines.line(CanAddress("slcan", cable.left))
-        port = lines.do(line.port, everything)
+        port = lines.do(line.receiver, everything)
         noise = b"".join(b"\rz\rT%08X1%02X\r\aZ\r" % (ANSWER, number) for number in range(30))
         cable.write(cable.left, noise)
         until(lambda: bytes_that_wait(line) == len(noise))
@@ -299,7 +299,7 @@ def test_every_receiver_gets_its_frames(lines: Lines) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         line = lines.line(mine)
-        ports = [lines.do(line.port, accepts) for accepts in (everything, lambda got: got.id == OTHER, everything)]
+        ports = [lines.do(line.receiver, accepts) for accepts in (everything, lambda got: got.id == OTHER, everything)]
         other.send(to_message(frame(OTHER)))
         other.send(to_message(frame(ANSWER)))
         assert [lines.do(ports[0].receive, 10.0).id for _ in range(2)] == [OTHER, ANSWER]
@@ -312,8 +312,8 @@ def test_the_oldest_frames_are_dropped(lines: Lines) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         line = lines.line(mine)
-        small = lines.do(line.port, everything, size=3)
-        beside = lines.do(line.port, everything)
+        small = lines.do(line.receiver, everything, size=3)
+        beside = lines.do(line.receiver, everything)
         for number in range(10):
             other.send(to_message(frame(data=bytes([number]))))
         for _ in range(10):
@@ -350,8 +350,8 @@ def foreign_traffic(address: CanAddress) -> Iterator[None]:
 def test_replies_are_found_in_heavy_traffic(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other), foreign_traffic(mine), echo(other, answering):
         line = lines.line(mine)
-        port = lines.do(line.port, everything, size=100_000)  # the operation gets every frame
-        chosen = lines.do(line.port, lambda got: got.id == ANSWER)
+        port = lines.do(line.receiver, everything, size=100_000)  # the operation gets every frame
+        chosen = lines.do(line.receiver, lambda got: got.id == ANSWER)
         for number in range(50):
             data = b"ask %d" % number
             assert lines.run(ask(data=data), port if number % 2 else chosen).data == data
@@ -362,7 +362,7 @@ def test_heavy_traffic_prolongs_no_wait(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, _), foreign_traffic(mine):
         line = lines.line(mine)
         for accepts in (everything, lambda got: got.id == ANSWER):
-            port = lines.do(line.port, accepts)
+            port = lines.do(line.receiver, accepts)
             begin = monotonic()
             assert lines.run(ask(seconds=0.3), port) is None
             assert 0.29 < monotonic() - begin < PATIENCE
@@ -374,7 +374,7 @@ def test_many_at_a_time(lines: Lines, kind: str) -> None:
         line = lines.line(mine)
 
         async def caller(host: int) -> int:
-            port = line.port(lambda got: got.id == (ANSWER & ~0xFF | host))
+            port = line.receiver(lambda got: got.id == (ANSWER & ~0xFF | host))
             for number in range(30):
                 data = bytes([host, number])
 
@@ -396,7 +396,7 @@ def test_taking_over_the_reading_prolongs_no_wait(lines: Lines, monkeypatch: pyt
     line = lines.line(mine)
 
     async def waiting(seconds: float) -> float:
-        port, begin = line.port(everything), monotonic()
+        port, begin = line.receiver(everything), monotonic()
         assert await lines.now(port.receive(seconds)) is None
         return monotonic() - begin - seconds
 
@@ -432,7 +432,7 @@ def test_messages_that_are_not_frames() -> None:
 def test_invalid_frames(lines: Lines, wrong: CanFrame) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
-        port = lines.do(lines.line(mine).port, everything)
+        port = lines.do(lines.line(mine).receiver, everything)
         for frames in ([wrong], [frame(), wrong]):
             with pytest.raises(InvalidValue):
                 lines.do(port.send, frames, 1.0)
@@ -443,7 +443,7 @@ def test_garbage_in_the_group(lines: Lines) -> None:
     import msgpack
 
     with two_places("udp_multicast") as (mine, other), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as shouting:
-        port = lines.do(lines.line(mine).port, everything)
+        port = lines.do(lines.line(mine).receiver, everything)
         good = {"arbitration_id": ANSWER, "data": b"good"}
         garbage = [b"", b"\xc1", b"hello" * 100, bytes(4000), b"\x81" * 900, msgpack.packb(5), msgpack.packb({"x": 1})]
         garbage += [
@@ -472,7 +472,7 @@ def test_garbage_in_the_group(lines: Lines) -> None:
 def test_noise_on_the_line_of_an_adapter(lines: Lines, kind: str) -> None:
     with crossed_ptys() as cable:
         mine, there = addresses(kind, cable)
-        port = lines.do(lines.line(mine).port, everything)
+        port = lines.do(lines.line(mine).receiver, everything)
         noise = [
             b"\xff\xfe\r",
             b"T123\r",
@@ -500,7 +500,7 @@ def test_noise_on_the_line_of_an_adapter(lines: Lines, kind: str) -> None:
 def test_an_endless_slcan_line_is_bounded(lines: Lines) -> None:
     with crossed_ptys() as cable:
         bus = open_bus(CanAddress("slcan", cable.left))
-        port = lines.do(lines.line(bus).port, everything)
+        port = lines.do(lines.line(bus).receiver, everything)
         for _ in range(20):
             cable.write(cable.left, b"x" * 1000)
             lines.do(port.receive, 0.02)
@@ -571,7 +571,7 @@ BROKEN = [
 @pytest.mark.parametrize("error", NOISE, ids=repr)
 def test_noise_is_skipped(lines: Lines, error: Exception) -> None:
     bus = BadBus(*[error] * 300, to_message(frame()))
-    port = lines.do(lines.line(bus).port, everything)
+    port = lines.do(lines.line(bus).receiver, everything)
     assert lines.do(port.receive, 10.0) is not None
 
 
@@ -622,7 +622,7 @@ def test_invalid_results_of_an_adapter(lines: Lines, name: str) -> None:
     """They are skipped, or the bus counts as lost: no other exception is raised, and no call waits forever."""
     bus = BadBus()
     line = lines.line(bus)
-    port = lines.do(line.port, everything)
+    port = lines.do(line.receiver, everything)
     begin = monotonic()
     bus.script = [GARBAGE[name], to_message(frame(data=b"good"))]
     try:
@@ -643,7 +643,7 @@ def test_invalid_results_of_an_adapter(lines: Lines, name: str) -> None:
 def test_endless_noise_blocks_no_call(lines: Lines, error: Exception) -> None:
     bus = BadBus()
     bus.for_ever = error
-    port = lines.do(lines.line(bus).port, everything)
+    port = lines.do(lines.line(bus).receiver, everything)
     begin, spent = monotonic(), process_time()
     lines.do(port.clear)
     assert lines.do(port.receive, 0.5) is None
@@ -656,8 +656,8 @@ def test_endless_noise_blocks_no_call(lines: Lines, error: Exception) -> None:
 def test_a_bus_that_breaks(lines: Lines, error: Exception) -> None:
     bus = BadBus(to_message(frame()), error)
     line = lines.line(bus)
-    port = lines.do(line.port, lambda got: got.id == OTHER)
-    beside = lines.do(line.port, everything)
+    port = lines.do(line.receiver, lambda got: got.id == OTHER)
+    beside = lines.do(line.receiver, everything)
     with pytest.raises(ConnectionLost, match="a bad bus: "):
         lines.do(port.receive, 5.0)
     assert line.broken
@@ -675,7 +675,7 @@ def test_a_bus_that_breaks_ends_every_wait(lines: Lines) -> None:
     line = lines.line(bus)
 
     async def waiting(number: int) -> str:
-        port = line.port(lambda got: got.id == number)
+        port = line.receiver(lambda got: got.id == number)
         try:
             await lines.now(port.receive(60.0))
         except ConnectionLost as error:
@@ -698,7 +698,7 @@ def test_a_bus_that_breaks_ends_every_wait(lines: Lines) -> None:
 )  # fmt: skip
 def test_no_acknowledgement(lines: Lines, error: Exception) -> None:
     bus = BadBus()
-    port = lines.do(lines.line(bus).port, everything)
+    port = lines.do(lines.line(bus).receiver, everything)
     bus.sending = error
     with pytest.raises(TransportError, match="check that another node acknowledges frames") as caught:
         lines.do(port.send, [frame()], 0.1)
@@ -711,7 +711,7 @@ def test_no_acknowledgement(lines: Lines, error: Exception) -> None:
 def test_a_bus_that_cannot_send(lines: Lines) -> None:
     bus = BadBus()
     line = lines.line(bus)
-    port = lines.do(line.port, everything)
+    port = lines.do(line.receiver, everything)
     bus.sending = can.CanOperationError("Failed to transmit: Network is down", 100)
     with pytest.raises(ConnectionLost, match="Network is down"):
         lines.do(port.send, [frame()], 0.1)
@@ -723,7 +723,7 @@ def test_a_bus_that_cannot_send(lines: Lines) -> None:
 def test_an_adapter_that_hangs(lines: Lines, kind: str) -> None:
     with two_places_and_cable(kind) as (mine, other, cable):
         line = lines.line(mine)
-        port = lines.do(line.port, everything)
+        port = lines.do(line.receiver, everything)
         cable.stall()
         begin = monotonic()
         with pytest.raises(TransportError, match="check that another node acknowledges frames") as caught:
@@ -743,7 +743,7 @@ def test_a_bus_of_the_caller_stays_open(lines: Lines) -> None:
     given, own = BadBus(), BadBus()
     for bus in (given, own):
         line = lines.line(bus, own=bus is own)
-        lines.do(line.port, everything)
+        lines.do(line.receiver, everything)
         lines.do(line.close)
         lines.do(line.close)
     assert (given.shut, own.shut) == (False, True)
@@ -756,7 +756,7 @@ def test_closing_ends_every_wait(lines: Lines, kind: str) -> None:
         line = lines.line(mine)
 
         async def waiting() -> str:
-            port = line.port(everything)
+            port = line.receiver(everything)
             try:
                 return str(await lines.now(port.receive(60.0)))
             except ConnectionClosed:
@@ -770,7 +770,7 @@ def test_closing_ends_every_wait(lines: Lines, kind: str) -> None:
         begin = monotonic()
         assert lines.side_by_side(waiting(), waiting(), waiting(), closing()) == ["closed"] * 3 + [""]
         assert monotonic() - begin < PATIENCE
-        port = lines.do(line.port, everything)
+        port = lines.do(line.receiver, everything)
         for call, arguments in (
             (port.receive, (1.0,)),
             (port.clear, ()),
@@ -785,7 +785,7 @@ def test_closing_a_receiver(lines: Lines) -> None:
     mine, there = addresses("virtual", None)
     with open_bus(there) as other:
         line = lines.line(mine)
-        port, stays = lines.do(line.port, everything), lines.do(line.port, everything)
+        port, stays = lines.do(line.receiver, everything), lines.do(line.receiver, everything)
 
         async def waiting(which: Any) -> CanFrame | str | None:
             try:
@@ -810,7 +810,7 @@ def test_closing_a_receiver(lines: Lines) -> None:
 def test_a_bus_that_its_owner_has_closed(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, _):
         bus = open_bus(mine)
-        port = lines.do(lines.line(bus, own=False).port, everything)
+        port = lines.do(lines.line(bus, own=False).receiver, everything)
         bus.shutdown()
         with pytest.raises(ConnectionLost):
             for _ in range(100):  # in asyncio a closed descriptor is no longer watched; sending raises
@@ -826,7 +826,7 @@ def test_an_adapter_that_is_plugged_in_again(lines: Lines, kind: str) -> None:
     with crossed_ptys() as cable:
         mine, there = addresses(kind, cable)
         line = lines.line(mine)
-        port, beside = lines.do(line.port, everything), lines.do(line.port, everything)
+        port, beside = lines.do(line.receiver, everything), lines.do(line.receiver, everything)
         cable.cut()
         with pytest.raises(ConnectionLost):
             lines.do(port.receive, 10.0)
@@ -849,7 +849,7 @@ def test_an_adapter_that_is_plugged_in_again(lines: Lines, kind: str) -> None:
 def test_reopening_empties_the_receivers(lines: Lines, kind: str) -> None:
     with two_places(kind) as (mine, other):
         line = lines.line(mine)
-        port, beside = lines.do(line.port, everything), lines.do(line.port, lambda got: got.id == OTHER)
+        port, beside = lines.do(line.receiver, everything), lines.do(line.receiver, lambda got: got.id == OTHER)
         for number in (OTHER, OTHER, ANSWER):
             other.send(to_message(frame(number)), 1.0)
         while lines.do(port.receive, 10.0).id != ANSWER:
@@ -902,7 +902,7 @@ def test_several_callers_reopen_it(lines: Lines, monkeypatch: pytest.MonkeyPatch
 
         lines.side_by_side(*(again() for _ in range(4)))
         assert len(opened) == 1
-        port = lines.do(line.port, everything)
+        port = lines.do(line.receiver, everything)
         with echo(other, answering):
             assert lines.run(ask(), port)
 
@@ -913,7 +913,7 @@ def test_reopening_ends_every_wait(lines: Lines) -> None:
 
     async def waiting() -> str:
         try:
-            return str(await lines.now(line.port(everything).receive(60.0)))
+            return str(await lines.now(line.receiver(everything).receive(60.0)))
         except ConnectionLost as error:
             return str(error)
 
@@ -1012,7 +1012,7 @@ def test_a_call_within_a_call_of_the_same_thread() -> None:
     """As in a signal handler that interrupts the thread while it reads the bus, sends, or clears."""
     bus = BadBus()
     line = SharedCanBus(Bus(bus))
-    port, within = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
+    port, within = line.receiver(lambda got: got.id == OTHER), line.receiver(lambda got: got.id == ANSWER)
     answers: list[CanFrame | None] = []
 
     def handler() -> None:
@@ -1052,7 +1052,7 @@ def test_ctrl_c_at_every_point_of_a_call() -> None:
     ours = ("orinkit/can/shared_bus.py", "orinkit/can/bus.py", "threading.py")
     bus = BadBus()
     line = SharedCanBus(Bus(bus))
-    port, beside = line.port(lambda got: got.id == OTHER), line.port(lambda got: got.id == ANSWER)
+    port, beside = line.receiver(lambda got: got.id == OTHER), line.receiver(lambda got: got.id == ANSWER)
     calls: list[Callable[[], object]] = [
         lambda: port.receive(0.01),
         lambda: port.send([frame(OTHER), frame(OTHER)], 0.2),
@@ -1080,7 +1080,7 @@ def test_ctrl_c_at_every_point_of_a_call() -> None:
 def test_an_interrupted_reader_leaves_the_bus_to_others() -> None:
     bus = BadBus()
     line = SharedCanBus(Bus(bus))
-    port, beside = line.port(lambda got: got.id == ANSWER), line.port(lambda got: got.id == OTHER)
+    port, beside = line.receiver(lambda got: got.id == ANSWER), line.receiver(lambda got: got.id == OTHER)
     got: list[CanFrame | BaseException | None] = []
 
     def interrupted() -> None:
@@ -1123,7 +1123,7 @@ def test_an_operation_is_closed_when_it_is_interrupted(lines: Lines) -> None:
             ended.append("closed")
 
     bus = BadBus()
-    port = lines.do(lines.line(bus).port, everything)
+    port = lines.do(lines.line(bus).receiver, everything)
     bus.script.append(OSError(5, "gone"))
     with pytest.raises(ConnectionLost):
         lines.run(operation(), port)
@@ -1134,7 +1134,7 @@ def test_a_cancelled_task_loses_no_frame() -> None:
     async def body() -> None:
         mine, there = addresses("virtual", None)
         line = await AsyncSharedCanBus.open(mine)
-        port = line.port(everything)
+        port = line.receiver(everything)
         with open_bus(there) as other:
             for number in range(200):
                 task = asyncio.create_task(port.receive(60.0))
@@ -1163,7 +1163,7 @@ def test_a_cancelled_task_loses_no_frame() -> None:
 
 def test_a_shared_bus_belongs_to_its_loop() -> None:
     line = asyncio.run(_made())
-    port = line.port(everything)
+    port = line.receiver(everything)
 
     async def elsewhere() -> None:
         for call in (lambda: port.receive(1.0), port.clear):
@@ -1228,6 +1228,6 @@ def test_errors_are_those_of_orinkit(lines: Lines) -> None:
     for error in (*NOISE, *BROKEN):
         bus = BadBus()
         bus.sending = error
-        port = lines.do(lines.line(bus).port, everything)
+        port = lines.do(lines.line(bus).receiver, everything)
         with pytest.raises(OrinError):
             lines.do(port.send, [frame()], 0.1)

@@ -9,7 +9,7 @@ from math import inf, nan
 import pytest
 from hypothesis import given
 
-from orinkit.cao.coerce import single, to_handle, to_integer, to_number, to_real, to_text, to_values, wrong_type
+from orinkit.cao.coerce import to_handle, to_integer, to_number, to_real, to_text, to_values, unwrap_single, wrong_type
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidArgument, PacketError
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
@@ -172,11 +172,11 @@ def test_invalid_texts(given):
 
 
 def test_single():
-    assert same(single(variant([1.5])), variant(1.5))
-    assert same(single(variant(b"\5")), Variant(VarType.UI1, 5))
-    assert same(single(Variant(VARIANT_ARRAY, [Variant(VarType.I2, 1)])), Variant(VarType.I2, 1))
+    assert same(unwrap_single(variant([1.5])), variant(1.5))
+    assert same(unwrap_single(variant(b"\5")), Variant(VarType.UI1, 5))
+    assert same(unwrap_single(Variant(VARIANT_ARRAY, [Variant(VarType.I2, 1)])), Variant(VarType.I2, 1))
     for other in (variant([1, 2]), variant([]), variant(5), variant(None)):
-        assert single(other) is other
+        assert unwrap_single(other) is other
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def steady(monkeypatch) -> None:
 @pytest.fixture(autouse=True)
 def _not_held_up(monkeypatch) -> None:
     """Prevent a stalled machine from ending a command in this process."""
-    monkeypatch.setattr(drive, "_HELD_UP", PATIENCE)
+    monkeypatch.setattr(drive, "_MAX_COMMAND_DELAY", PATIENCE)
 
 
 def turning(bench: Bench, least: float = 50) -> Callable[[], bool]:
@@ -285,7 +285,7 @@ PATIENT = f"""
 import sys
 from orinkit.__main__ import main
 from orinkit.cli.abh3 import drive as _abh3_drive
-_abh3_drive._HELD_UP = {PATIENCE}
+_abh3_drive._MAX_COMMAND_DELAY = {PATIENCE}
 sys.exit(main())
 """
 

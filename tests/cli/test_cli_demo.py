@@ -192,9 +192,9 @@ def with_sample(number: int, **changed: object) -> StreamResult:
 )
 def test_the_replies_of_slave_mode_are_compared(result, words):
     points = sine((45.0, 30.0, 120.0, 0.0, -60.0, 0.0))
-    assert stream.compare(streamed(), points) == ""
-    assert stream.compare(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
-    assert words in stream.compare(result, points)
+    assert stream.deviation_from_document(streamed(), points) == ""
+    assert stream.deviation_from_document(with_sample(3, code=hresult.S_BUF_FULL), points) == ""
+    assert words in stream.deviation_from_document(result, points)
 
 
 def test_the_stream_is_repeated_on_a_busy_computer():

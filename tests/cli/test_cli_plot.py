@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from orinkit.cli._shared import motion_plot
-from orinkit.cli._shared.motion_record import PERIOD, joints_of, read_csv, recording_of, write_csv
+from orinkit.cli._shared.motion_record import PERIOD, command_and_encoder, read_csv, recording_of, write_csv
 from orinkit.core import i18n
 
 SIGNATURES = {"png": b"\x89PNG\r\n\x1a\n", "svg": b"<?xml", "pdf": b"%PDF-"}
@@ -27,7 +27,7 @@ def record(command: float, encoder: float) -> list[float]:
 def motion(tmp_path) -> Path:
     path = tmp_path / "motion.csv"
     angles = [45 * (1 - math.cos(place / 20 * math.pi)) for place in range(21)]
-    write_csv(path, recording_of([joints_of(record(angle, angle - 0.1)) for angle in angles]))
+    write_csv(path, recording_of([command_and_encoder(record(angle, angle - 0.1)) for angle in angles]))
     return path
 
 
@@ -98,7 +98,7 @@ def test_a_written_file_can_be_read(motion):
 def test_extended_joints_are_included_if_they_are_used():
     moved = record(1, 1)
     moved[7 * 4] = 5.0
-    assert recording_of([joints_of(record(0, 0)), joints_of(moved)]).joints == [1, 2, 3, 4, 5, 6, 8]
+    assert recording_of([command_and_encoder(record(0, 0)), command_and_encoder(moved)]).joints == [1, 2, 3, 4, 5, 6, 8]
 
 
 @pytest.mark.parametrize(
@@ -183,4 +183,4 @@ def test_labels_are_in_english_without_a_japanese_font(run, motion, tmp_path, mo
 @pytest.mark.parametrize("answer", [None, [], [1.0] * 31, ["x"] * 39, "text"])
 def test_invalid_records(answer):
     with pytest.raises(Exception, match="unexpected reply to GetLogRecord"):
-        joints_of(answer)
+        command_and_encoder(answer)

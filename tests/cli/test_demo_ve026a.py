@@ -90,7 +90,7 @@ def test_the_wave_is_repeated_on_a_busy_computer(monkeypatch, arms):
 @pytest.mark.parametrize(("count", "reported"), [(0, False), (3, True)])
 def test_late_set_points_are_reported(monkeypatch, count, reported):
     output: list[str] = []
-    monkeypatch.setattr(VirtualVE026A, "lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
+    monkeypatch.setattr(VirtualVE026A, "set_point_lateness", property(lambda _: Lateness(count, 0.048, 0.1)))
     monkeypatch.setattr(ve026a.VE026ADemo, "_procedure", lambda *_: None)
     ve026a.run(output.append, fields=False)
     words = "3 late set-points, by up to 48 ms: this computer was too busy. A real VE026A would have stopped."

@@ -267,8 +267,8 @@ LATE = {"count": 2, "longest": 0.048, "total": 0.06}
 def late_file(tmp_path, monkeypatch) -> str:
     """A trajectory for which the controller reports two late set-points."""
 
-    def lateness(slave: RC8SlaveMode, leave_out: int) -> Lateness:
-        return Lateness(**LATE) if slave.newest > (1.0,) and leave_out == 0 else Lateness()
+    def lateness(slave: RC8SlaveMode, skip_first: int) -> Lateness:
+        return Lateness(**LATE) if slave.newest > (1.0,) and skip_first == 0 else Lateness()
 
     monkeypatch.setattr(RC8SlaveMode, "lateness", property(lambda slave: partial(lateness, slave)))
     return write(tmp_path / "half.csv", wave(0.8)[:51])

@@ -54,7 +54,7 @@ def forget_clients(server: Server) -> None:
     """Make a server forget its clients, as after a long idle period."""
 
     def look() -> None:
-        for session in list(server._server._connections.open):
+        for session in list(server._server._context.open):
             sessions = session._sessions
             usual, sessions.idle = sessions.idle, 0.0
             session._check_idle_time()

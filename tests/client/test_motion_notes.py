@@ -6,7 +6,7 @@ import pytest
 
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
 from orinkit.cao.transport_profile import TransportProfile
-from orinkit.client._shared.motion import note_broken_off, note_closed, note_failure
+from orinkit.client._shared.motion import broken_off_note, closed_note, note_failure
 from orinkit.core import i18n
 from orinkit.core.errors import ConnectionClosed, OrinError
 from orinkit.ecap.client import HTTP
@@ -35,7 +35,7 @@ def test_a_lost_connection(wire: TransportProfile, en: str, ja: str) -> None:
     assert ja in note_lost(wire)
 
 
-@pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
+@pytest.mark.parametrize("note", [closed_note, broken_off_note], ids=["closed", "broken off"])
 def test_a_connection_that_was_closed(note) -> None:
     assert "lost" not in note(STREAM)
     assert "if the closing packet is lost: after at least 10 s without a request" in note(DATAGRAM)
@@ -49,7 +49,7 @@ def test_a_connection_that_was_closed(note) -> None:
 
 
 @pytest.mark.parametrize("wire", [STREAM, DATAGRAM, LINE, HTTP], ids=lambda wire: wire.name)
-@pytest.mark.parametrize("note", [note_closed, note_broken_off], ids=["closed", "broken off"])
+@pytest.mark.parametrize("note", [closed_note, broken_off_note], ids=["closed", "broken off"])
 def test_a_lost_connection_is_noted_once(note, wire: TransportProfile) -> None:
     error = RuntimeError()
     error.add_note(note(wire))

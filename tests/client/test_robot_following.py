@@ -230,10 +230,10 @@ def test_ctrl_c_during_a_motion_adds_one_note(rc8: VirtualRC8, url: str) -> None
 
 def test_a_segment_begins_when_the_destination_changes() -> None:
     way = MotionSegment()
-    way.begin(MotionSegment.leading_to(HOME), HOME, HOME)
-    assert [way.waits, way.begun, way.end] == [True, False, None]
+    way.begin(MotionSegment.begun_to(HOME), HOME, HOME)
+    assert [way.awaits_start, way.begun, way.end] == [True, False, None]
     way.see(LEFT)
-    assert [way.waits, way.begun, way.end] == [False, True, LEFT]
+    assert [way.awaits_start, way.begun, way.end] == [False, True, LEFT]
     assert not way.left_behind(LEFT)
     assert way.left_behind(RIGHT)
 
@@ -248,7 +248,7 @@ def test_a_segment_after_an_unknown_one_stays_unknown() -> None:
 
 
 def test_a_long_chain_is_not_tracked() -> None:
-    way = MotionSegment.leading_to(HOME)
+    way = MotionSegment.begun_to(HOME)
     for _ in range(10_000):
         new = MotionSegment(LEFT)
         new.begin(way, None, HOME)

@@ -45,10 +45,10 @@ def forget_clients(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a server forget its clients, as after a long idle period."""
 
     def look() -> None:
-        for caller in list(server._server._connections.open):
+        for caller in list(server._server._context.open):
             caller._check_idle_time()
 
     with monkeypatch.context() as patched:
-        patched.setattr(udp, "FORGOTTEN_AFTER", 0.0)
+        patched.setattr(udp, "IDLE_TIMEOUT", 0.0)
         server._loop.call_soon_threadsafe(look)
         until(lambda: server.clients == 0)

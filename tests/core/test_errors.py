@@ -23,7 +23,6 @@ from orinkit.core.errors import (
     ConnectionLost,
     ControllerError,
     DriverFault,
-    DriverRefused,
     DriverTimeout,
     ExecutionTimeout,
     GeneralError,
@@ -40,6 +39,7 @@ from orinkit.core.errors import (
     OptionError,
     OrinError,
     PacketError,
+    ParameterRefused,
     PendantError,
     ProgramError,
     ProtocolError,
@@ -145,7 +145,7 @@ def test_the_tree_is_as_drawn_in_the_docstring():
         (CallTimeout, TimeoutError),
         (DriverTimeout, CallTimeout),
         (DriverFault, OrinError),
-        (DriverRefused, OrinError),
+        (ParameterRefused, OrinError),
         (NotImplementedCall, GeneralError),
         (ObjectNotFound, CaoError),
         (AlreadyRegistered, CaoError),
@@ -260,7 +260,7 @@ def test_a_driver_that_does_not_reach_standstill():
 
 
 def test_a_driver_that_refuses():
-    error = DriverRefused("the driver refuses it (01)")
+    error = ParameterRefused("the driver refuses it (01)")
     assert str(error) == "the driver refuses it (01)"
     assert not isinstance(error, CallError)  # it has no HRESULT: the reply is not from a controller
 

@@ -401,7 +401,7 @@ def test_a_connection_that_is_lost_during_a_release() -> None:
         async with connection.turn:
             await connection.ready()
             for handle in (5, 6):
-                connection.hold(functions.variable_release, handle)
+                connection.add_reference(functions.variable_release, handle)
                 connection.release(functions.variable_release, handle, 1)
             with pytest.raises(CallError) as failed:
                 await connection.ready()

@@ -72,7 +72,7 @@ from orinkit.__main__ import main
 from orinkit.abh3.aio import AsyncDriver
 from orinkit.cli.abh3 import drive as _abh3_drive
 AsyncDriver.keep_alive.__kwdefaults__["patience"] = {PATIENCE}
-_abh3_drive._HELD_UP = {PATIENCE}
+_abh3_drive._MAX_COMMAND_DELAY = {PATIENCE}
 sys.exit(main())
 """
 """The program, with longer times for motors on CAN."""

@@ -100,14 +100,14 @@ def test_a_conversation_records_the_times_of_requests_and_replies() -> None:
     (call,) = conversation.receive(request, 5.0)
     assert isinstance(call, Execute)
     assert conversation.alive == 1.0
-    assert (conversation.heard, conversation.answered) == (5.0, 0.0)
+    assert (conversation.last_request_at, conversation.last_reply_at) == (5.0, 0.0)
     (busy,) = conversation.receive(sign_of_life(2), 6.0)
     assert isinstance(busy, Send)
     assert packet.decode(busy.data).serial == 0
-    assert conversation.heard == 6.0
-    conversation.go_on(7.0)
+    assert conversation.last_request_at == 6.0
+    conversation.update_time(7.0)
     assert conversation.finish(call, 0, None)
-    assert (conversation.heard, conversation.answered) == (6.0, 7.0)
+    assert (conversation.last_request_at, conversation.last_reply_at) == (6.0, 7.0)
     list(conversation.receive(packet.encode(Packet(2, 21, [2])), 8.0))
     conversation.abandon()
     assert not conversation.busy

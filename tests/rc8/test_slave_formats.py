@@ -13,7 +13,7 @@ from orinkit.core.errors import CallError, InvalidArgument, InvalidValue, Protoc
 from orinkit.rc8 import slave_feedback
 from orinkit.rc8 import slave_formats as sf
 from orinkit.rc8.slave_fields import FieldType, SlaveField
-from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveAnswer, SlaveMode, UserWindow
+from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveMode, SlaveReply, UserWindow
 from orinkit.values.codec import decode, encode, encode_variant
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, variant
 from support.strategies import same
@@ -278,10 +278,10 @@ def test_the_set_point_that_the_document_shows():
         "46000000052008000000C10BB20DEB4BD8BCF0D12537008046400D97E5F5FF7F5640"
         "26BC9E961A58063DF6FF0EDDFF7F464096B00642EC4BD8BC0F00000089114000FEFFFFFF10000000"
     )
-    answer = sf.read_answer(ReceiveFormat(), decode(answered)[0])
+    answer = sf.read_reply(ReceiveFormat(), decode(answered)[0])
     assert answer.joints is not None
     assert answer.joints[:6] == pytest.approx((0, 45, 90, 0, 45, 0), abs=1e-4)
-    assert encode_variant(sf.build_answer(ReceiveFormat(), answer)) == answered
+    assert encode_variant(sf.build_reply(ReceiveFormat(), answer)) == answered
 
 
 @pytest.mark.parametrize(
@@ -833,7 +833,7 @@ def test_states_of_user_io_are_bytes():
 # --- slvMove's answer -------------------------------------------------------------------------------------------------
 
 CURRENT = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0)
-FULL = SlaveAnswer(J, P, T, 1234, 0x8001, 3, b"\1\xff", CURRENT)
+FULL = SlaveReply(J, P, T, 1234, 0x8001, 3, b"\1\xff", CURRENT)
 ANSWERS = [  # table 4-3: flags, and the order of the parts
     (0x000, ("pose",)),
     (0x100, ("pose", "mini")),
@@ -874,25 +874,25 @@ ANSWER_POSES = {0: J, 1: P, 2: J, 3: T, 4: P + J, 5: T + J}
 @pytest.mark.parametrize(("flags", "parts"), ANSWERS, ids=str)
 def test_the_layouts_of_table_4_3(number, flags, parts):
     receive = sf.receive_format(number | flags)
-    answer = sf.build_answer(receive, FULL)
+    answer = sf.build_reply(receive, FULL)
     elements = {**ANSWER_ELEMENTS, "pose": r8(*ANSWER_POSES[number])}
     expected = form(*(elements[part] for part in parts)) if flags else elements["pose"]
     assert same(answer, expected)
     has_poses = {"joints": "J" in receive.kinds, "position": "P" in receive.kinds, "trans": "T" in receive.kinds}
-    read = sf.read_answer(receive, decode(encode_variant(answer))[0])
+    read = sf.read_reply(receive, decode(encode_variant(answer))[0])
     for name in ("joints", "position", "trans", "timestamp", "mini", "hand", "user", "current"):
         is_there = has_poses.get(name, name in parts)
         assert same(getattr(read, name), getattr(FULL, name) if is_there else None), name
 
 
 def test_two_poses_are_15_and_18_numbers():
-    assert len(sf.build_answer(ReceiveFormat(4), FULL).value) == 15
-    assert len(sf.build_answer(ReceiveFormat(5), FULL).value) == 18
+    assert len(sf.build_reply(ReceiveFormat(4), FULL).value) == 15
+    assert len(sf.build_reply(ReceiveFormat(5), FULL).value) == 18
 
 
 def test_what_the_format_does_not_have_need_not_be_there():
-    assert sf.build_answer(ReceiveFormat(), SlaveAnswer(J)) == Variant(R8_ARRAY, list(J))
-    assert sf.read_answer(ReceiveFormat(), list(J)) == SlaveAnswer(J)
+    assert sf.build_reply(ReceiveFormat(), SlaveReply(J)) == Variant(R8_ARRAY, list(J))
+    assert sf.read_reply(ReceiveFormat(), list(J)) == SlaveReply(J)
 
 
 @pytest.mark.parametrize(
@@ -901,37 +901,37 @@ def test_what_the_format_does_not_have_need_not_be_there():
 )
 def test_a_timestamp_begins_again_where_a_vt_i4_ends(time, sent):
     receive = sf.receive_format(0x12, 1)
-    answer = sf.build_answer(receive, SlaveAnswer(J, timestamp=time))
-    assert sf.read_answer(receive, decode(encode_variant(answer))[0]).timestamp == sent
+    answer = sf.build_reply(receive, SlaveReply(J, timestamp=time))
+    assert sf.read_reply(receive, decode(encode_variant(answer))[0]).timestamp == sent
 
 
 @pytest.mark.parametrize(
     ("number", "answer", "name"),
     [
-        (0, SlaveAnswer(), "pose of type J"),
-        (0, SlaveAnswer(J[:6]), "pose of type J"),
-        (1, SlaveAnswer(J), "pose of type P"),
-        (1, SlaveAnswer(position=P[:6]), "pose of type P"),
-        (3, SlaveAnswer(trans=P), "pose of type T"),
-        (4, SlaveAnswer(position=P), "pose of type J"),
-        (0x10, SlaveAnswer(J), "timestamp"),
-        (0x100, SlaveAnswer(J), "mini I/O"),
-        (0x20, SlaveAnswer(J), "hand I/O"),
-        (0x200, SlaveAnswer(J), "user I/O"),
-        (0x40, SlaveAnswer(J), "motor currents"),
-        (0x40, SlaveAnswer(J, current=J[:6]), "motor currents"),
+        (0, SlaveReply(), "pose of type J"),
+        (0, SlaveReply(J[:6]), "pose of type J"),
+        (1, SlaveReply(J), "pose of type P"),
+        (1, SlaveReply(position=P[:6]), "pose of type P"),
+        (3, SlaveReply(trans=P), "pose of type T"),
+        (4, SlaveReply(position=P), "pose of type J"),
+        (0x10, SlaveReply(J), "timestamp"),
+        (0x100, SlaveReply(J), "mini I/O"),
+        (0x20, SlaveReply(J), "hand I/O"),
+        (0x200, SlaveReply(J), "user I/O"),
+        (0x40, SlaveReply(J), "motor currents"),
+        (0x40, SlaveReply(J, current=J[:6]), "motor currents"),
     ],
 )
 def test_results_without_a_field_of_the_format(number, answer, name):
     with pytest.raises(InvalidValue, match=f"{name}: required by the receive format, but missing or of another length"):
-        sf.build_answer(ReceiveFormat(number), answer)
+        sf.build_reply(ReceiveFormat(number), answer)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="値がないか要素数が異なります"):
-        sf.build_answer(ReceiveFormat(number), answer)
+        sf.build_reply(ReceiveFormat(number), answer)
 
 
 def test_a_client_also_reads_whole_numbers_and_fewer_currents():
-    answer = sf.read_answer(ReceiveFormat(0x42), ([1, 2, 3, 4, 5, 6, 7, 8.5], [1, 2.5]))
+    answer = sf.read_reply(ReceiveFormat(0x42), ([1, 2, 3, 4, 5, 6, 7, 8.5], [1, 2.5]))
     assert same(answer.joints, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5))
     assert same(answer.current, (1.0, 2.5))
 
@@ -979,14 +979,14 @@ def test_a_client_also_reads_whole_numbers_and_fewer_currents():
 )
 def test_results_that_do_not_match_the_format(number, value, match):
     with pytest.raises(ProtocolError, match=match) as caught:
-        sf.read_answer(ReceiveFormat(number), value)
+        sf.read_reply(ReceiveFormat(number), value)
     assert len(str(caught.value)) < 300
     assert not caught.value.fatal
     i18n.use("ja")
     with pytest.raises(
         ProtocolError, match=r"slvMove の応答 \(受信フォーマット 0x0.*\): .*には.*が必要ですが、.* です"
     ):
-        sf.read_answer(ReceiveFormat(number), value)
+        sf.read_reply(ReceiveFormat(number), value)
 
 
 # --- a field that has no attribute ------------------------------------------------------------------------------------
@@ -997,7 +997,7 @@ def temperature(monkeypatch) -> SlaveField:
     """An additional row; tests/streaming/test_slave_field.py has one in the table itself."""
     row = SlaveField(name="temperature", label="temperature", form=FieldType.REAL, place=7, receive=0x400)
     plan = (0, ((1, row, "", slave_feedback._READERS[row.form], slave_feedback._WRITERS[row.form]),))
-    monkeypatch.setattr(slave_feedback, "_plan_of_answer", lambda _: plan)
+    monkeypatch.setattr(slave_feedback, "_plan_of_reply", lambda _: plan)
     monkeypatch.setitem(slave_feedback._ATTRIBUTES, row.name, "")
     return row
 
@@ -1006,31 +1006,31 @@ WARM = ReceiveFormat(0x402)
 
 
 def test_a_field_without_an_attribute_survives_a_round_trip(temperature):
-    given = SlaveAnswer.of({"joints": J, temperature.name: 36.5})
-    assert given == SlaveAnswer(J, more={"temperature": 36.5})
+    given = SlaveReply.of({"joints": J, temperature.name: 36.5})
+    assert given == SlaveReply(J, more={"temperature": 36.5})
     assert given.values() == {"joints": J, "temperature": 36.5}
-    answer = on_the_wire(sf.build_answer(WARM, given))
+    answer = on_the_wire(sf.build_reply(WARM, given))
     assert [element.type for element in answer.value] == [R8_ARRAY, VarType.R8]
-    assert sf.read_answer(WARM, plain(answer)) == given
-    assert hash(given) == hash(SlaveAnswer(J))
+    assert sf.read_reply(WARM, plain(answer)) == given
+    assert hash(given) == hash(SlaveReply(J))
 
 
 @pytest.mark.usefixtures("temperature")
 def test_a_field_without_an_attribute_that_is_missing():
     with pytest.raises(InvalidValue, match=r"^temperature: required by the receive format, but missing"):
-        sf.build_answer(WARM, SlaveAnswer(J))
+        sf.build_reply(WARM, SlaveReply(J))
 
 
 @pytest.mark.usefixtures("temperature")
 @pytest.mark.parametrize("value", [None, "1", [1.0], True, math.nan, math.inf, -math.inf])
 def test_invalid_numbers(value):
     with pytest.raises(ProtocolError, match=r"0x0402: temperature is .*, expected a finite number$"):
-        sf.read_answer(WARM, [list(J), value])
+        sf.read_reply(WARM, [list(J), value])
     i18n.use("ja")
     with pytest.raises(ProtocolError, match="temperatureには有限の数値が必要ですが"):
-        sf.read_answer(WARM, [list(J), value])
+        sf.read_reply(WARM, [list(J), value])
 
 
 def test_a_whole_number_is_a_number(temperature):
-    found = sf.read_answer(WARM, [list(J), 36]).more[temperature.name]
+    found = sf.read_reply(WARM, [list(J), 36]).more[temperature.name]
     assert (found, type(found)) == (36.0, float)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.rc8 import slave_formats as sf
-from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveAnswer, UserWindow
+from orinkit.rc8.slave_formats import ReceiveBits, ReceiveFormat, SendBits, SetPoint, SlaveReply, UserWindow
 from orinkit.values.codec import decode, encode, encode_variant
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 from support.strategies import variants
@@ -64,7 +64,7 @@ def set_points(draw):
 def answers(draw):
     receive = draw(RECEIVES)
     kinds = receive.kinds
-    return receive, SlaveAnswer(
+    return receive, SlaveReply(
         draw(poses("J")) if "J" in kinds else None,
         draw(poses("P")) if "P" in kinds else None,
         draw(poses("T")) if "T" in kinds else None,
@@ -88,10 +88,10 @@ def test_a_set_point_arrives_as_it_was_sent(sent):
 @given(answers())
 def test_an_answer_arrives_as_it_was_given(given_answer):
     receive, answer = given_answer
-    data = encode_variant(sf.build_answer(receive, answer))
-    read = sf.read_answer(receive, decode(data)[0])
+    data = encode_variant(sf.build_reply(receive, answer))
+    read = sf.read_reply(receive, decode(data)[0])
     assert read == answer
-    assert encode_variant(sf.build_answer(receive, read)) == data
+    assert encode_variant(sf.build_reply(receive, read)) == data
 
 
 def pose_like(element):
@@ -133,9 +133,9 @@ def test_any_parameter_of_slv_recv_format_is_read_or_refused(parameter):
 
 @given(RECEIVES, st.one_of(variants(), pose_like(variants())).map(lambda item: item.plain))
 def test_any_answer_is_read_or_refused(receive, value):
-    answer = outcome(ProtocolError, sf.read_answer, receive, value)
+    answer = outcome(ProtocolError, sf.read_reply, receive, value)
     if isinstance(answer, ProtocolError):
         assert len(str(answer)) < 400
     else:
         assert sum(getattr(answer, name) is not None for name in ("joints", "position", "trans")) == len(receive.kinds)
-        assert sf.read_answer(receive, sf.build_answer(receive, answer).plain) == answer
+        assert sf.read_reply(receive, sf.build_reply(receive, answer).plain) == answer

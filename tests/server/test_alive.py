@@ -149,7 +149,7 @@ def test_through_a_gateway() -> None:
 
 
 def _client(server: Server) -> Any:
-    (client,) = server._server._connections.open
+    (client,) = server._server._context.open
     return client
 
 
@@ -169,7 +169,7 @@ def test_the_motion_of_a_running_program_continues(both: Both, listen_at: str) -
             until(lambda: arm.busy)
             for _ in range(3):
                 time = server._loop.time()
-                until(lambda time=time: _client(server).heard > time)
+                until(lambda time=time: _client(server).last_request_at > time)
                 leap(server, 3.0)
                 seen.append(arm.busy and arm.holder is not None)
 

@@ -65,9 +65,7 @@ def test_a_cable_is_unplugged_while_motions_are_queued(path: str) -> None:
 
 def _connections(server: Server) -> list[Any]:
     return [
-        each
-        for each in list(server._server._connections.all)
-        if hasattr(each, "is_closed") or hasattr(each, "_transport")
+        each for each in list(server._server._context.all) if hasattr(each, "is_closed") or hasattr(each, "_transport")
     ]
 
 
@@ -93,7 +91,7 @@ def test_both_ends_of_a_connection_are_watched(
     with orinkit.serve(Workshop(), listen_at, **arguments) as server:
         rc8 = both.connect(server.url, provider="Test.Workshop", **arguments)
         try:
-            (peer,) = (each for each in server._server._connections.all if hasattr(each, "connection_lost"))
+            (peer,) = (each for each in server._server._context.all if hasattr(each, "connection_lost"))
             transport: Any = getattr(peer, "transport", None) or getattr(peer, "_transport", None)
             assert watched(transport.get_extra_info("socket")) == options
             assert watched(_socket_of(rc8.client._link)) == options

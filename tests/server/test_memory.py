@@ -37,7 +37,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 
 def partial(server: Server) -> IncompleteRequests:
-    return server._server._connections.partial
+    return server._server._context.partial
 
 
 def test_incomplete_packets(server: Server, caplog: pytest.LogCaptureFixture) -> None:
@@ -89,7 +89,7 @@ def test_incomplete_bodies(server: Server) -> None:
             web.send(head.encode() + b"Func=1,Arg1=8," + b"x" * 1024 * 1024)
         except ConnectionError:
             pass
-    until(lambda: partial(server).bytes <= ROOM and len(server._server._connections.all) <= 4)
+    until(lambda: partial(server).bytes <= ROOM and len(server._server._context.all) <= 4)
     for web in bodies:
         web.close()
     until(lambda: partial(server).bytes == 0)
@@ -119,8 +119,8 @@ def test_the_size_of_a_tag_is_limited(server: Server) -> None:
 def test_large_packets_that_wait_for_decoding_count_too(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     """Complete packets count until the worker has decoded them."""
     gate = threading.Event()
-    shared = server._server._connections
-    blocking = asyncio.run_coroutine_threadsafe(shared.worker.run(gate.wait), server._loop)
+    context = server._server._context
+    blocking = asyncio.run_coroutine_threadsafe(context.worker.run(gate.wait), server._loop)
     request = packet.encode(Packet(1, EXECUTE, [2, "Echo", bytes(1024 * 1024)]))
     clients = [RawClient(server.url) for _ in range(3)]
     for client in clients:

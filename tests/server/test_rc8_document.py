@@ -112,7 +112,7 @@ def test_list_3_2(raw: RawClient, device: VirtualRC8) -> None:
     controller = raw.ask(CONNECT, *CONTROLLER)
     task = raw.ask(GET_TASK, controller, "Pro1", "")
     assert raw.ask(TASK_START, task, 2, "") is None
-    assert device.state.programs_running == 1
+    assert device.state.running_programs == 1
     assert raw.ask(TASK_STOP, task, 3, "") is None
     assert raw.ask(TASK_RELEASE, task) is None
     assert raw.ask(DISCONNECT, controller) is None

@@ -115,8 +115,8 @@ def test_the_device_receives_the_client_info(raw: SerialRaw, server: Server, sho
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("serial", server.url.removeprefix("serial://"), 0)
     handled = threading.Event()
-    assert visitor.drain_input is not None
-    visitor.drain_input(handled.set)
+    assert visitor.when_input_processed is not None
+    visitor.when_input_processed(handled.set)
     assert handled.wait(PATIENCE)
 
 
@@ -276,7 +276,7 @@ def test_replies_that_the_client_does_not_read(server: Server, shop: Counting) -
         for number in range(100):
             greedy.request(EXECUTE, theirs, "Large", 60_000, serial=500 + number, reserved=500 + number)
             assert other.ask(EXECUTE, mine, "Echo", number) == number
-        (line,) = (each for each in server._server._connections.all if isinstance(each, serial_line.SerialClient))
+        (line,) = (each for each in server._server._context.all if isinstance(each, serial_line.SerialClient))
         while (
             greedy.receive(0.2) is not None or line._transport.get_write_buffer_size()
         ):  # the bytes that the line has buffered

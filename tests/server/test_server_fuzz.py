@@ -230,7 +230,7 @@ def converse(address: tuple[str, int], data: bytes) -> tuple[list[tuple[int, int
                     frame = framer.next_frame()
         except ConnectionError:  # closed by the server before it has read all bytes
             in_order = False
-    assert framer.skipped == 0
+    assert framer.skipped_bytes == 0
     assert not in_order or framer.pending == 0
     return answers, in_order
 
@@ -315,8 +315,8 @@ def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count
         hresult.E_INVALIDRCVPACKET, hresult.E_PACKETSIZEOVER,
     ):  # fmt: skip
         assert codes[code] > 0, hresult.lookup(code).name
-    shared = server._server._connections
-    until(lambda: not (shared.open or shared.all or shared.tasks))
+    context = server._server._context
+    until(lambda: not (context.open or context.all or context.tasks))
     known = {id(thing) for thing in before}
     end = time.monotonic() + PATIENCE
     while (left := [thing for thing in alive() if id(thing) not in known]) and time.monotonic() < end:

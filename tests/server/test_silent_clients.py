@@ -48,8 +48,8 @@ def server(workshop: Workshop) -> Iterator[Server]:
         yield served
 
 
-def shared(server: Server) -> ServerContext:
-    return server._server._connections
+def context_of(server: Server) -> ServerContext:
+    return server._server._context
 
 
 def open_workshop(client: RawClient) -> int:
@@ -63,7 +63,7 @@ def read(server: Server, client: RawClient, incomplete: int) -> None:
     name = "{}:{}".format(*client.socket.getsockname())
 
     def received() -> list[int]:
-        return [each._conversation.incomplete for each in list(shared(server).all) if each._name == name]  # type: ignore[attr-defined]
+        return [each._conversation.incomplete_bytes for each in list(context_of(server).all) if each._name == name]  # type: ignore[attr-defined]
 
     until(lambda: received() == [incomplete])
     take_turns(server)
@@ -104,7 +104,7 @@ def test_invalid_requests_do_not_count_as_calls(server: Server, data: bytes) -> 
         until(lambda: server.clients == 1)
         leap(server, LONG + 1)
         assert silent.ended()
-    until(lambda: not shared(server).all)
+    until(lambda: not context_of(server).all)
 
 
 @pytest.mark.parametrize("size", [1, 4, 5, 15, 40])
@@ -152,7 +152,7 @@ def test_the_time_limit_restarts_with_each_packet(server: Server) -> None:
 def test_a_closed_client_that_does_not_read_its_replies(server: Server) -> None:
     with RawClient(server.url, receive_buffer=4096) as greedy:
         handle = open_workshop(greedy)
-        (connection,) = shared(server).open
+        (connection,) = context_of(server).open
         greedy.send(packet.encode(Packet(1, EXECUTE, [handle, "Large", 8_000_000])))
         until(lambda: connection._slow)  # type: ignore[attr-defined]
         server._loop.call_soon_threadsafe(connection.close)
@@ -260,14 +260,14 @@ def test_only_a_limited_number_of_clients_receives_e_max_connect(server: Server)
     for client in clients:
         open_workshop(client)
     crowd = [RawClient(server.url) for _ in range(100)]
-    until(lambda: len(shared(server).turned_away) == 64 and len(shared(server).all) == LIMIT + 64)
+    until(lambda: len(context_of(server).turned_away) == 64 and len(context_of(server).all) == LIMIT + 64)
     assert crowd[-1].ended()
     assert crowd[0].ask(START) == hresult.E_MAX_CONNECT
     for client in [*clients, *crowd]:
         client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         client.close()
-    until(lambda: not shared(server).all)
-    assert not shared(server).turned_away
+    until(lambda: not context_of(server).all)
+    assert not context_of(server).turned_away
 
 
 def test_clients_without_objects_over_udp_and_http_are_evicted(workshop: Workshop) -> None:

@@ -13,7 +13,7 @@ import orinkit
 from orinkit.cao.functions import controller_execute
 from orinkit.core import hresult
 from orinkit.server import log_limiter as throttle_module
-from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOGGERS, THROTTLE, LogLimiter
+from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOG_LIMITER, LOGGERS, LogLimiter
 from orinkit.virtual.rc8 import VirtualRC8
 from support.peers import RawClient
 from support.waiting import until
@@ -202,4 +202,4 @@ def test_the_limiter_of_the_process_reports_from_its_own_thread(monkeypatch):
         logger.removeFilter(created)
         logger.removeHandler(output)
         created.forget()
-    assert THROTTLE is not created
+    assert LOG_LIMITER is not created

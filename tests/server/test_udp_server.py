@@ -64,7 +64,7 @@ def raw(server: Server) -> Iterator[UdpRaw]:
 @pytest.fixture
 def long(monkeypatch: pytest.MonkeyPatch) -> float:
     """Set and return the time after which a client is dropped, s; it elapses only when a test advances the clock."""
-    monkeypatch.setattr(udp, "FORGOTTEN_AFTER", 1000.0)
+    monkeypatch.setattr(udp, "IDLE_TIMEOUT", 1000.0)
     return 1000.0
 
 
@@ -184,7 +184,7 @@ def test_the_age_of_a_stored_reply_counts_from_the_end_of_its_call(shop: Countin
         ask(2, EXECUTE, handle, "CountLater", "a")
         assert await answer() == Packet(2, 0, [1])
         assert shop.counts == ["a"]
-        endpoint.shared.all.pop().close()
+        endpoint.context.all.pop().close()
 
     with asyncio.Runner(loop_factory=LeapingLoop) as runner:
         runner.run(main())
@@ -220,8 +220,8 @@ def test_the_device_receives_the_client_info(raw: UdpRaw, shop: Counting) -> Non
     (visitor,) = shop.visitors
     assert (visitor.transport, visitor.address, visitor.port) == ("udp", "127.0.0.1", raw.port)
     handled = threading.Event()
-    assert visitor.drain_input is not None
-    visitor.drain_input(handled.set)
+    assert visitor.when_input_processed is not None
+    visitor.when_input_processed(handled.set)
     assert handled.wait(PATIENCE)
 
 

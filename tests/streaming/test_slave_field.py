@@ -17,9 +17,9 @@ from typing import Any, get_args
 import pytest
 
 import orinkit
-from orinkit.client._shared.stream_options import Wanted
+from orinkit.client._shared.stream_options import FeedbackField
 from orinkit.rc8 import slave_fields
-from orinkit.rc8.slave_feedback import SlaveAnswer
+from orinkit.rc8.slave_feedback import SlaveReply
 from orinkit.rc8.slave_formats import SetPoint
 from orinkit.streaming.process.record_layout import WORD, RecordLayout
 from orinkit.streaming.process.shared_memory import Outputs
@@ -119,12 +119,12 @@ def test_a_row_is_in_the_messages_of_an_mcap_file(run: tuple[Path, list[Any]]) -
 
 
 def test_the_words_of_recv() -> None:
-    assert set(get_args(Wanted)) == {row.name for row in slave_fields.WORDS}
+    assert set(get_args(FeedbackField)) == {row.name for row in slave_fields.WORDS}
 
 
 def test_every_row_has_its_attributes() -> None:
     assert {row.name for row in slave_fields.RECEIVED} == OWN
-    assert SlaveAnswer.of({row.name: 1 for row in slave_fields.RECEIVED}).more == {}
+    assert SlaveReply.of({row.name: 1 for row in slave_fields.RECEIVED}).more == {}
     assert set(Outputs.__slots__) == {row.name for row in slave_fields.OUTPUTS}
     assert {"pose", "extra", *(row.name for row in slave_fields.PARAMETERS)} == set(SetPoint.__slots__)
 

@@ -85,7 +85,7 @@ def test_late_set_points_are_counted_and_measured(bench: Bench, mode: int) -> No
     assert first.underflows == 0
     assert second.late == Lateness()
     assert "late" not in str(second)
-    assert bench.arm.device.lateness == first.late
+    assert bench.arm.device.set_point_lateness == first.late
     assert bench.arm.errors == []
     assert bench.arm.within_limits()
     assert bench.arm.carried_out(POINTS) or mode == 1
@@ -103,7 +103,7 @@ def test_a_trajectory_is_not_told_of_what_was_late_before_it(bench: Bench) -> No
 
     bench.stream(body)
     assert results[0].late == Lateness()
-    assert bench.arm.device.lateness.count == 1
+    assert bench.arm.device.set_point_lateness.count == 1
 
 
 def test_strict_time_waits_for_nobody(both: Both) -> None:
@@ -118,7 +118,7 @@ def test_strict_time_waits_for_nobody(both: Both) -> None:
 
         bench.stream(body)
         assert arm.errors == [hresult.COMMAND_DELAY]
-        assert arm.device.lateness == Lateness()
+        assert arm.device.set_point_lateness == Lateness()
         assert arm.within_limits()
 
 
@@ -173,7 +173,7 @@ def test_a_controller_that_does_not_tell(bench: Bench, monkeypatch: pytest.Monke
     bench.stream(body)
     assert results[0].late == Lateness()
     assert results[0].sent == len(POINTS)
-    assert bench.arm.device.lateness.count == 1
+    assert bench.arm.device.set_point_lateness.count == 1
     assert asked == ([] if answer is None else [False])
     assert bench.arm.carried_out(POINTS)
     assert bench.arm.errors == []

@@ -46,7 +46,7 @@ def at(angle: float) -> J:
 
 def sent(stream: Any) -> int:
     """Return the number of set-points of trajectories that were sent."""
-    return int(stream._streaming.shared.sent)
+    return int(stream._streaming.shared.taken)
 
 
 FORKED = """

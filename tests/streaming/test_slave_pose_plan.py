@@ -19,7 +19,7 @@ from orinkit.arms.geometry import (
     angles_of,
     of_angles,
     of_vectors,
-    turn_between,
+    rotvec_between,
     turned,
     vectors_of,
 )
@@ -75,7 +75,7 @@ class Stream:
         assert command is self.planner.command
         self.commands.append(command)
         step = tuple(b - a for a, b in zip(before[:3], command[:3], strict=True))
-        turn = turn_between(turn_of(self.kind, before), turn_of(self.kind, command))
+        turn = rotvec_between(turn_of(self.kind, before), turn_of(self.kind, command))
         limits, period = self.limits, self.period
         assert math.hypot(*step) <= limits.speed * period * (1 + ROUNDING)
         assert math.dist(step, self.steps[-1][0]) <= limits.acceleration * period**2 * (1 + ROUNDING)
@@ -130,7 +130,7 @@ def test_angles_are_those_of_the_orientation(rx: float, rz: float, ry: float) ->
     """The check includes poses near RY = 90, where RX and RZ are not determined individually."""
     turn = of_angles(rx, ry, rz)
     angles = angles_of(turn)
-    assert math.hypot(*turn_between(turn, of_angles(*angles))) < 1e-12
+    assert math.hypot(*rotvec_between(turn, of_angles(*angles))) < 1e-12
     assert -180 < angles[0] <= 180
     assert -90 <= angles[1] <= 90
     assert -180 < angles[2] <= 180
@@ -148,14 +148,14 @@ def test_angles_are_those_of_the_orientation(rx: float, rz: float, ry: float) ->
 )
 def test_turning_about_axes_of_the_base(angles: Pose, turn: Pose, after: Pose) -> None:
     result = turned(of_angles(*angles), turn)
-    assert math.hypot(*turn_between(result, of_angles(*after))) < 1e-12
+    assert math.hypot(*rotvec_between(result, of_angles(*after))) < 1e-12
     assert angles_of(result) == pytest.approx(after, abs=1e-12)
 
 
 @given(st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(*[st.floats(-180, 180)] * 3))
 def test_the_rotation_between_two_orientations_leads_from_one_to_the_other(turn: Pose, angles: Pose) -> None:
     start = of_angles(*angles)
-    assert turn_between(start, turned(start, turn)) == pytest.approx(turn, abs=1e-11)
+    assert rotvec_between(start, turned(start, turn)) == pytest.approx(turn, abs=1e-11)
 
 
 # --- follow -----------------------------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ def test_follow_reaches_a_target_exactly_and_about_as_soon_as_ruckig_would(
     tool = Stream(kind, period)
     goal = pose(kind, any_pose(draw))
     way = math.dist(goal[:3], tool.planner.command[:3])
-    angle = math.hypot(*turn_between(turn_of(kind, tool.planner.command), turn_of(kind, goal)))
+    angle = math.hypot(*rotvec_between(turn_of(kind, tool.planner.command), turn_of(kind, goal)))
     limits = astuple(LIMITS)
     wanted = max(duration(way, *limits[:3]), duration(angle, *limits[3:]))
     count = tool.until_rest("goto", goal)
@@ -184,12 +184,12 @@ def test_follow_goes_straight_and_turns_about_one_axis() -> None:
     tool = Stream()
     goal = pose("P", (100.0, 250.0, 400.0, 90.0, 30.0, 20.0))
     first, last = turn_of("P", tool.commands[0]), turn_of("P", goal)
-    axis = turn_between(first, last)
+    axis = rotvec_between(first, last)
     tool.until_rest("goto", goal)
     for command in tool.commands:
         parts = [(c - a) / (b - a) for a, b, c in zip(tool.commands[0][:3], goal[:3], command[:3], strict=True)]
         assert max(parts) - min(parts) < 1e-6
-        turn = turn_between(first, turn_of("P", command))
+        turn = rotvec_between(first, turn_of("P", command))
         part = math.hypot(*turn) / math.hypot(*axis)
         assert turn == pytest.approx([part * value for value in axis], abs=1e-6)
 

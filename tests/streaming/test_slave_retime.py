@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from orinkit.arms.geometry import angles_of, of_angles, of_vectors, turn_between, vectors_of
+from orinkit.arms.geometry import angles_of, of_angles, of_vectors, rotvec_between, vectors_of
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -347,13 +347,13 @@ def test_orientations_turn_the_shorter_way(angles, parts):
 def test_angles_are_exact_where_two_axes_are_one(rx, ry, rz):
     turn = of_angles(rx, ry, rz)
     angles = angles_of(turn)
-    assert max(map(abs, turn_between(turn, of_angles(*angles)))) < 1e-6
+    assert max(map(abs, rotvec_between(turn, of_angles(*angles)))) < 1e-6
     assert -180 < angles[0] <= 180
     assert -90 <= angles[1] <= 90
     assert -180 < angles[2] <= 180
     trans = as_trans((0.0, 0.0, 0.0, *angles, 5.0))
     assert vectors_of(turn) == pytest.approx(trans[3:9], abs=1e-7)
-    assert max(map(abs, turn_between(turn, of_vectors(trans[3:6], trans[6:9])))) < 1e-5
+    assert max(map(abs, rotvec_between(turn, of_vectors(trans[3:6], trans[6:9])))) < 1e-5
 
 
 def full(trans):

@@ -141,7 +141,7 @@ def test_set_points_can_be_pushed_one_by_one(session: Session, arm: Arm) -> None
                 session.both.run(stream.push(point))
         for point in points[60:]:
             session.both.run(stream.push(point))
-        assert stream.waiting <= 100
+        assert stream.queued <= 100
         session.both.run(stream.wait())
         assert stream.underflows == 0
 
@@ -234,7 +234,7 @@ def test_samples_are_given_once(session: Session, arm: Arm) -> None:
         until(lambda: stream.latest.number > first[-1].number + 20)
         second = stream.samples()
         assert [each.number for each in [*first, *second]] == list(range(len(first) + len(second)))
-        assert all(each.sent < each.answered for each in second)
+        assert all(each.sent < each.replied for each in second)
 
     session.stream(body)
 

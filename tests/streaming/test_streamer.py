@@ -20,7 +20,7 @@ from orinkit.arms import load_model
 from orinkit.bcap.profiles import STREAM
 from orinkit.core import hresult
 from orinkit.core.errors import CallTimeout, error_for
-from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveAnswer, UserWindow, mode_of
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveReply, UserWindow, mode_of
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.joint_planner import JointPlanner
 from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -75,7 +75,7 @@ class Controller(StreamerConnection):
         self.count += 1
         assert self.count < 5000
         self._script(self.count)
-        return Delivery(monotonic(), monotonic(), 0, SlaveAnswer())
+        return Delivery(monotonic(), monotonic(), 0, SlaveReply())
 
 
 @pytest.fixture
@@ -249,8 +249,10 @@ def no_answer() -> Exception:
 
 
 def late(shared: StreamMemory, watch: ProgramMonitor, controller: Controller) -> None:
-    tells = controller.lateness(0) is not None
-    Streamer(setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), tells=tells).run()
+    reports_lateness = controller.lateness(0) is not None
+    Streamer(
+        setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), reports_lateness=reports_lateness
+    ).run()
 
 
 def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ProgramMonitor) -> None:
@@ -262,7 +264,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemor
             controller.answer = [2.0, 0.1, 0.15] if cycle == 100 else [1.0, 0.02, 0.02]
         elif cycle == 1200:
             shared.order(StreamCommand.LEAVE)
-        rested[cycle] = shared.rested
+        rested[cycle] = shared.lateness_queried
         told[cycle] = shared.lateness
 
     rested: dict[int, bool] = {}
@@ -331,7 +333,7 @@ def test_a_controller_that_stops_reporting_late_set_points(
 
     controller = Controller(script)
     late(shared, watch, controller)
-    assert [leave_out for _, leave_out in controller.asked] == [0, 0, 0, 1]
+    assert [skip_first for _, skip_first in controller.asked] == [0, 0, 0, 1]
     assert shared.lateness == Lateness(1, 0.1, 0.1)
     last = shared.sample(shared.samples - 1)
     assert last is not None

@@ -360,7 +360,7 @@ class Hosts:
     @staticmethod
     def impatient(driver: Any, *, patience: float | None = None, idle: float | None = None) -> None:
         """Shorten the times of a running keep-alive; the steps before this one do not depend on a short time."""
-        heart = driver._heart
+        heart = driver._keep_alive_timer
         heart.patience, heart.idle = patience or heart.patience, idle or heart.idle
 
     def close(self) -> None:

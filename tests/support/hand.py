@@ -55,7 +55,9 @@ class Hand:
     def _repeated(self) -> bool:
         queue, buffer = self._slave._arm.queue, self._slave._buffer
         again = self._slave.overwrites and self._slave.taking and bool(buffer) and buffer[-1].joints == queue.joints
-        return again and max(abs(b - a) for a, b in zip(queue.before, queue.joints, strict=True)) > SLOW * PERIOD
+        return (
+            again and max(abs(b - a) for a, b in zip(queue.previous_joints, queue.joints, strict=True)) > SLOW * PERIOD
+        )
 
     def let_pass(self, seconds: float) -> bool:
         """Advance the clock if the set-point for the next cycle is missing; return True if it is."""

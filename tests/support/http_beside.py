@@ -18,7 +18,7 @@ import orinkit
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import CaoObject
 from orinkit.cao.session import Session
-from orinkit.server.log_limiter import THROTTLE
+from orinkit.server.log_limiter import LOG_LIMITER
 from orinkit.server.threaded import Server
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Recorder, Workshop
@@ -177,9 +177,9 @@ def settled(
 
 def _wait_for_clients(server: Server) -> None:
     """Wait until the server has noticed that every client has disconnected and has finished all calls."""
-    shared = server._server._connections
-    until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks), IDLE + PATIENCE)
-    THROTTLE.forget()  # it intentionally remembers what was logged
+    context = server._server._context
+    until(lambda: not (context.open or context.all or context.opening or context.tasks), IDLE + PATIENCE)
+    LOG_LIMITER.forget()  # it intentionally remembers what was logged
     until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))
 
 

@@ -26,7 +26,7 @@ class HandClock(Clock):
     def now(self) -> float:
         return self.seconds
 
-    def stopwatch(self, seconds: float) -> Callable[[], bool]:
+    def time_budget(self, seconds: float) -> Callable[[], bool]:
         return lambda: False
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
@@ -49,7 +49,7 @@ class Wire:
         self.asked: list[Callable[[], None]] = []
         self.arrived: list[Callable[[], Any]] = []
 
-    def drain_input(self, handled: Callable[[], None]) -> None:
+    def when_input_processed(self, handled: Callable[[], None]) -> None:
         self.asked.append(handled)
 
     def read(self) -> None:
@@ -72,7 +72,7 @@ class LateCell(Cell):
         self.arm = self.rc8.state.arm
         self.cycles_ = self.rc8.state.cycles
         self.controller = self.rc8.connect(
-            "c", "", "", ClientInfo(ADDRESS, "tcp", 1, self.wire.drain_input if wired else None)
+            "c", "", "", ClientInfo(ADDRESS, "tcp", 1, self.wire.when_input_processed if wired else None)
         )
         self.robot = self.controller.get_robot("Arm", "")
         self.commands = [self.arm.queue.joints]
@@ -120,7 +120,7 @@ class LateCell(Cell):
     @property
     def due_in(self) -> float:
         """Seconds until the next cycle."""
-        return -self.cycles_.late
+        return -self.cycles_.overdue
 
 
 POSES = list(straight(1.0, 150))

@@ -55,14 +55,14 @@ async def _turn() -> None:
 
 def settle(server: Server) -> None:
     """Wait until a server has noticed that every client has disconnected and has released their objects."""
-    shared = server._server._connections
-    until(lambda: not (shared.open or shared.all or shared.opening or shared.tasks))
+    context = server._server._context
+    until(lambda: not (context.open or context.all or context.opening or context.tasks))
     take_turns(server)
 
 
 def see_broken(server: Server) -> None:
     """Wait until a server has noticed that an HTTP connection with a call in progress is broken."""
-    until(lambda: any(getattr(each, "_broken", False) for each in list(server._server._connections.open)))
+    until(lambda: any(getattr(each, "_broken", False) for each in list(server._server._context.open)))
     take_turns(server)
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from orinkit.bcap.profiles import STREAM
-from orinkit.server.accepting import ONE_AT_A_TIME, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, set_backlog
 from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener
 from orinkit.transport.address import bad_address
 from orinkit.transport.link_errors import connect_failed
-from orinkit.transport.registry import AddressText, LinkOptions, ServeOption, Transport
+from orinkit.transport.registry import LinkOptions, ServeOption, SplitAddress, Transport
 from orinkit.transport.sockets.aio_tcp import AsyncTcpLink
 from orinkit.transport.sockets.socket_link import SocketLink
 
@@ -29,7 +29,7 @@ class UnixAddress:
         return f"unix://{self.path}"
 
 
-def parse(given: AddressText) -> UnixAddress:
+def parse(given: SplitAddress) -> UnixAddress:
     if not given.rest.startswith("/"):
         raise bad_address(given.text, "an absolute path is needed", given.scheme)
     return UnixAddress(given.rest)
@@ -60,12 +60,12 @@ def adopt(descriptor: int) -> SocketLink:
     return SocketLink(socket.socket(fileno=descriptor))
 
 
-async def listen(address: UnixAddress, shared: ServerContext) -> TcpListener:
+async def listen(address: UnixAddress, context: ServerContext) -> TcpListener:
     loop = asyncio.get_running_loop()
     server = await loop.create_unix_server(
-        lambda: TcpConnection(shared, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
+        lambda: TcpConnection(context, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
     )
-    deepen(server)
+    set_backlog(server)
     return TcpListener(server, str(address))
 
 

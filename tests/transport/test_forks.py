@@ -236,7 +236,7 @@ def test_a_killed_server_whose_child_lives(tmp_path, listen_at: str) -> None:
 class Broken:
     """An object that cannot return its descriptors."""
 
-    def left_behind(self) -> list[int]:
+    def after_fork_in_child(self) -> list[int]:
         raise ValueError
 
 
@@ -246,7 +246,7 @@ class Holding:
     def __init__(self, *descriptors: int) -> None:
         self.descriptors = descriptors
 
-    def left_behind(self) -> tuple[int, ...]:
+    def after_fork_in_child(self) -> tuple[int, ...]:
         return self.descriptors
 
 
@@ -263,7 +263,7 @@ def test_what_is_left_behind(monkeypatch: pytest.MonkeyPatch, possible: bool) ->
             raise OSError(24, "Too many open files")
 
         monkeypatch.setattr(os, "open", full)
-    fork_safety._leave_behind()
+    fork_safety._invalidate_in_child()
     assert not fork_safety._kept
     monkeypatch.undo()
     if possible:

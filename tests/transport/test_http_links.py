@@ -575,11 +575,11 @@ def test_a_flood_of_signs(ways: Ways) -> None:
 def test_whether_a_server_tells(ways: Ways) -> None:
     with HttpPeer(answers(reply(S_OK, "200 OK", WORKING), reply(S_OK, "200 OK", WORKING.lower()), reply())) as peer:
         way = ways(peer)
-        assert way.link.tells is None
+        assert way.link.reports_executing is None
         known = []
         for _ in range(3):
             way.ask(b"x")
-            known.append(way.link.tells)
+            known.append(way.link.reports_executing)
         assert known == [True, True, False]
 
 
@@ -616,20 +616,20 @@ def test_calls_without_the_extended_time_out(ways: Ways) -> None:
         way = ways(peer)
         began = time.monotonic()
         way.hello()
-        way.link._contact.tells = None
+        way.link._contact.reports_executing = None
         assert way.ask(b"Func=9&Arg1=3", SHORT) is None
         assert way.ask(b"Func=9") == S_OK
-        assert way.link.tells is False
+        assert way.link.reports_executing is False
         assert way.ask(b"Func=2&Arg1=", SHORT) is None
         way.hello()
-        way.link._contact.tells = False
+        way.link._contact.reports_executing = False
         assert way.ask(b"Func=1", SHORT) is None
         assert time.monotonic() - began < PATIENT / 2
 
 
 def test_patience_is_not_for_connecting(ways: Ways, full: HttpAddress) -> None:
     way = ways(full)
-    way.link._contact.tells = False
+    way.link._contact.reports_executing = False
     began = time.monotonic()
     with pytest.raises(ConnectFailed):
         way.ask(b"Func=9", SHORT)
@@ -1421,7 +1421,7 @@ def test_whatever_comes_is_an_answer_or_an_error_of_orinkit(fuzzed: Any, sent: b
     peer, ways = fuzzed
     peer.sent = sent
     way = ways[kind]
-    way.link._contact.tells = None
+    way.link._contact.reports_executing = None
     try:
         received: bytes | None = way.ask(b"x")
         while received == b"\n":

@@ -289,7 +289,7 @@ def test_another_process_takes_the_link_over(way: Way) -> None:
         way.do(asyncio.sleep, SHORT)  # the event loop has time to read it, but must not
     assert theirs.receive(PATIENT) == b"answer"
     assert theirs.receive(SHORT) is None
-    theirs.release()
+    theirs.close_local()
     way.peer.send(b"back")
     assert way.receive() == b"back"
 

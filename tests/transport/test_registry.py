@@ -235,7 +235,7 @@ def test_a_row_without_links(unchanged: None) -> None:
         orinkit.serve(Recorder(), "unix:///x")
     for kind in ("unix", "there_is_none"):
         with pytest.raises(StreamError, match=f"over {kind} cannot be handed over"):
-            links.lendable(kind)
+            links.require_handover(kind)
 
 
 def test_an_address_of_no_registry() -> None:

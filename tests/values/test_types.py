@@ -204,7 +204,7 @@ ROWS = """\
     _integer(VarType.INT, "i"),
     TypeRow(
         VarType.SPAN, conversions.span, "q", python=timedelta, to_wire=lambda span: span // timedelta(microseconds=1),
-        from_wire=lambda us: timedelta(microseconds=us), text=notation_numbers.TextForm(
+        from_wire=lambda us: timedelta(microseconds=us), text=notation_numbers.ElementFormat(
             lambda text: timedelta(microseconds=int(text)) if text.isdecimal() else None,
             lambda span: str(span // timedelta(microseconds=1)), "microseconds"),
     ),

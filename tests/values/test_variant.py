@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
-from orinkit.values.conversions import exact_date, ole_datetime, ole_days, plain_date
+from orinkit.values.conversions import exact_date, ole_datetime, ole_days, to_datetime
 from orinkit.values.types import SIZES
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, type_name, variant
 from support.strategies import same, variants
@@ -656,7 +656,7 @@ def test_rounding_is_to_the_nearest_microsecond():
 def test_days_outside_the_range_of_datetime(days):
     with pytest.raises(OverflowError):
         ole_datetime(days)
-    assert same(plain_date(days), days)
+    assert same(to_datetime(days), days)
     assert same(exact_date(days), days)
     assert same(Variant(VarType.DATE, days).plain, days)
 

@@ -15,7 +15,7 @@ from orinkit.abh3.differential import Differential
 from orinkit.abh3.table.decoder import DecodedFrame, Decoder
 from orinkit.abh3.table.records import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2, DP0S, DP1R, Flags
 from orinkit.abh3.table.signals import DIALECTS, V1, V2, Dialect
-from orinkit.core.errors import DriverFault, DriverRefused, DriverTimeout
+from orinkit.core.errors import DriverFault, DriverTimeout, ParameterRefused
 
 __all__ = [
     "BR0",
@@ -40,10 +40,10 @@ __all__ = [
     "Differential",
     "Driver",
     "DriverFault",
-    "DriverRefused",
     "DriverTimeout",
     "Flags",
     "MotorBus",
+    "ParameterRefused",
     "connect",
     "open_bus",
 ]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from orinkit.core.validation import check_finite, check_positive
 
 
-class Wheels(NamedTuple):
+class MotorVelocities(NamedTuple):
     """Velocities of the motors, for the motor-axis model.
 
     Attributes:
@@ -75,11 +75,11 @@ class Differential:
     def __post_init__(self) -> None:
         for name in ("wheel_diameter", "track", "gear"):
             check_positive(name, getattr(self, name))
-        check_positive("gear * wheel_diameter", self.circumference)
+        check_positive("gear * wheel_diameter", self.metres_per_motor_revolution)
         check_positive("track / 2", self.track / 2)
 
     @property
-    def circumference(self) -> float:
+    def metres_per_motor_revolution(self) -> float:
         """Distance in m that the vehicle travels during one revolution of the motors."""
         return self.gear * self.wheel_diameter * math.pi
 
@@ -102,20 +102,20 @@ class Differential:
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
-        v = check_finite("y", y) / 60 * self.circumference
-        omega = check_finite("x", x) / 60 * self.circumference / (self.track / 2)
+        v = check_finite("y", y) / 60 * self.metres_per_motor_revolution
+        omega = check_finite("x", x) / 60 * self.metres_per_motor_revolution / (self.track / 2)
         return Twist(check_finite("v", v), 0.0 - check_finite("omega", omega))
 
-    def to_wheels(self, v: float, omega: float) -> Wheels:
+    def to_motors(self, v: float, omega: float) -> MotorVelocities:
         """Return the velocities of the motors A and B in min^-1 for a motion, as for :meth:`to_travel`.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
         """
         y, x = self.to_travel(v, omega)
-        return Wheels(check_finite("a", y + x), check_finite("b", y - x))
+        return MotorVelocities(check_finite("a", y + x), check_finite("b", y - x))
 
-    def from_wheels(self, a: float, b: float) -> Twist:
+    def from_motors(self, a: float, b: float) -> Twist:
         """Return the motion in m/s and rad/s for velocities of the motors A and B in min^-1.
 
         Raises:
@@ -135,7 +135,7 @@ class Differential:
             InvalidValue: If an argument is not a finite number, or ``pulses_per_revolution`` is not positive.
         """
         each = check_positive("pulses_per_revolution", pulses_per_revolution)
-        return check_finite("metres", check_finite("pulses", pulses) / each * self.circumference)
+        return check_finite("metres", check_finite("pulses", pulses) / each * self.metres_per_motor_revolution)
 
     def _turns(self, name: str, metres_per_second: float) -> float:
-        return check_finite(name, metres_per_second * 60 / self.circumference)
+        return check_finite(name, metres_per_second * 60 / self.metres_per_motor_revolution)

@@ -150,7 +150,7 @@ def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, flo
     return r01, r11, r21, r02, r12, r22
 
 
-def turn_between(first: Quaternion, second: Quaternion) -> Vector:
+def rotvec_between(first: Quaternion, second: Quaternion) -> Vector:
     """Return the rotation between two orientations: its axis in the base frame times its angle in degrees, 0 to 180."""
     a, b, c, d = first
     w, x, y, z = second

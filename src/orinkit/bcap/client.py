@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
 from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
-from orinkit.cao.call_limits import CallTimer, Clock, standing
+from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
@@ -64,7 +64,7 @@ class BcapConversation:
         trace: Trace | None = None,
         profile: BcapProfile = STREAM,
         dialect: Dialect = RC8,
-        clock: Clock = standing,
+        clock: Clock = no_clock,
     ) -> None:
         self.stray_replies = 0
         self._clock = clock
@@ -86,8 +86,8 @@ class BcapConversation:
     @dialect.setter
     def dialect(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        if dialect.error_size != self._limits.error_size:
-            self._limits = replace(self._limits, error_size=dialect.error_size)
+        if dialect.vt_error_size != self._limits.vt_error_size:
+            self._limits = replace(self._limits, vt_error_size=dialect.vt_error_size)
 
     @property
     def serial(self) -> int:
@@ -99,9 +99,9 @@ class BcapConversation:
         self._serial = number
 
     @property
-    def skipped(self) -> int:
+    def skipped_bytes(self) -> int:
         """Number of bytes received outside any packet."""
-        return self._framer.skipped
+        return self._framer.skipped_bytes
 
     def call(
         self,
@@ -111,7 +111,7 @@ class BcapConversation:
         *,
         exact: bool = False,
         tries: int = 1,
-        later: float = 0.0,
+        retry_timeout: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
         """Call a function; return a generator, see the module's docstring.
@@ -123,7 +123,7 @@ class BcapConversation:
             exact: return the result as a :class:`~orinkit.values.variant.Variant`.
             tries: total number of attempts on unreliable transports (RC8 table 5-1: TORetry); every S_EXECUTING restarts
                 the count.
-            later: minimum time-out of all attempts but the first, s: after noise on a serial line, the server finds the next
+            retry_timeout: minimum time-out of all attempts but the first, s: after noise on a serial line, the server finds the next
                 packet only after a period of silence.
             deadline: limit on the duration of the call, s, regardless of S_EXECUTING; ``None`` for no limit.
 
@@ -136,7 +136,7 @@ class BcapConversation:
             CallError: If the controller has returned an error code.
         """
         if self.profile.lossy:
-            return self._call_lossy(function, arguments, seconds, exact, tries, later, deadline)
+            return self._call_lossy(function, arguments, seconds, exact, tries, retry_timeout, deadline)
         return self._call_stream(function, arguments, seconds, exact, deadline)
 
     def _call_stream(
@@ -177,7 +177,7 @@ class BcapConversation:
                 frame = framer.next_frame()
             if idle:
                 patience = patience or CallTimer(function.name, None, self._clock)
-                patience.heard(idle, executing=wait is not None)
+                patience.count_other(idle, executing=wait is not None)
                 wait = patience.bound(wait)
             received = yield b"", wait
 
@@ -188,7 +188,7 @@ class BcapConversation:
         seconds: float,
         exact: bool,
         tries: int,
-        later: float,
+        retry_timeout: float,
         deadline: float | None,
     ) -> Operation:
         first = serial = self._take_serial()
@@ -230,7 +230,7 @@ class BcapConversation:
                 frame = framer.next_frame()
             if not idle and received and not self.profile.shared:
                 idle = 1  # an empty datagram; on a serial line, a single byte is normal
-            patience.heard(idle, executing=executing)
+            patience.count_other(idle, executing=executing)
             if received or executing:
                 received = yield b"", patience.bound(seconds if executing else None)
                 continue
@@ -242,7 +242,7 @@ class BcapConversation:
                 raise busy or CallTimeout(function.name, seconds * tries, tries)
             serial = self._take_serial()
             requests[serial] = self._request(function, arguments, serial, first)
-            received = yield requests[serial], patience.bound(max(seconds, later))
+            received = yield requests[serial], patience.bound(max(seconds, retry_timeout))
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the packets to send before a connectionless link is closed: Service_Stop.
@@ -264,7 +264,7 @@ class BcapConversation:
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
         """Return the packet of one attempt, and pass it to the trace."""
         request = encode_request(
-            function, arguments, serial, first, crc=self.profile.crc, error_size=self._limits.error_size
+            function, arguments, serial, first, crc=self.profile.crc, vt_error_size=self._limits.vt_error_size
         )
         if len(request) > self._limits.packet:
             raise _too_long(function, len(request), self._limits, self.profile)
@@ -310,7 +310,7 @@ def encode_request(
     reserved: int = 0,
     *,
     crc: bool = False,
-    error_size: int = DEFAULT_LIMITS.error_size,
+    vt_error_size: int = DEFAULT_LIMITS.vt_error_size,
 ) -> bytes:
     """Return the packet of a call.
 
@@ -320,14 +320,14 @@ def encode_request(
         serial: serial of this attempt.
         reserved: serial of the first attempt; 0 on a stream.
         crc: add a CRC, for a serial line.
-        error_size: size of a VT_ERROR, bytes.
+        vt_error_size: size of a VT_ERROR, bytes.
 
     Raises:
         InvalidValue: If an argument does not fit its type; the message names the function and the argument.
     """
     encoders = _ENCODERS.get(function.id) or _make_encoders(function)
-    if error_size != DEFAULT_LIMITS.error_size:
-        encoders = tuple(_sized(each, error_size) for each in encoders)
+    if vt_error_size != DEFAULT_LIMITS.vt_error_size:
+        encoders = tuple(_sized(each, vt_error_size) for each in encoders)
     try:
         body = b"".join(map(_apply, encoders, arguments))  # stops after the last argument: optional ones may be omitted
     except (InvalidValue, TypeError) as error:
@@ -356,11 +356,11 @@ def _encoder(argument: Argument) -> Callable[[Any], bytes]:
     return codec.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
 
 
-def _sized(encoder: Callable[[Any], bytes], error_size: int) -> Callable[[Any], bytes]:
+def _sized(encoder: Callable[[Any], bytes], vt_error_size: int) -> Callable[[Any], bytes]:
     """Return an encoder with another size of VT_ERROR; that type occurs only in a VARIANT."""
     if encoder is not codec.encode:
         return encoder
-    return lambda value: codec.encode_variant(variant(value), error_size)
+    return lambda value: codec.encode_variant(variant(value), vt_error_size)
 
 
 def _argument_error(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:

@@ -33,7 +33,7 @@ class Decision(Enum):
     RESTART = "execute it: a client begins, and the previous one has disconnected"
     RUNNING = "it is in progress"
     BUSY = "refuse it: another one is in progress"
-    ANSWERED = "repeat the reply"
+    REPLIED = "repeat the reply"
     STALE = "drop it: its client has given it up"
 
 
@@ -53,8 +53,8 @@ _BUSY: Final = CachedReply(hresult.E_BUSY_PROC)
 class _Request:
     content: bytes
     reserved: bool
-    time: float  # when it was received; later: when it was answered
-    answer: CachedReply | None = None
+    time: float  # when it was received; later: when it was replied to
+    reply: CachedReply | None = None
 
 
 class DuplicateFilter:
@@ -74,7 +74,7 @@ class DuplicateFilter:
         self._stopped = True
 
     def check(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
-        """Return how to handle a request; a new one is in progress from then on, until :meth:`answered`.
+        """Return how to handle a request; a new one is in progress from then on, until :meth:`store_reply`.
 
         Args:
             serial: serial of this attempt.
@@ -98,20 +98,20 @@ class DuplicateFilter:
             return Decision.STALE
         return self._take(number, _Request(content, bool(reserved), now), busy=busy)
 
-    def answered(self, answer: CachedReply, now: float) -> None:
+    def store_reply(self, reply: CachedReply, now: float) -> None:
         """Store the reply to the request in progress."""
         assert self._running is not None
         request = self._known[self._running]
-        request.answer, request.time = answer, now
+        request.reply, request.time = reply, now
         self._running = None
 
-    def answer_to(self, serial: int, reserved: int) -> CachedReply:
-        """Return the stored reply to a request for which :meth:`check` returned :attr:`Decision.ANSWERED`."""
-        answer = self._known[reserved or serial].answer
-        assert answer is not None
-        return answer
+    def reply_to(self, serial: int, reserved: int) -> CachedReply:
+        """Return the stored reply to a request for which :meth:`check` returned :attr:`Decision.REPLIED`."""
+        reply = self._known[reserved or serial].reply
+        assert reply is not None
+        return reply
 
-    def stop(self) -> None:
+    def service_stopped(self) -> None:
         """Note a Service_Stop: the next Service_Start belongs to another client."""
         self._stopped = True
 
@@ -120,7 +120,7 @@ class DuplicateFilter:
             if not self._is_another(now):
                 return Decision.STALE  # with a reply, a restarted client would assume that its session has begun
             return self._restart(number, _Request(known.content, known.reserved, now))
-        return Decision.STALE if known.answer is None else Decision.ANSWERED
+        return Decision.STALE if known.reply is None else Decision.REPLIED
 
     def _begin(self, number: int, request: _Request, *, busy: bool) -> Decision:
         """Return how to handle an unknown Service_Start."""
@@ -149,7 +149,7 @@ class DuplicateFilter:
     def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
         if busy:
             if number != self._running:  # its reply will be stored there
-                request.answer = _BUSY
+                request.reply = _BUSY
                 self._remember(number, request)
             return Decision.BUSY
         self._remember(number, request)

@@ -127,7 +127,7 @@ def is_whole(frame: bytes) -> bool:
     return len(frame) >= OVERHEAD and frame[-1] == EOT and _START(frame) == (SOH, len(frame))
 
 
-def is_right(frame: bytes) -> bool:
+def has_correct_crc(frame: bytes) -> bool:
     """Return True if the CRC of a packet is correct."""
     return bool(_CRC.unpack_from(frame, len(frame) - 3)[0] == checksum(frame[1:-3]))
 
@@ -151,7 +151,7 @@ def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: boo
         )
     if length > limits.packet:
         raise _too_long(length, limits)
-    if crc and not is_right(frame):
+    if crc and not has_correct_crc(frame):
         raise ProtocolError(
             tr(
                 "CRC {found} is wrong, expected {right}",
@@ -205,7 +205,7 @@ class Framer(FramerBase):
     a browser send bytes of its choice, but only after an HTTP header. All later calls fail too.
     """
 
-    skipped = 0
+    skipped_bytes = 0
     """Always 0: no bytes are skipped in a stream."""
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:

@@ -25,10 +25,10 @@ class Framing(Protocol):
     """Extracts packets from received data.
 
     Attributes:
-        skipped: number of bytes received outside any packet and skipped.
+        skipped_bytes: number of bytes received outside any packet and skipped.
     """
 
-    skipped: int
+    skipped_bytes: int
 
     @property
     def pending(self) -> int:
@@ -55,7 +55,7 @@ class DatagramFramer:
     """Accepts datagrams that contain exactly one packet, and drops all others.
 
     Attributes:
-        skipped: number of bytes of dropped datagrams.
+        skipped_bytes: number of bytes of dropped datagrams.
     """
 
     pending = 0
@@ -63,13 +63,13 @@ class DatagramFramer:
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
-        self.skipped = 0
+        self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> bytes | None:
         """Return the packet in a datagram, even if it is too long, so that the server can send a reply."""
         if packet.is_whole(data):
             return data
-        self.skipped += len(data)
+        self.skipped_bytes += len(data)
         return None
 
     def next_frame(self) -> bytes | None:

@@ -34,12 +34,12 @@ class LineFramer(packet.FramerBase):
 
     Attributes:
         limits: bounds on a packet.
-        skipped: number of bytes received outside any packet.
+        skipped_bytes: number of bytes received outside any packet.
     """
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, reports_too_long: bool = False) -> None:
         super().__init__(limits)
-        self.skipped = 0
+        self.skipped_bytes = 0
         self._reports_too_long = reports_too_long
         self._reported = False  # whether the buffered data has been reported
         self._work = 0
@@ -102,7 +102,7 @@ class LineFramer(packet.FramerBase):
             end = start + length
             if length >= LEAST and end <= len(buffer) and buffer[end - 1] == packet.EOT:
                 frame = bytes(buffer[start:end])
-                if packet.is_right(frame):
+                if packet.has_correct_crc(frame):
                     self._skip(start)
                     del buffer[:length]
                     return frame
@@ -127,7 +127,7 @@ class LineFramer(packet.FramerBase):
         buffer = self._buffer
         if buffer[length - 1] == packet.EOT:
             frame = bytes(buffer[:length])
-            if packet.is_right(frame):
+            if packet.has_correct_crc(frame):
                 del buffer[:length]
                 self._work = 0
                 self._reported = False
@@ -154,7 +154,7 @@ class LineFramer(packet.FramerBase):
         )
 
     def _skip(self, count: int) -> None:
-        self.skipped += count
+        self.skipped_bytes += count
         del self._buffer[:count]
         if not self._buffer:
             self._work = 0

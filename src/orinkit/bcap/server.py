@@ -1,7 +1,7 @@
 """The server side of a b-CAP conversation, without I/O and without a clock.
 
 :class:`ServerConversation` receives bytes and yields actions: :class:`Send` bytes, :class:`Execute` a call, :class:`Decode`
-a large packet first, :class:`Close` the link, :class:`Reset` the client's session. The caller executes the call, passes the
+a large packet first, :class:`Close` the link, :class:`EndSession` the client's session. The caller executes the call, passes the
 result to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` at
 :meth:`~ServerConversation.deadline`. One call is executed at a time; further calls meanwhile return E_BUSY_PROC (reference
 behaviour: docs/protocol.md). On unreliable transports, duplicates are not executed again
@@ -55,7 +55,7 @@ class Close:
 
 
 @dataclass(frozen=True, slots=True)
-class Reset:
+class EndSession:
     """Release the client's objects and cancel its call, as if it had disconnected; the line stays open."""
 
     reason: str
@@ -97,7 +97,7 @@ class Encoded(NamedTuple):
     room: bytearray | None = None
 
 
-Action: TypeAlias = Send | Execute | Decode | Close | Reset
+Action: TypeAlias = Send | Execute | Decode | Close | EndSession
 
 
 class ServerConversation:
@@ -117,8 +117,8 @@ class ServerConversation:
         packets: number of complete packets received.
         calls: number of packets that were calls to execute.
         alive: the client's own limit on silence, s, ``None`` for no limit; set by ``Alive=<ms>``.
-        heard: time of the last complete request.
-        answered: time of the last reply to a call.
+        last_request_at: time of the last complete request.
+        last_reply_at: time of the last reply to a call.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class ServerConversation:
         self._default_timeout = invoke_timeout
         self._profile = profile
         self._dialect = dialect
-        self._limits = replace(profile.bound(limits), error_size=dialect.error_size)
+        self._limits = replace(profile.bound(limits), vt_error_size=dialect.vt_error_size)
         self._framer = profile.server_framer(self._limits)
         self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
         self._current: Execute | Decode | None = None
@@ -147,7 +147,7 @@ class ServerConversation:
         self.calls = 0
         self.timed_out = False
         self._next_wdt = 0.0
-        self._now = self.heard = self.answered = 0.0
+        self._now = self.last_request_at = self.last_reply_at = 0.0
         self._expires_at = 0.0
 
     @property
@@ -156,16 +156,16 @@ class ServerConversation:
         return self._current is not None
 
     @property
-    def pending(self) -> int:
-        """Number of bytes of an incomplete packet that may never be completed, see :meth:`timeout`; 0 on a stream."""
+    def stale_bytes(self) -> int:
+        """Number of bytes of an incomplete packet that may never be completed, see :meth:`discard_incomplete`; 0 on a stream."""
         return self._framer.pending if self._profile.lossy else 0
 
     @property
-    def incomplete(self) -> int:
+    def incomplete_bytes(self) -> int:
         """Number of bytes of an incomplete packet, on any transport."""
         return self._framer.pending
 
-    def refuse_packet(self) -> bytes:
+    def packet_too_long_reply(self) -> bytes:
         """Return the reply to a packet that is too long to be received; the caller then closes the connection."""
         return self._pack(0, 0, hresult.E_PACKETSIZEOVER)
 
@@ -181,7 +181,7 @@ class ServerConversation:
         self._now = now
         return self._actions(lambda: self._framer.feed(data), self._framer.next_frame)
 
-    def timeout(self, now: float) -> Iterator[Action]:
+    def discard_incomplete(self, now: float) -> Iterator[Action]:
         """Abandon an incomplete packet on a serial line; yield the actions, as :meth:`receive` does.
 
         To be called after :data:`~orinkit.bcap.profiles.SILENCE` seconds without data. There may still be an incomplete
@@ -219,7 +219,7 @@ class ServerConversation:
 
     def _inside(self, took: bool) -> bytes | None:
         """Return a packet that follows the header of an overdue incomplete one (on a serial line)."""
-        if not self.pending:
+        if not self.stale_bytes:
             self._pending_since = _NEVER
         elif took or self._pending_since == _NEVER:
             self._pending_since = self._now
@@ -228,14 +228,14 @@ class ServerConversation:
             return self._framer.resync()
         return None
 
-    def go_on(self, now: float) -> None:
+    def update_time(self, now: float) -> None:
         """Update the time: before further actions of :meth:`receive` are requested, and before a reply."""
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
         self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
-        self.heard = self._now
+        self.last_request_at = self._now
         if len(frame) > self._limits.packet:  # a datagram; in a stream the framer raises an error
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._profile.tail
@@ -248,7 +248,7 @@ class ServerConversation:
             if decision is Decision.RESTART or (decision is Decision.NEW and self._current is not None):
                 self._current = None
                 self._next = self._take(frame, serial, reserved, function_id, count, end)
-                return Reset("Service_Stop during a call" if stopping else "a new client begins")
+                return EndSession("Service_Stop during a call" if stopping else "a new client begins")
             if decision is not Decision.NEW:
                 return self._not_new(self._requests, decision, serial, reserved)
         elif self._current is not None:
@@ -259,9 +259,9 @@ class ServerConversation:
         """Handle a request that must not be executed."""
         if decision is Decision.STALE:
             return None
-        if decision is Decision.ANSWERED:
-            answer = requests.answer_to(serial, reserved)
-            return Send(self._pack(serial, reserved, answer.code, answer.count, answer.body))
+        if decision is Decision.REPLIED:
+            reply = requests.reply_to(serial, reserved)
+            return Send(self._pack(serial, reserved, reply.code, reply.count, reply.body))
         if decision is Decision.BUSY:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
         self._serial, self._reserved = serial, reserved  # the client now waits for the reply to this attempt
@@ -272,7 +272,7 @@ class ServerConversation:
         self.stopped = False
         self._serial, self._reserved = serial, reserved
         if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many
-            return Send(self._answer(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
+            return Send(self._reply(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
         read = partial(self._read, frame, count, end)
         action: Action
         if len(frame) > LARGE:
@@ -311,13 +311,13 @@ class ServerConversation:
         if isinstance(arguments, ProtocolError):
             error = arguments
             if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
-                self._next = Reset(str(error)) if self._profile.lossy else Close(str(error))
-            return Send(self._answer(error.code))
+                self._next = EndSession(str(error)) if self._profile.lossy else Close(str(error))
+            return Send(self._reply(error.code))
         if function_id == _SERVICE_START and self._dialect.takes_options:
             try:
                 self._set_options(arguments)
             except CallError as error:
-                return Send(self._answer(error.code))
+                return Send(self._reply(error.code))
         self.calls += 1
         self._current = call = Execute(serial, function_id, arguments)
         return call
@@ -338,21 +338,21 @@ class ServerConversation:
         if call is not self._current:
             return b""
         self._current = None
-        self.answered = self._now
+        self.last_reply_at = self._now
         if self.timed_out:
             self.timed_out = False
             return b""
         if call.function_id == _SERVICE_STOP:
             self.stopped = True
-        data = self._answer(code) if result is None else self._answer_with(code, self._as_bytes(call, result))
+        data = self._reply(code) if result is None else self._reply_with(code, self._as_bytes(call, result))
         if self.stopped and self._requests is not None:
-            self._requests.stop()
+            self._requests.service_stopped()
         return data
 
     def encode(self, call: Execute, result: Variant) -> Encoded:
         """Encode a result for :meth:`finish`; has no side effects, so it may be called from any thread."""
         try:
-            body = codec.encode_variant(result, self._limits.error_size)
+            body = codec.encode_variant(result, self._limits.vt_error_size)
         except Exception:
             logger.exception("cannot encode the result of function %d", call.function_id)
             return Encoded(hresult.E_FAIL)
@@ -365,15 +365,15 @@ class ServerConversation:
     def _as_bytes(self, call: Execute, result: Variant | Encoded) -> Encoded:
         return result if isinstance(result, Encoded) else self.encode(call, result)
 
-    def _answer_with(self, code: int, result: Encoded) -> bytes | bytearray:
+    def _reply_with(self, code: int, result: Encoded) -> bytes | bytearray:
         if result.room is not None:
             return packet.pack_around(result.room, self._serial, self._dialect.codes.get(code, code), 1, self._echoed)
-        return self._answer(code, 1, result.body) if result.code is None else self._answer(result.code)
+        return self._reply(code, 1, result.body) if result.code is None else self._reply(result.code)
 
-    def _answer(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
+    def _reply(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
         """Return the reply to the current request, and store it on unreliable transports."""
         if self._requests is not None:
-            self._requests.answered(CachedReply(code, count, body), self._now)
+            self._requests.store_reply(CachedReply(code, count, body), self._now)
         return self._pack(self._serial, self._reserved, code, count, body)
 
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:
@@ -407,7 +407,7 @@ class ServerConversation:
             return b""
         if now >= self._expires_at:
             self.timed_out = True
-            return self._answer(hresult.E_TIMEOUT)
+            return self._reply(hresult.E_TIMEOUT)
         assert self.wdt is not None
         self._next_wdt = now + self.wdt
         return self._pack(self._serial, self._reserved, hresult.S_EXECUTING)

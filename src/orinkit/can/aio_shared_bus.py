@@ -71,7 +71,7 @@ class AsyncSharedCanBus(SharedBusBase):
             opening.add_done_callback(_close_unused)
             raise
 
-    def port(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanReceiver:
+    def receiver(self, accepts: Accepts, *, size: int = SIZE) -> AsyncCanReceiver:
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
@@ -161,7 +161,7 @@ class AsyncSharedCanBus(SharedBusBase):
         thread = self._thread
         if thread is None:
             return
-        for frame in thread.taken():
+        for frame in thread.take_frames():
             self._dispatch(frame)
         if thread.error is not None:
             self._break(thread.error)
@@ -171,7 +171,7 @@ class AsyncSharedCanBus(SharedBusBase):
             if port.accepts(frame):
                 port.put(frame)
 
-    async def settle(self) -> None:
+    async def dispatch_arrived(self) -> None:
         """Dispatch all frames that have arrived until now."""
         if self._watched >= 0:
             self._dispatch_pending(_MAX_DRAINED)
@@ -232,7 +232,7 @@ class AsyncSharedCanBus(SharedBusBase):
         """Stop reading, and wait for the thread to end."""
         self._end()
         if self._leaving is not None:
-            await self._leaving.left(_STOP_TIMEOUT)
+            await self._leaving.wait_ended(_STOP_TIMEOUT)
 
     async def close(self) -> None:
         """Close the shared bus; waits end with ConnectionClosed at once. May be called again."""
@@ -247,7 +247,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
 
 class AsyncCanReceiver(ReceiverBase):
-    """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.port`.
+    """Receives the frames of a shared bus that match a filter; created by :meth:`AsyncSharedCanBus.receiver`.
 
     Attributes:
         line: The shared bus.
@@ -315,7 +315,7 @@ class AsyncCanReceiver(ReceiverBase):
             ConnectionLost, ConnectionClosed: As for :meth:`receive`.
         """
         self.line.check(self)
-        await self.line.settle()
+        await self.line.dispatch_arrived()
         self.line.check(self)
         self.frames.clear()
 

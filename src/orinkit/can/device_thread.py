@@ -21,7 +21,7 @@ _SOURCE: Final = 0xFF  # mask of the source address, as in J1939
 _QUIET: Final = 1.0  # s between two logged exceptions of a device
 
 
-def run(devices: Sequence[ServedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
+def run(devices: Sequence[GuardedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
     """Pass frames to the devices and send theirs, until the event is set."""
     while not ending.is_set():
         frame = bus.receive(min((device.pause() for device in devices), default=_LONGEST_WAIT))
@@ -33,7 +33,7 @@ def run(devices: Sequence[ServedDevice], bus: ReconnectingBus, ending: threading
                 bus.send(device.advance())
 
 
-class ServedDevice:
+class GuardedDevice:
     """Wraps a device so that its exceptions are logged and do not end the server."""
 
     def __init__(self, device: CanDevice) -> None:

@@ -70,12 +70,12 @@ class BusReader(threading.Thread):
         except RuntimeError:  # the loop was closed, but not the bus
             self.stopping = True
 
-    def taken(self) -> list[CanFrame]:
+    def take_frames(self) -> list[CanFrame]:
         """Return the new frames; called in the loop."""
         self._notified = False  # first: later frames notify the loop again
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
-    async def left(self, seconds: float) -> None:
+    async def wait_ended(self, seconds: float) -> None:
         """Wait until the thread has ended, for at most ``seconds``."""
         try:
             async with asyncio.timeout(seconds):

@@ -71,7 +71,7 @@ class SharedCanBus(SharedBusBase):
         """
         return cls(Bus.open(address))
 
-    def port(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
+    def receiver(self, accepts: Accepts, *, size: int = SIZE) -> CanReceiver:
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
@@ -328,7 +328,7 @@ class SharedCanBus(SharedBusBase):
 
 
 class CanReceiver(ReceiverBase):
-    """Receives the frames of a shared bus that match a filter; created by :meth:`SharedCanBus.port`.
+    """Receives the frames of a shared bus that match a filter; created by :meth:`SharedCanBus.receiver`.
 
     Every method may be called from any thread; only one thread at a time should receive, as each frame goes to one caller.
 

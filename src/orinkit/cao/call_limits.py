@@ -17,7 +17,7 @@ AT_ONCE: Final = 10_000
 """Number of such packets allowed in a burst, for example after the client's program was suspended."""
 
 
-def standing() -> float:
+def no_clock() -> float:
     """Return a constant time, for conversations without a clock."""
     return 0.0
 
@@ -50,7 +50,7 @@ class CallTimer:
         self._bounded = left < seconds
         return min(left, seconds)
 
-    def heard(self, count: int, *, executing: bool) -> None:
+    def count_other(self, count: int, *, executing: bool) -> None:
         """Count received packets that are not the reply.
 
         Args:

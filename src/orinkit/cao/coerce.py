@@ -33,7 +33,7 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
     )
 
 
-def single(given: Variant) -> Variant:
+def unwrap_single(given: Variant) -> Variant:
     """Return the element of a one-element array, or any other value unchanged."""
     if given.type & ARRAY and len(given.value) == 1:
         element = given.value[0]
@@ -43,7 +43,7 @@ def single(given: Variant) -> Variant:
 
 def to_number(given: Variant) -> float | int:
     """Return a number from any numeric type, VT_BOOL (-1 and 0), or text."""
-    given = single(given)
+    given = unwrap_single(given)
     value = given.value
     if given.type == VarType.BOOL:
         return -1 if value else 0
@@ -108,7 +108,7 @@ def to_real(given: Variant) -> float:
 
 def to_text(given: Variant) -> str:
     """Return text; for VT_EMPTY and VT_NULL the empty string."""
-    given = single(given)
+    given = unwrap_single(given)
     if given.type == VarType.BSTR:
         return str(given.value)
     if given.type in EMPTIES:

@@ -17,7 +17,7 @@ class Dialect:
         name: name of the dialect, ``"rc8"``.
         echoes_reserved: whether a reply has the reserved field of its request; otherwise 0.
         empty_result: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise none.
-        error_size: size of a VT_ERROR, bytes.
+        vt_error_size: size of a VT_ERROR, bytes.
         drops_client: whether a malformed packet closes the client's connection, after E_INVALIDRCVPACKET.
         takes_options: whether Service_Start may have an argument.
         codes: return codes that the dialect does not have, and their replacements.
@@ -34,7 +34,7 @@ class Dialect:
     name: str
     echoes_reserved: bool = False
     empty_result: bool = True
-    error_size: int = 4
+    vt_error_size: int = 4
     drops_client: bool = False
     takes_options: bool = True
     codes: Mapping[int, int] = field(default_factory=dict)
@@ -54,7 +54,7 @@ VE026A: Final = Dialect(
     "ve026a",
     echoes_reserved=True,
     empty_result=False,
-    error_size=2,
+    vt_error_size=2,
     drops_client=True,
     takes_options=False,
     codes={  # table 3-5 has none of these

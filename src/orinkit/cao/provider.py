@@ -46,7 +46,7 @@ class ClientInfo(NamedTuple):
         address: host address of the client, ``"127.0.0.1"``; on a serial line the path of the port.
         transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
         port: the client's port number, 0 if there is none.
-        drain_input: invokes a callback after all data received from this client so far has been processed; returns
+        when_input_processed: invokes a callback after all data received from this client so far has been processed; returns
             immediately and may be called from any thread. ``None`` if received data is always processed at once. For
             real-time devices, because the server may read late.
         provider: the provider name that the client has requested, as sent.
@@ -56,7 +56,7 @@ class ClientInfo(NamedTuple):
     address: str = ""
     transport: str = "memory"
     port: int = 0
-    drain_input: Callable[[Callable[[], None]], None] | None = None
+    when_input_processed: Callable[[Callable[[], None]], None] | None = None
     provider: str = ""
     reason: Callable[[int], str] = _no_reason
 

@@ -32,7 +32,7 @@ def check_secret(secret: str) -> str:
     return secret
 
 
-class SecretDecision(NamedTuple):
+class FailureResponse(NamedTuple):
     """The way to handle a wrong secret.
 
     Attributes:
@@ -62,7 +62,7 @@ class SecretAttempts:
     def __init__(self) -> None:
         self._records: dict[str, _Record] = {}  # oldest failure first
 
-    def failed(self, address: str, now: float) -> SecretDecision:
+    def failed(self, address: str, now: float) -> FailureResponse:
         """Count a wrong secret.
 
         Args:
@@ -78,7 +78,7 @@ class SecretAttempts:
         record.last = now
         record.failures += 1
         record.unreported += 1
-        return SecretDecision(self._delay(record.failures - FREE), self._to_report(record, now))
+        return FailureResponse(self._delay(record.failures - FREE), self._to_report(record, now))
 
     @staticmethod
     def _delay(beyond: int) -> float:

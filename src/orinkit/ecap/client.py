@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
-from orinkit.cao.call_limits import CallTimer, Clock, standing
+from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
@@ -56,7 +56,7 @@ class EcapConversation:
         trace: Trace | None = None,
         profile: TransportProfile = HTTP,
         dialect: Dialect = RC8,
-        clock: Clock = standing,
+        clock: Clock = no_clock,
     ) -> None:
         self._clock = clock
         self.trace = trace
@@ -74,7 +74,7 @@ class EcapConversation:
         *,
         exact: bool = False,
         tries: int = 1,  # noqa: ARG002 - the transport is reliable
-        later: float = 0.0,  # noqa: ARG002
+        retry_timeout: float = 0.0,  # noqa: ARG002
         deadline: float | None = None,
     ) -> Operation:
         # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
@@ -86,7 +86,7 @@ class EcapConversation:
             seconds: time-out, s; every line feed from the server restarts it.
             exact: return the result as a :class:`~orinkit.values.variant.Variant`.
             tries: ignored; for unreliable transports of b-CAP.
-            later: ignored; for unreliable transports of b-CAP.
+            retry_timeout: ignored; for unreliable transports of b-CAP.
             deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.
 
         Raises:
@@ -105,7 +105,7 @@ class EcapConversation:
         patience = CallTimer(function.name, deadline, self._clock)
         received = yield request, patience.bound(seconds)
         while received and not received.strip():
-            patience.heard(1, executing=True)
+            patience.count_other(1, executing=True)
             received = yield b"", patience.bound(seconds)
         if not received:
             expired = patience.end() if received is None else None

@@ -96,7 +96,7 @@ class RemoteObject(CaoObject):
             value = reply.value
             if function.creates:
                 value = _CLASSES[function.creates](connection, _Origin(self, function, arguments), value.value)
-                connection.hold(_RELEASES[function.creates], value.handle)
+                connection.add_reference(_RELEASES[function.creates], value.handle)
             elif function.result is VarType.VARIANT:
                 value = None if value.type == VarType.EMPTY else value
             elif value is not None:
@@ -168,7 +168,7 @@ class RemoteObject(CaoObject):
         parent = connection.handle if origin.parent.origin is None else origin.parent.handle
         reply = await connection.ask(origin.function, parent, name, _without_create(option))
         self.handle, self.generation = reply.value.value, connection.generation
-        connection.hold(_RELEASES[self.interface], self.handle)
+        connection.add_reference(_RELEASES[self.interface], self.handle)
 
 
 def _sets_local_state(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
@@ -286,7 +286,7 @@ class RemoteProvider(Provider):
 
         Other servers, in other event loops, may still serve this provider.
         """
-        await asyncio.gather(*(connection.ended() for connection in list(self._connections)))
+        await asyncio.gather(*(connection.wait_closed() for connection in list(self._connections)))
 
     def _choose(self, machine: str) -> tuple[Upstream, str]:
         """Return the controller that a machine name selects, and the machine name to forward to it."""
@@ -294,7 +294,7 @@ class RemoteProvider(Provider):
         for name, upstream in self._upstreams.items():
             if name.lower() == wanted != "":
                 return upstream, upstream.machine or LOCAL
-        found = [upstream for upstream in self._upstreams.values() if wanted in upstream.places]
+        found = [upstream for upstream in self._upstreams.values() if wanted in upstream.machine_names]
         if len(self._upstreams) == 1 and ("" in self._upstreams or wanted in ("", LOCAL)):
             found = list(self._upstreams.values())  # unambiguous
         if len(found) == 1:
@@ -313,7 +313,7 @@ class RemoteProvider(Provider):
 def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
     """Refuse ambiguous names, with which a client could reach an unintended controller."""
     names = [name.lower() for name in upstreams]
-    hosts = {place for upstream in upstreams.values() for place in upstream.places}
+    hosts = {place for upstream in upstreams.values() for place in upstream.machine_names}
     wrong = [name for name in names if given > 1 and (not name or name == LOCAL or name in hosts)]
     if wrong or len(set(names)) < given:
         raise ValueError(

@@ -129,7 +129,7 @@ class Upstream:
         return DIALECTS[self.dialect.lower()]
 
     @property
-    def places(self) -> tuple[str, ...]:
+    def machine_names(self) -> tuple[str, ...]:
         """The machine names that select this controller: host, and host with port; none on a serial line."""
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
@@ -245,10 +245,10 @@ class UpstreamConnection:
             self.may_move = after
         return reply
 
-    def hold(self, release: Function[[int], None], handle: int) -> None:
+    def add_reference(self, release: Function[[int], None], handle: int) -> None:
         """Count one more object with this handle; a controller may return the same handle for several objects."""
         if self._client is not None:
-            self._client.handles.hold(release, handle)
+            self._client.handles.add_reference(release, handle)
 
     # --- for any caller -------------------------------------------------------------------------------------------
 
@@ -256,7 +256,7 @@ class UpstreamConnection:
         """Release an object of the controller in the background, before any further call."""
         if self._closed or self._client is None or generation != self.generation:
             return
-        if self._client.handles.is_last(release, handle):
+        if self._client.handles.drop_reference(release, handle):
             self._released.append((release, handle))
             if len(self._released) == 1:
                 self._spawn(self._send_releases())
@@ -276,7 +276,7 @@ class UpstreamConnection:
         """Close the connection to the controller in the background; the next call opens it again."""
         self._spawn(self._lose(ConnectionClosed(tr("no signs of life from its client"))))
 
-    async def ended(self) -> None:
+    async def wait_closed(self) -> None:
         """Wait until a closing connection of this event loop is closed, at most 2 s."""
         if self._closed and self._tasks and self._loop is asyncio.get_running_loop():
             await asyncio.wait(self._tasks, timeout=2 * _CLOSE_TIMEOUT)

@@ -97,7 +97,7 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
         CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG for a wrong number of values or a fraction,
             and as for :func:`receive_format`.
     """
-    given = coerce.single(parameter)
+    given = coerce.unwrap_single(parameter)
     most = len(_RECEIVE_NUMBERS)
     if given.type & ARRAY:
         numbers = elements(given, most + 1)
@@ -117,7 +117,7 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
 
 
 @dataclass(frozen=True, slots=True)
-class SlaveAnswer:
+class SlaveReply:
     """The result of slvMove; a field that the format does not have is ``None``.
 
     Attributes:
@@ -149,23 +149,23 @@ class SlaveAnswer:
         return {**found, **self.more} if self.more else found
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> SlaveAnswer:
+    def of(cls, values: Mapping[str, Any]) -> SlaveReply:
         """Return a result with these values of fields, by name."""
         own = {name: values[each] for each, name in _ATTRIBUTES.items() if name and each in values}
         return cls(**own, more={each: value for each, value in values.items() if not _ATTRIBUTES[each]})
 
 
 _STAMP: Final = "timestamp"  # the attribute of the field of type STAMP
-_OWN: Final = frozenset(each.name for each in fields(SlaveAnswer)) - {"more"}
+_OWN: Final = frozenset(each.name for each in fields(SlaveReply)) - {"more"}
 _ATTRIBUTES: Final[dict[str, str]] = {
     row.name: name if (name := _STAMP if row.form is FieldType.STAMP else row.name) in _OWN else "" for row in RECEIVED
 }
 """The attribute of each field; ``""`` for a field in ``more``."""
 _NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
-_own: Final[Callable[[SlaveAnswer], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
+_own: Final[Callable[[SlaveReply], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
 
 
-def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa: A002 - the document's word
+def build_reply(format: ReceiveFormat, reply: SlaveReply) -> Variant:  # noqa: A002 - the document's word
     """Return slvMove's result (server side); fields that the format does not have are left out.
 
     Raises:
@@ -174,17 +174,17 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
     pose: list[float] = []
     for kind in POSE_PARTS[format.number & POSE_MASK]:
         row = POSES[kind]
-        numbers = getattr(answer, row.name)
+        numbers = getattr(reply, row.name)
         if numbers is None or len(numbers) != row.count:
             raise _missing(row)
         pose += numbers
     written = trusted(R8_ARRAY, pose)
     if format.number <= POSE_MASK:
         return written
-    pose_at, plan = _plan_of_answer(format.number)
+    pose_at, plan = _plan_of_reply(format.number)
     parts = []
     for _, row, attribute, _, writer in plan:
-        value = getattr(answer, attribute) if attribute else answer.more.get(row.name)
+        value = getattr(reply, attribute) if attribute else reply.more.get(row.name)
         if value is None or (row.count > 1 and len(value) != row.count):
             raise _missing(row)
         parts.append(writer(value))
@@ -192,7 +192,7 @@ def build_answer(format: ReceiveFormat, answer: SlaveAnswer) -> Variant:  # noqa
     return trusted(VARIANT_ARRAY, parts)
 
 
-def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A002 - the document's word
+def read_reply(format: ReceiveFormat, value: Value) -> SlaveReply:  # noqa: A002 - the document's word
     """Parse slvMove's result (client side).
 
     Args:
@@ -203,8 +203,8 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
         ProtocolError: If the result does not match the format.
     """
     if format.number <= POSE_MASK:
-        return SlaveAnswer(*_read_poses(format, value))
-    pose_at, plan = _plan_of_answer(format.number)
+        return SlaveReply(*_read_poses(format, value))
+    pose_at, plan = _plan_of_reply(format.number)
     if not isinstance(value, list | tuple) or len(value) != len(plan) + 1:
         raise _wrong(format, called("answer"), value, tr("{count} values", count=len(plan) + 1))
     joints, position, trans = _read_poses(format, value[pose_at])
@@ -215,7 +215,7 @@ def read_answer(format: ReceiveFormat, value: Value) -> SlaveAnswer:  # noqa: A0
             own[attribute] = reader(format, row, value[place])
         else:
             more[row.name] = reader(format, row, value[place])
-    return SlaveAnswer(joints, position, trans, **own, more=more)
+    return SlaveReply(joints, position, trans, **own, more=more)
 
 
 _REALS: Final = frozenset({float, int})
@@ -228,7 +228,7 @@ _Writer: TypeAlias = Callable[[Any], Variant]
 
 
 @lru_cache(maxsize=256)
-def _plan_of_answer(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
+def _plan_of_reply(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
     """Return the place of the pose in a result (table 4-3); place, row, attribute, reader, writer of other fields."""
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)

@@ -24,10 +24,10 @@ from orinkit.core.errors import CallError, InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.core.validation import brief
 from orinkit.rc8.slave_feedback import ReceiveFormat as ReceiveFormat
-from orinkit.rc8.slave_feedback import SlaveAnswer as SlaveAnswer
-from orinkit.rc8.slave_feedback import build_answer as build_answer
-from orinkit.rc8.slave_feedback import read_answer as read_answer
+from orinkit.rc8.slave_feedback import SlaveReply as SlaveReply
+from orinkit.rc8.slave_feedback import build_reply as build_reply
 from orinkit.rc8.slave_feedback import read_receive_parameter as read_receive_parameter
+from orinkit.rc8.slave_feedback import read_reply as read_reply
 from orinkit.rc8.slave_feedback import receive_format as receive_format
 from orinkit.rc8.slave_fields import MOST_USER_BYTES as MOST_USER_BYTES
 from orinkit.rc8.slave_fields import PARAMETERS, POSES, FieldType

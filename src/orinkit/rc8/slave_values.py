@@ -346,7 +346,7 @@ def whole(given: Variant, part: str) -> int:
     Raises:
         CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG if it is a fraction or out of range.
     """
-    given = coerce.single(given)
+    given = coerce.unwrap_single(given)
     if given.type == VarType.BSTR and (found := _HEXADECIMAL.fullmatch(given.value.strip())):
         return as_i4(int(found[1], 16))
     try:

@@ -28,7 +28,7 @@ _ACCEPT_TURNS: Final = 3
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
-def deepen(server: asyncio.Server) -> None:
+def set_backlog(server: asyncio.Server) -> None:
     """Set the kernel's backlog to :data:`BACKLOG` for a server that accepts one connection at a time."""
     for each in server.sockets:
         with socket.socket(fileno=os.dup(each.fileno())) as twin:
@@ -62,7 +62,7 @@ class StreamListener:
         self.url = url
         keep_from_children(self)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptors to replace in a forked child."""
         return [each.fileno() for each in self._server.sockets]
 
@@ -71,7 +71,7 @@ class StreamListener:
         await close(self._server)
 
 
-def watch(loop: asyncio.AbstractEventLoop) -> None:
+def install_exception_handler(loop: asyncio.AbstractEventLoop) -> None:
     """Make an event loop of orinkit log a failed ``accept`` in one line, without a traceback."""
     loop.set_exception_handler(_handle)
 

@@ -15,7 +15,7 @@ from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.context import Listener, ServerContext
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
-from orinkit.server.log_limiter import THROTTLE
+from orinkit.server.log_limiter import LOG_LIMITER
 from orinkit.transport.address import parse_address
 from orinkit.transport.links import refused
 from orinkit.transport.registry import AnyAddress, resolve, row_of
@@ -72,7 +72,7 @@ class AsyncServer:
         self._http = http
         self._addresses = [_parse_listen_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = ProviderRegistry(providers, objects)
-        self._connections = ServerContext(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
+        self._context = ServerContext(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 
@@ -84,7 +84,7 @@ class AsyncServer:
     @property
     def clients(self) -> int:
         """The number of connected clients."""
-        return len(self._connections.open)
+        return len(self._context.open)
 
     async def start(self) -> None:
         """Open every address.
@@ -95,7 +95,7 @@ class AsyncServer:
         """
         for address in self._addresses:
             try:
-                listener = await _listen(address, self._connections, self._http)
+                listener = await _listen(address, self._context, self._http)
             except BaseException:
                 await self._stop()  # not close(): the providers may be in use by another server
                 raise
@@ -112,12 +112,12 @@ class AsyncServer:
                 await ending
 
     async def _stop(self) -> None:
-        self._connections.closing = True
+        self._context.closing = True
         for listener in self._listeners:
             await listener.close()
         self._listeners.clear()
-        await self._connections.close(_GRACE)
-        THROTTLE.report()
+        await self._context.close(_GRACE)
+        LOG_LIMITER.report()
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -141,10 +141,10 @@ def _parse_listen_address(url: str) -> AnyAddress:
     return address
 
 
-async def _listen(address: AnyAddress, shared: ServerContext, http: HttpOptions) -> Listener:
+async def _listen(address: AnyAddress, context: ServerContext, http: HttpOptions) -> Listener:
     """Open one address."""
     row = row_of(address)
-    opened = resolve(row.listener)(address, shared, *((http,) if row.http else ()))
+    opened = resolve(row.listener)(address, context, *((http,) if row.http else ()))
     try:
         listener: Listener = await opened
     except ConnectFailed:  # already has its own hint

@@ -24,23 +24,23 @@ class MonitoredClient(Protocol):
     """A client that is monitored by a :class:`LivenessMonitor`."""
 
     @property
-    def heard(self) -> float:
+    def last_request_at(self) -> float:
         """The time of the last request or keep-alive, s."""
 
     @property
-    def answered(self) -> float:
+    def last_reply_at(self) -> float:
         """The time of the last reply, s."""
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a call is in progress."""
 
     @property
-    def client_limit(self) -> float | None:
+    def client_silence_limit(self) -> float | None:
         """The client's own limit (``Alive``), s; ``None`` if it has not set one."""
 
     @property
-    def server_limit(self) -> float | None:
+    def server_silence_limit(self) -> float | None:
         """The server's limit, s; ``None`` if there is no limit."""
 
     @property
@@ -63,11 +63,11 @@ class LivenessMonitor:
         self._loop = loop
         self._client = client
         self._timer: asyncio.TimerHandle | None = None
-        self._stopped_at = -1.0  # client.heard when its motions were stopped
+        self._stopped_at = -1.0  # client.last_request_at when its motions were stopped
 
     def start(self) -> None:
         """Monitor the client from now on, until it is silent and nothing moves; called with every request."""
-        client_limit = self._client.client_limit
+        client_limit = self._client.client_silence_limit
         if self._timer is None:
             self._check()
         elif client_limit is not None and self._timer.when() > self._loop.time() + client_limit:
@@ -97,10 +97,12 @@ class LivenessMonitor:
     def _check_server_limit(self, session: Session, now: float) -> float | None:
         """Apply the server's limit; return the time of the next check, or ``None`` if none is due before a request."""
         client = self._client
-        server_limit = client.server_limit
+        server_limit = client.server_silence_limit
         if server_limit is None:
             return None
-        until = now + server_limit if client.at_work else max(client.heard, client.answered) + server_limit
+        until = (
+            now + server_limit if client.has_call else max(client.last_request_at, client.last_reply_at) + server_limit
+        )
         if now < until:
             return until
         if not session.is_moving():
@@ -111,10 +113,10 @@ class LivenessMonitor:
     def _check_client_limit(self, session: Session, now: float) -> float | None:
         """Apply the client's own limit; return the time of the next check, or ``None`` if the client has no limit."""
         client = self._client
-        client_limit = client.client_limit
+        client_limit = client.client_silence_limit
         if client_limit is None:
             return None
-        heard = client.heard
+        heard = client.last_request_at
         if now < heard + client_limit:
             return heard + client_limit
         if now >= heard + max(GONE, client_limit):

@@ -155,11 +155,11 @@ def _thread_timer(seconds: float, function: Callable[[], None]) -> _Timer:
     return timer
 
 
-THROTTLE: Final = LogLimiter()
+LOG_LIMITER: Final = LogLimiter()
 """The limiter of all servers in this process."""
 
 
 def install() -> None:
-    """Add :data:`THROTTLE` to :data:`LOGGERS`; further calls do nothing."""
+    """Add :data:`LOG_LIMITER` to :data:`LOGGERS`; further calls do nothing."""
     for name in LOGGERS:
-        logging.getLogger(name).addFilter(THROTTLE)
+        logging.getLogger(name).addFilter(LOG_LIMITER)

@@ -11,7 +11,7 @@ from itertools import chain
 from typing import Final
 
 from orinkit.bcap.profiles import BcapProfile
-from orinkit.bcap.server import Action, Close, Decode, Encoded, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import Action, Close, Decode, Encoded, EndSession, Execute, Send, ServerConversation
 from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
@@ -36,7 +36,7 @@ class Peer(ABC):
     passes the actions for received data to :meth:`_act`.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the connection.
         profile: the b-CAP transport profile.
 
@@ -53,10 +53,10 @@ class Peer(ABC):
     _send: Callable[[bytes | bytearray], None]
     _is_closing: Callable[[], bool]
 
-    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile) -> None:
-        self._shared = shared
+    def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile) -> None:
+        self._context = context
         self._loop = loop
-        self._conversation = ServerConversation(shared.limits, shared.invoke_timeout, profile, shared.host.dialect)
+        self._conversation = ServerConversation(context.limits, context.invoke_timeout, profile, context.host.dialect)
         self._session: Session | None = None
         self._liveness: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
@@ -72,14 +72,14 @@ class Peer(ABC):
 
     def _admit(self) -> Session | None:
         """Open a session, unless the limits on clients are reached; return ``None`` in that case."""
-        shared = self._shared
+        context = self._context
         CLIENT.set(self._host)
-        reason = shared.make_room(self.network)
+        reason = context.make_room(self.network)
         if reason:
-            logger.log(shared.refusal_level(self._loop.time()), "%s refused: %s", self._name, reason)
+            logger.log(context.refusal_level(self._loop.time()), "%s refused: %s", self._name, reason)
             return None
-        self._session = Session(shared.host, self._about())
-        shared.open.add(self)
+        self._session = Session(context.host, self._about())
+        context.open.add(self)
         logger.info("%s connected", self._name)
         return self._session
 
@@ -92,7 +92,7 @@ class Peer(ABC):
         if self._liveness is not None:
             self._liveness.end()
         self._waiting = None
-        self._shared.open.discard(self)
+        self._context.open.discard(self)
         session, self._session = self._session, None  # breaks a reference cycle
         task, self._task = self._task, None
         if task is not None and self._cancellable:
@@ -121,25 +121,25 @@ class Peer(ABC):
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
-    server_limit: float | None = None
+    server_silence_limit: float | None = None
 
     @property
-    def heard(self) -> float:
+    def last_request_at(self) -> float:
         """The time of the last complete request."""
-        return self._conversation.heard
+        return self._conversation.last_request_at
 
     @property
-    def answered(self) -> float:
+    def last_reply_at(self) -> float:
         """The time of the last reply."""
-        return self._conversation.answered
+        return self._conversation.last_reply_at
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a call is in progress."""
         return self._conversation.busy
 
     @property
-    def client_limit(self) -> float | None:
+    def client_silence_limit(self) -> float | None:
         """The client's own limit on silence (``Alive``), s."""
         return self._conversation.alive
 
@@ -170,7 +170,7 @@ class Peer(ABC):
     def abort(self) -> None:
         """Close the connection immediately and drop pending data."""
 
-    def drain_input(self, handled: Callable[[], None]) -> None:
+    def when_input_processed(self, handled: Callable[[], None]) -> None:
         """Invoke ``handled`` after all data received so far has been processed; may be called from any thread.
 
         The next turn of the loop polls for received data, and the turn after it has processed the data. One more turn is
@@ -210,11 +210,11 @@ class Peer(ABC):
                 self._hold()
                 self._run_task(self._decode(action), cancellable=True)
             elif type(action) is Close:
-                level = self._shared.refusal_level(self._loop.time(), "closed")
+                level = self._context.refusal_level(self._loop.time(), "closed")
                 logger.log(level, "%s: closed: %s", self._name, action.reason)
                 self.close()
                 return
-            elif type(action) is Reset:
+            elif type(action) is EndSession:
                 self._end_session(action.reason)
             if self._slow or self._held:
                 self._waiting = actions
@@ -235,8 +235,8 @@ class Peer(ABC):
         """Run a coroutine for the current call; meanwhile the client receives S_EXECUTING."""
         self._task = task = self._loop.create_task(work)
         self._cancellable = cancellable
-        self._shared.tasks.add(task)
-        task.add_done_callback(self._shared.tasks.discard)
+        self._context.tasks.add(task)
+        task.add_done_callback(self._context.tasks.discard)
         self._set_alarm(self._conversation.deadline())
 
     def _hold(self) -> None:  # noqa: B027 - not every kind of connection does it
@@ -253,7 +253,7 @@ class Peer(ABC):
         if not (self._slow or self._held):
             waiting, self._waiting = self._waiting, None
             if waiting is not None:
-                self._conversation.go_on(self._loop.time())
+                self._conversation.update_time(self._loop.time())
                 self._act(waiting)
 
     def _free(self) -> None:
@@ -262,7 +262,7 @@ class Peer(ABC):
 
     async def _decode(self, action: Decode) -> None:
         session = self._session
-        arguments = await self._shared.worker.run(action.read)
+        arguments = await self._context.worker.run(action.read)
         if self._session is not session or self._is_closing():
             return
         self._free()
@@ -271,7 +271,7 @@ class Peer(ABC):
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
-        if self.server_limit is not None or self._conversation.alive is not None:
+        if self.server_silence_limit is not None or self._conversation.alive is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:
@@ -291,7 +291,7 @@ class Peer(ABC):
             reply = session.complete(pending, result, client_waits=not self._conversation.timed_out)
         if self._serves(session):
             self._free()
-            self._conversation.go_on(self._loop.time())
+            self._conversation.update_time(self._loop.time())
             self._answer(call, reply)
 
     def _serves(self, session: Session) -> bool:
@@ -308,11 +308,11 @@ class Peer(ABC):
 
     async def _encode(self, call: Execute, code: int, result: Variant) -> None:
         session = self._session
-        encoded = await self._shared.worker.run(partial(self._conversation.encode, call, result))
+        encoded = await self._context.worker.run(partial(self._conversation.encode, call, result))
         if self._session is session and not self._is_closing():
             self._free()
             self._unhold()
-            self._conversation.go_on(self._loop.time())
+            self._conversation.update_time(self._loop.time())
             self._deliver(call, code, encoded)
             self._resume()
 

@@ -98,7 +98,7 @@ class PseudoTerminal(asyncio.WriteTransport):
         os.close(self._end)
         os.close(self._other_end)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptors to replace in a forked child."""
         return () if self._closed else (self._end, self._other_end)
 

@@ -32,7 +32,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     """The client at the other end of a serial line; clients may succeed one another.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the line.
         path: path of the line, for the provider and the log.
         lost: callback invoked when the line has failed or has been closed.
@@ -40,16 +40,16 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
 
     def __init__(
         self,
-        shared: ServerContext,
+        context: ServerContext,
         loop: asyncio.AbstractEventLoop,
         path: str,
         lost: Callable[[Exception | None], None] | None = None,
     ) -> None:
-        super().__init__(shared, loop, LINE)
+        super().__init__(context, loop, LINE)
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self.server_limit = shared.alive
+        self.server_silence_limit = context.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------
@@ -61,15 +61,15 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         )  # some do not derive from WriteTransport
         self._is_closing = transport.is_closing
         transport.set_write_buffer_limits(_MAX_UNSENT)
-        self._shared.all.add(self)
-        if self._shared.closing:
+        self._context.all.add(self)
+        if self._context.closing:
             transport.abort()
 
     def data_received(self, data: bytes) -> None:
         """Handle received bytes: packets, or noise."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(data, now))
-        if self._silence is None and self._conversation.pending:
+        if self._silence is None and self._conversation.stale_bytes:
             self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
 
     def pause_writing(self) -> None:
@@ -87,7 +87,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             self._silence.cancel()
             self._silence = None
         self._leave(exc)
-        self._shared.discard(self)
+        self._context.discard(self)
         if self._lost is not None:
             self._lost(exc)
 
@@ -100,18 +100,18 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def _on_silence(self) -> None:
         """Abandon a partial packet, unless more of it has been received meanwhile."""
         self._silence = None
-        if self._is_closing() or not self._conversation.pending:
+        if self._is_closing() or not self._conversation.stale_bytes:
             return
         now = self._loop.time()
         if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
-        while self._conversation.pending and not self._is_closing():
+        while self._conversation.stale_bytes and not self._is_closing():
             # noise may be followed by several packets; all of them must be found without further bytes
-            self._act(self._conversation.timeout(now))
+            self._act(self._conversation.discard_incomplete(now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self._name, LINE.name, 0, self.drain_input)
+        return ClientInfo(self._name, LINE.name, 0, self.when_input_processed)
 
     def _end_session(self, reason: object = None) -> None:
         """Close the session and drop unsent replies, which the next client must not receive."""
@@ -146,16 +146,16 @@ class PortListener:
 
     Args:
         address: the port.
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the port.
 
     Attributes:
         url: the URL of the port, with the settings that differ from the defaults.
     """
 
-    def __init__(self, address: SerialAddress, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, address: SerialAddress, context: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
         self._address = address
-        self._shared = shared
+        self._context = context
         self._loop = loop
         self._closed = False
         self._reopening: asyncio.Task[None] | None = None
@@ -164,14 +164,14 @@ class PortListener:
         self.url = _url(address)
 
     @classmethod
-    async def open(cls, address: SerialAddress, shared: ServerContext) -> Self:
+    async def open(cls, address: SerialAddress, context: ServerContext) -> Self:
         """Open the port.
 
         Raises:
             ConnectFailed: If the port cannot be opened.
             MissingExtra: If serialx is not installed.
         """
-        listener = cls(address, shared, asyncio.get_running_loop())
+        listener = cls(address, context, asyncio.get_running_loop())
         await listener._open_port()
         return listener
 
@@ -182,7 +182,7 @@ class PortListener:
         try:
             self._transport, _ = await serialx.create_serial_connection(
                 self._loop,
-                lambda: SerialClient(self._shared, self._loop, self._address.path, self._lost),
+                lambda: SerialClient(self._context, self._loop, self._address.path, self._lost),
                 self._address.path,
                 transport_cls=serialx.SerialTransport,
                 **chosen,
@@ -206,7 +206,7 @@ class PortListener:
                 logger.info("%s: reopened", self.url)
                 return
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
@@ -229,7 +229,7 @@ class PtyListener:
         self.url = _url(SerialAddress(terminal.path))
 
     @classmethod
-    async def open(cls, address: PtyAddress, shared: ServerContext) -> Self:
+    async def open(cls, address: PtyAddress, context: ServerContext) -> Self:
         """Open a pair of pseudo-terminals.
 
         Raises:
@@ -239,7 +239,7 @@ class PtyListener:
         try:
             from orinkit.server.pseudo_terminal import PseudoTerminal
 
-            return cls(PseudoTerminal(loop, lambda path: SerialClient(shared, loop, path)))
+            return cls(PseudoTerminal(loop, lambda path: SerialClient(context, loop, path)))
         except (ImportError, OSError) as error:
             raise ConnectFailed(
                 tr(

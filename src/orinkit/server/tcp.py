@@ -10,7 +10,7 @@ from typing import Final, Self, cast
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
-from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
 from orinkit.server.context import ServerContext
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
@@ -35,10 +35,10 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     which takes longer than the rest of a call.
     """
 
-    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
-        super().__init__(shared, loop, profile)
+    def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
+        super().__init__(context, loop, profile)
         self._kind = profile.name
-        shared.opening += 1
+        context.opening += 1
         self._idle_timer: asyncio.TimerHandle | None = None
         self._partial = 0  # bytes of the incomplete packet in ServerContext.partial
         self._begun = 0.0  # start time of the incomplete packet; 0 if there is none
@@ -51,34 +51,34 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
         self._send = transport.write
         self._is_closing = transport.is_closing
-        prepare(transport.get_extra_info("socket"), self._shared.dead_after)
+        prepare(transport.get_extra_info("socket"), self._context.dead_after)
         host, port = (transport.get_extra_info("peername") or ("", 0))[:2]
         self._peername = (host, port)
         self._name = f"{host}:{port}"
         self._host = str(host)
         self._heard = self._loop.time()
-        self._shared.opening -= 1
+        self._context.opening -= 1
         keep_from_children(self)
-        self._shared.all.add(self)
-        if self._shared.closing:
+        self._context.all.add(self)
+        if self._context.closing:
             transport.abort()
         elif self._admit() is not None:
             self._idle_timer = self._loop.call_at(self._heard + PATIENCE, self._check_progress)
-        elif len(self._shared.turned_away) < _MAX_REFUSED:
-            self._shared.turned_away.add(self)
+        elif len(self._context.turned_away) < _MAX_REFUSED:
+            self._context.turned_away.add(self)
             self._alarm = self._loop.call_later(_REFUSAL_TIME, transport.abort)
         else:
             transport.abort()
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
         """Return the receive buffer; all connections share it, because the data is processed immediately."""
-        return self._shared.buffer
+        return self._context.buffer
 
     def buffer_updated(self, nbytes: int) -> None:
         """Process received data."""
         self._heard = now = self._loop.time()
-        self._act(self._conversation.receive(bytes(self._shared.view[:nbytes]), now))
-        incomplete = self._conversation.incomplete
+        self._act(self._conversation.receive(bytes(self._context.view[:nbytes]), now))
+        incomplete = self._conversation.incomplete_bytes
         if (incomplete or self._partial) and not self._held:  # a packet in the worker counts until it is decoded
             self._count(incomplete)
         if incomplete:
@@ -105,7 +105,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def _unhold(self) -> None:
         self._held = False
         if self._partial:
-            self._count(self._conversation.incomplete)
+            self._count(self._conversation.incomplete_bytes)
         if not self._slow:
             self._transport.resume_reading()
 
@@ -114,19 +114,19 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         if self._idle_timer is not None:
             self._idle_timer.cancel()
             self._idle_timer = None
-        self._shared.partial.change(self._partial, 0)
+        self._context.partial.change(self._partial, 0)
         self._partial = 0
         self._leave(exc)
-        self._shared.discard(self)
+        self._context.discard(self)
 
     def _count(self, incomplete: int) -> None:
         """Count the bytes of the incomplete packet; close the connection if the limit for all clients is exceeded."""
         before, self._partial = self._partial, incomplete
-        if self._shared.partial.change(before, incomplete) or self._is_closing():
+        if self._context.partial.change(before, incomplete) or self._is_closing():
             return
-        self._send(self._conversation.refuse_packet())
-        level = self._shared.refusal_level(self._loop.time(), "partial")
-        logger.log(level, "%s: closed: incomplete packets have %d bytes", self._name, self._shared.partial.bytes)
+        self._send(self._conversation.packet_too_long_reply())
+        level = self._context.refusal_level(self._loop.time(), "partial")
+        logger.log(level, "%s: closed: incomplete packets have %d bytes", self._name, self._context.partial.bytes)
         self.close()
 
     # --- time ---------------------------------------------------------------------------------------------------
@@ -140,7 +140,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _mark(self, now: float) -> None:
         self._begun = now
-        self._seen = self._conversation.packets, self._conversation.incomplete
+        self._seen = self._conversation.packets, self._conversation.incomplete_bytes
 
     def _check_progress(self) -> None:
         """Close the connection if the first call or the rest of a packet is overdue; otherwise restart the timer."""
@@ -152,7 +152,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._give_up("no call received")
         elif self._begun:
             # if the client does not read its replies, the server has stopped reading
-            if self._slow or self._conversation.incomplete - self._seen[1] >= PROGRESS:
+            if self._slow or self._conversation.incomplete_bytes - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
                 self._await_packet(now)
@@ -160,7 +160,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
                 self._give_up("incomplete packet: rest not received")
 
     def _give_up(self, reason: str) -> None:
-        level = self._shared.refusal_level(self._loop.time(), "silent")
+        level = self._context.refusal_level(self._loop.time(), "silent")
         logger.log(level, "%s: closed: %s within %g s", self._name, reason, PATIENCE)
         self._transport.abort()
 
@@ -168,7 +168,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _about(self) -> ClientInfo:
         host, port = self._peername
-        return ClientInfo(host, self._kind, port, self.drain_input)
+        return ClientInfo(host, self._kind, port, self.when_input_processed)
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)
@@ -179,7 +179,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         super().evict()
         self._transport.abort()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return (self._transport.get_extra_info("socket").fileno(),)
 
@@ -199,7 +199,7 @@ class TcpListener(StreamListener):
     """Accepts TCP clients at one address."""
 
     @classmethod
-    async def open(cls, address: Address, shared: ServerContext) -> Self:
+    async def open(cls, address: Address, context: ServerContext) -> Self:
         """Open a listening socket.
 
         Raises:
@@ -208,7 +208,7 @@ class TcpListener(StreamListener):
         """
         loop = asyncio.get_running_loop()
         server = await loop.create_server(
-            lambda: TcpConnection(shared, loop), address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True
+            lambda: TcpConnection(context, loop), address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True
         )
-        deepen(server)
+        set_backlog(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))

@@ -24,12 +24,12 @@ class Server(ThreadServer):
     def __init__(self, server: AsyncServer) -> None:
         import asyncio
 
-        from orinkit.server.accepting import watch
+        from orinkit.server.accepting import install_exception_handler
 
         self._asyncio = asyncio
         self._server = server
         self._loop = asyncio.new_event_loop()
-        watch(self._loop)
+        install_exception_handler(self._loop)
         self._thread = threading.Thread(target=self._run, name="orinkit-server", daemon=True)
         self._closed = False
         self._thread.start()

@@ -21,7 +21,7 @@ from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
-FORGOTTEN_AFTER: Final = 10.0
+IDLE_TIMEOUT: Final = 10.0
 """Seconds of silence after which a client is disconnected (reference behaviour: docs/protocol.md)."""
 
 _MAX_SIZE_ATTRIBUTE: Final = "max_size"  # asyncio's receive size; its default of 256 KiB per datagram is slow
@@ -33,19 +33,19 @@ _SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host,
 class UdpClient(ConnectionlessClient):
     """A client on UDP.
 
-    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`FORGOTTEN_AFTER`
-    while no call is in progress. The reply to the last request is stored for :data:`FORGOTTEN_AFTER`, in case it was lost.
+    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`IDLE_TIMEOUT`
+    while no call is in progress. The reply to the last request is stored for :data:`IDLE_TIMEOUT`, in case it was lost.
     """
 
     def __init__(self, udp_socket: UdpSocket, socket_address: _SocketAddress) -> None:
-        super().__init__(udp_socket.shared, udp_socket.loop, DATAGRAM)
+        super().__init__(udp_socket.context, udp_socket.loop, DATAGRAM)
         self.socket_address = socket_address
         self._socket = udp_socket
         self._name = f"{socket_address[0]}:{socket_address[1]}/udp"
         self._host = str(socket_address[0])
         self._send = partial(udp_socket.send, socket_address)
         self._is_closing = udp_socket.is_closing
-        self.server_limit = udp_socket.shared.alive
+        self.server_silence_limit = udp_socket.context.alive
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:
@@ -54,15 +54,15 @@ class UdpClient(ConnectionlessClient):
         self._act(self._conversation.receive(data, now))
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.drain_input)
+        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.when_input_processed)
 
     def _new_session(self) -> Session | None:
         session = super()._new_session()
         if session is not None:
-            self._shared.all.add(self)
+            self._context.all.add(self)
             self._socket.keep(self)
             if self._timer is None:
-                self._timer = self._loop.call_later(FORGOTTEN_AFTER, self._check_idle_time)
+                self._timer = self._loop.call_later(IDLE_TIMEOUT, self._check_idle_time)
         return session
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
@@ -74,7 +74,7 @@ class UdpClient(ConnectionlessClient):
         self._socket.keep_for_duplicates(self)
 
     def _check_idle_time(self) -> None:
-        until = FORGOTTEN_AFTER if self._conversation.busy else self._heard + FORGOTTEN_AFTER - self._loop.time()
+        until = IDLE_TIMEOUT if self._conversation.busy else self._heard + IDLE_TIMEOUT - self._loop.time()
         if until > 0:
             self._timer = self._loop.call_later(until, self._check_idle_time)
         else:
@@ -86,7 +86,7 @@ class UdpClient(ConnectionlessClient):
             self._timer = None
         self._leave(reason)
         self._socket.drop(self)
-        self._shared.discard(self)
+        self._context.discard(self)
 
     def give_up(self, reason: str) -> None:
         """Close the session of an unreachable client, and forget its address."""
@@ -105,12 +105,12 @@ class UdpSocket(asyncio.DatagramProtocol):
     """A UDP socket and its clients.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         loop: the event loop of the socket.
     """
 
-    def __init__(self, shared: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
-        self.shared = shared
+    def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop) -> None:
+        self.context = context
         self.loop = loop
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
@@ -173,7 +173,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         if client.socket_address not in self._clients:
             return
         self._without_session[client.socket_address] = client
-        if len(self._without_session) > self.shared.clients:
+        if len(self._without_session) > self.context.clients:
             next(iter(self._without_session.values())).close()
 
     def drop(self, client: UdpClient) -> None:
@@ -181,7 +181,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._clients.pop(client.socket_address, None)
         self._without_session.pop(client.socket_address, None)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
@@ -220,7 +220,7 @@ class UdpListener:
         self._sockets: list[UdpSocket] = []
 
     @classmethod
-    async def open(cls, address: Address, shared: ServerContext) -> Self:
+    async def open(cls, address: Address, context: ServerContext) -> Self:
         """Open the sockets.
 
         Raises:
@@ -237,7 +237,7 @@ class UdpListener:
             for number, (host, _, *more) in socket_addresses.items():
                 bound = _bound(number, (host, address.port, *more))
                 address = address._replace(port=bound.getsockname()[1])
-                _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(shared, loop), sock=bound)
+                _, opened = await loop.create_datagram_endpoint(lambda: UdpSocket(context, loop), sock=bound)
                 listener._sockets.append(opened)
         except BaseException:
             await listener.close()

@@ -15,7 +15,7 @@ from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
 from orinkit.core.validation import brief
 from orinkit.transport import registry
-from orinkit.transport.registry import AddressText, AnyAddress
+from orinkit.transport.registry import AnyAddress, SplitAddress
 
 DEFAULT_PORT: Final = 5007
 """The port of b-CAP (List 3-1)."""
@@ -171,21 +171,21 @@ def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
     )
 
 
-def _split_scheme(text: str) -> AddressText:
+def _split_scheme(text: str) -> SplitAddress:
     place = text.strip()
     scheme, mark, rest = place.partition("://")
     if mark:
-        return AddressText(text, scheme.lower(), rest)
+        return SplitAddress(text, scheme.lower(), rest)
     scheme, mark, rest = place.partition(":")
     if mark and registry.known(scheme.lower()):
-        return AddressText(text, scheme.lower(), rest, url=False)
-    return AddressText(text, _USUAL, place, url=False)
+        return SplitAddress(text, scheme.lower(), rest, url=False)
+    return SplitAddress(text, _USUAL, place, url=False)
 
 
 # --- hosts ------------------------------------------------------------------------------------------------------------
 
 
-def parse_host(given: AddressText) -> Address:
+def parse_host(given: SplitAddress) -> Address:
     """Parse ``192.168.0.1:5007``."""
     return Address(given.scheme, *_split_port(given.text, given.rest.removesuffix("/"), given.scheme))
 
@@ -213,7 +213,7 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
     return host, number
 
 
-def parse_http(given: AddressText) -> HttpAddress:
+def parse_http(given: SplitAddress) -> HttpAddress:
     """Parse ``127.0.0.1:8080/path?query``."""
     text, scheme, rest, _ = given
     place, slash, path = rest.partition("/")
@@ -226,7 +226,7 @@ def parse_http(given: AddressText) -> HttpAddress:
 # --- CAN --------------------------------------------------------------------------------------------------------------
 
 
-def parse_can(given: AddressText) -> CanAddress:
+def parse_can(given: SplitAddress) -> CanAddress:
     """Parse ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
     from urllib.parse import unquote
 
@@ -250,7 +250,7 @@ def parse_can(given: AddressText) -> CanAddress:
     bitrate = options.pop("bitrate", None)
     if bitrate is not None and (not isinstance(bitrate, int) or bitrate not in _BITRATES):
         known = f"{_BITRATES.start}-{_BITRATES.stop - 1}"
-        raise bad_address(text, wrong_value("bitrate", _option_text(bitrate), known), "can")
+        raise bad_address(text, invalid_value_message("bitrate", _option_text(bitrate), known), "can")
     return CanAddress(interface, channel, bitrate, tuple(options.items()))
 
 
@@ -283,7 +283,7 @@ def _wrong_option(name: str, *, twice: bool) -> str:
     return tr("{name!r:.80} is not a valid option", name=name)
 
 
-def wrong_value(name: str, value: str, known: str) -> str:
+def invalid_value_message(name: str, value: str, known: str) -> str:
     """Return the message for a setting with an invalid value."""
     return tr("{name} cannot be {value!r:.80}; expected: {known}", name=name, value=value, known=known)
 

@@ -9,7 +9,7 @@ from weakref import WeakMethod, finalize
 from orinkit.core.errors import OrinError
 
 
-async def atake_now(lock: asyncio.Lock) -> bool:
+async def atry_acquire(lock: asyncio.Lock) -> bool:
     """Acquire a lock if it is free, without yielding to other tasks; return True if it was acquired."""
     return not lock.locked() and await lock.acquire()
 

@@ -21,10 +21,10 @@ from orinkit.core.i18n import tr
 from orinkit.transport.link_errors import closed
 
 
-class Inheritable(Protocol):
+class ForkAware(Protocol):
     """An object with descriptors that a forked child must not keep."""
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Invalidate the object in the child and return its descriptors.
 
         Locks may be held by threads that do not exist in the child.
@@ -40,15 +40,15 @@ class ProcessBound:
         return _in_child() if self._left else closed()
 
 
-_kept: Final[WeakSet[Inheritable]] = WeakSet()
+_kept: Final[WeakSet[ForkAware]] = WeakSet()
 
 
-def keep_from_children(thing: Inheritable) -> None:
+def keep_from_children(thing: ForkAware) -> None:
     """Register an object to be invalidated in every child that this process forks while the object exists."""
     _kept.add(thing)
 
 
-def _leave_behind() -> None:
+def _invalidate_in_child() -> None:
     """Invalidate all registered objects; called first in a forked child."""
     try:
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
@@ -56,7 +56,7 @@ def _leave_behind() -> None:
         nothing = -1
     for each in list(_kept):
         try:
-            descriptors = list(each.left_behind())
+            descriptors = list(each.after_fork_in_child())
         except Exception:  # noqa: BLE001, S112 - it was just being closed; the others must still be invalidated
             continue
         for descriptor in descriptors:
@@ -86,4 +86,4 @@ def _in_child() -> ConnectionClosed:
 
 
 if hasattr(os, "register_at_fork"):  # Windows has no fork
-    os.register_at_fork(after_in_child=_leave_behind)
+    os.register_at_fork(after_in_child=_invalidate_in_child)

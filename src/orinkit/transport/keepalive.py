@@ -13,7 +13,7 @@ from weakref import WeakMethod, finalize
 from orinkit.core.errors import OrinError
 
 
-def take_now(lock: threading.RLock) -> bool:
+def try_acquire(lock: threading.RLock) -> bool:
     """Acquire a lock if no other thread has it; return True if it was acquired."""
     return lock.acquire(blocking=False)
 

@@ -23,7 +23,7 @@ def open_link(address: AnyAddress, opening: LinkOptions) -> Link:
     return link
 
 
-def lendable(kind: str) -> Transport:
+def require_handover(kind: str) -> Transport:
     """Return the transport of a link that can be handed over to another process.
 
     Args:
@@ -42,10 +42,10 @@ def adopt(kind: str, descriptor: int) -> Link:
     """Return a link for a descriptor that another process has opened; the link owns the descriptor.
 
     Args:
-        kind: The name of the profile, as for :func:`lendable`.
+        kind: The name of the profile, as for :func:`require_handover`.
         descriptor: The descriptor of the socket or the port.
     """
-    link: Link = resolve(lendable(kind).adopt)(descriptor)
+    link: Link = resolve(require_handover(kind).adopt)(descriptor)
     return link
 
 

@@ -44,7 +44,7 @@ class AnyAddress(Protocol):
         """The scheme, which identifies the row."""
 
 
-class AddressText(NamedTuple):
+class SplitAddress(NamedTuple):
     """An address split at its scheme, the input of the parser of a row.
 
     Attributes:
@@ -97,7 +97,7 @@ class Transport(NamedTuple):
 
     Attributes:
         scheme: The scheme of the address, in lower case.
-        parse: ``(AddressText) -> AnyAddress``. Raises InvalidAddress.
+        parse: ``(SplitAddress) -> AnyAddress``. Raises InvalidAddress.
         example: An example address, for messages.
         profile: A :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another
             :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The name of the profile is the scheme of

@@ -2,13 +2,14 @@
 
 An operation is a generator such as :meth:`orinkit.bcap.client.BcapConversation.call`: it yields bytes to send and how
 many seconds to wait for a reply, and receives the bytes that arrive. The module also has waiting without receiving,
-:func:`pause` and :func:`apause`, and :class:`Deadline`.
+:func:`sleep` and :func:`asleep`, and :class:`Deadline`.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Generator, Iterable
-from time import monotonic, sleep
+from time import monotonic
 from typing import Generic, Protocol, TypeAlias, TypeVar
 
 from orinkit.core.errors import OrinError, StreamError
@@ -33,7 +34,7 @@ class Link(Protocol):
     def fileno(self) -> int:
         """Return the descriptor, for handing it over to another process."""
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
 
     def close(self) -> None:
@@ -55,7 +56,7 @@ class AsyncLink(Protocol):
         Nothing is received here until the next call.
         """
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
 
     def close(self) -> None:
@@ -85,14 +86,14 @@ class _Handed(Generic[L]):
         """
         raise _handed_over()
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the underlying link in this process."""
-        self.link.release()
+        self.link.close_local()
 
     def close(self) -> None:
         """Request the other process to close the link in good order, and close it here."""
         self._closing()
-        self.link.release()
+        self.link.close_local()
 
 
 class DetachedLink(_Handed[Link]):
@@ -212,12 +213,12 @@ async def arun(
         return result
 
 
-def pause(seconds: float) -> None:
+def sleep(seconds: float) -> None:
     """Block the caller's thread for the given seconds, without receiving."""
-    sleep(max(0.0, seconds))
+    time.sleep(max(0.0, seconds))
 
 
-async def apause(seconds: float) -> None:
+async def asleep(seconds: float) -> None:
     """Sleep for the given seconds in asyncio."""
     import asyncio  # synchronous programs do not need it
 

@@ -37,13 +37,13 @@ class PacketLimits:
         variants: Largest number of elements of all arrays in one packet, weighted by the cost of reading and releasing
             them: each element of VARIANT, BSTR, DATE and CY counts as one, 16 elements of another type count as one, and
             bytes do not count.
-        error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (its table 3-1).
+        vt_error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (its table 3-1).
     """
 
     packet: int = 16 * 1024 * 1024
     depth: int = 16
     variants: int = 50_000
-    error_size: int = 4
+    vt_error_size: int = 4
 
 
 DEFAULT_LIMITS: Final = PacketLimits()
@@ -153,22 +153,22 @@ _I4_PACK: Final = struct.Struct("<IHIi").pack
 _R4_PACK: Final = struct.Struct("<IHIf").pack
 
 
-def encode_variant(item: Variant, error_size: int = 4) -> bytes:
-    """Return a :class:`Variant` as one packet argument; for ``error_size`` see :class:`PacketLimits`.
+def encode_variant(item: Variant, vt_error_size: int = 4) -> bytes:
+    """Return a :class:`Variant` as one packet argument; for ``vt_error_size`` see :class:`PacketLimits`.
 
     Raises:
-        InvalidValue: If arrays are nested too deep, or a VT_ERROR does not fit ``error_size``.
+        InvalidValue: If arrays are nested too deep, or a VT_ERROR does not fit ``vt_error_size``.
     """
     parts = [b""]
     try:
-        _append(item.type, item.value, parts, error_size)
+        _append(item.type, item.value, parts, vt_error_size)
     except RecursionError:
         raise nested_too_deep() from None
     parts[0] = _LENGTH.pack(sum(map(len, parts)))
     return b"".join(parts)
 
 
-def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
+def _append(vt: int, value: Any, parts: list[bytes], vt_error_size: int) -> None:
     """Append type, count and data: the layout of an element inside a VARIANT array."""
     base = vt & ~ARRAY
     row = ROWS[base]
@@ -176,7 +176,7 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
     parts.append(_HEAD.pack(vt, len(items)))
     if base == VarType.VARIANT:
         for item in items:
-            _append(item.type, item.value, parts, error_size)
+            _append(item.type, item.value, parts, vt_error_size)
     elif base == VarType.BSTR:
         for text in items:
             data = _utf_16(text)
@@ -184,7 +184,7 @@ def _append(vt: int, value: Any, parts: list[bytes], error_size: int) -> None:
             parts.append(data)
     elif vt == UI1_ARRAY:
         parts.append(value)
-    elif base == VarType.ERROR and error_size == _SHORT_ERROR:
+    elif base == VarType.ERROR and vt_error_size == _SHORT_ERROR:
         parts.append(_short_errors(items))
     elif row.format is not None:
         convert = row.to_wire
@@ -354,7 +354,7 @@ class _ValueReader:
             raise _count_mismatch(vt, count, position, self.end - position)
         row = ROWS.get(base)
         if row is not None and row.format is not None:
-            size = self.limits.error_size if base == VarType.ERROR else row.size
+            size = self.limits.vt_error_size if base == VarType.ERROR else row.size
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
@@ -375,7 +375,7 @@ class _ValueReader:
         if array and row.code == VarType.UI1:
             with memoryview(self.data) as view:
                 return bytes(view[position : position + count])
-        if row.code == VarType.ERROR and self.limits.error_size == _SHORT_ERROR:
+        if row.code == VarType.ERROR and self.limits.vt_error_size == _SHORT_ERROR:
             layout = "H"
         items = _unpacked(layout, self.data, position, count)
         convert = (row.from_wire_exact if self.exact else None) or row.from_wire

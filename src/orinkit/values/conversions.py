@@ -180,7 +180,7 @@ def ole_datetime(days: float) -> datetime:
     return _EPOCH + timedelta(days=whole if days >= 0 else -whole, microseconds=us)
 
 
-def plain_date(value: datetime | float) -> datetime | float:
+def to_datetime(value: datetime | float) -> datetime | float:
     """Return the content of a VT_DATE as ``datetime``, or unchanged if it is outside the range of ``datetime``."""
     if isinstance(value, datetime):
         return value
@@ -192,7 +192,7 @@ def plain_date(value: datetime | float) -> datetime | float:
 
 def exact_date(days: float) -> datetime | float:
     """Return OLE days as ``datetime`` if that is encoded as the same bytes again, otherwise unchanged."""
-    moment = plain_date(days)
+    moment = to_datetime(days)
     return (
         moment
         if isinstance(moment, datetime) and struct.pack("<d", ole_days(moment)) == struct.pack("<d", days)

@@ -41,7 +41,7 @@ from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
-from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, TextForm
+from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, ElementFormat
 from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant, trusted, variant
 
@@ -55,7 +55,7 @@ _PIECE: Final = 4096  # elements or characters that are processed at a time, bec
 _MAX_PADDED: Final = 65_536  # largest length of a number including the blanks around it
 _SHOWN: Final = 20  # characters of a text that an error message quotes
 
-_FORMS: Final[dict[int, TextForm]] = {int(row.code): row.text for row in TABLE if row.text is not None}
+_FORMS: Final[dict[int, ElementFormat]] = {int(row.code): row.text for row in TABLE if row.text is not None}
 _TYPES: Final = frozenset(ROWS) | {ARRAY | base for base in ROWS if base not in EMPTIES}
 _KNOWN: Final = ", ".join(str(int(vt)) for vt in sorted(_TYPES) if vt < ARRAY)
 

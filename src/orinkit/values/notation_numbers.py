@@ -19,7 +19,7 @@ LONGEST: Final = 1100
 
 
 @dataclass(frozen=True, slots=True)
-class TextForm:
+class ElementFormat:
     """The text form of one element of a type.
 
     Attributes:
@@ -146,20 +146,20 @@ def _write_flag(flag: bool) -> str:
     return "-1" if flag else "0"
 
 
-def whole(low: int, high: int) -> TextForm:
+def whole(low: int, high: int) -> ElementFormat:
     """Return the text form of whole numbers within bounds."""
-    return TextForm(
+    return ElementFormat(
         partial(_read_whole, low, high), str, N_("a whole number from {low} to {high}"), {"low": low, "high": high}
     )
 
 
-SINGLE: Final = TextForm(_read_single, _write_single, N_("a number within single precision"))
-DOUBLE: Final = TextForm(_read_real, _write_real, N_("a number within double precision"))
-AMOUNT: Final = TextForm(
+SINGLE: Final = ElementFormat(_read_single, _write_single, N_("a number within single precision"))
+DOUBLE: Final = ElementFormat(_read_real, _write_real, N_("a number within double precision"))
+AMOUNT: Final = ElementFormat(
     _read_amount,
     _write_amount,
     N_("an amount with up to four decimals, -922337203685477.5808 to 922337203685477.5807"),
 )
-MOMENT: Final = TextForm(_read_moment, _write_moment, N_("a date like 2026-11-21 10:00:00 or a number of days"))
-ERROR: Final = TextForm(_read_error, _write_error, N_("a 32-bit code, decimal or 0x hexadecimal"))
-FLAG: Final = TextForm(_read_flag, _write_flag, N_("-1, 1 or True, 0 or False"))
+MOMENT: Final = ElementFormat(_read_moment, _write_moment, N_("a date like 2026-11-21 10:00:00 or a number of days"))
+ERROR: Final = ElementFormat(_read_error, _write_error, N_("a 32-bit code, decimal or 0x hexadecimal"))
+FLAG: Final = ElementFormat(_read_flag, _write_flag, N_("-1, 1 or True, 0 or False"))

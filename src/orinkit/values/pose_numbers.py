@@ -46,10 +46,12 @@ def listed(kind: str, values: object) -> list[Any]:
     least, most = COUNTS[kind]
     values = plain(values)
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-        raise InvalidValue(tr("{kind}: {values} is not a sequence of numbers", kind=named(kind), values=brief(values)))
+        raise InvalidValue(
+            tr("{kind}: {values} is not a sequence of numbers", kind=kind_name(kind), values=brief(values))
+        )
     items = list(islice(values, most + 1))
     if not least <= len(items) <= most:
-        name, wanted, count = named(kind), counted(kind), len(items)
+        name, wanted, count = kind_name(kind), counted(kind), len(items)
         if count > most:
             raise InvalidValue(
                 tr(
@@ -63,14 +65,14 @@ def listed(kind: str, values: object) -> list[Any]:
     return items
 
 
-def conform(kind: str, values: Iterable[object]) -> list[float]:
+def to_floats(kind: str, values: Iterable[object]) -> list[float]:
     """Return the values of a pose type as finite ``float``; the figure must be a whole number.
 
     Raises:
         InvalidValue: If a value is not valid; the message contains its name.
     """
     return [
-        (whole if name == "fig" else check_finite)(name, value, named(kind))
+        (whole if name == "fig" else check_finite)(name, value, kind_name(kind))
         for name, value in zip(FIELDS[kind], values, strict=False)
     ]
 
@@ -130,7 +132,7 @@ def written(kind: str, values: Iterable[float]) -> str:
     return f"{kind}({', '.join(map(plain_decimal, values))})"
 
 
-def rounded(kind: str, values: Iterable[float]) -> str:
+def rounded_text(kind: str, values: Iterable[float]) -> str:
     """Return numbers for display: as :func:`written`, but rounded to six decimals."""
     return written(kind, [round(value, _DECIMALS) for value in values])
 
@@ -153,7 +155,7 @@ def counted(kind: str) -> str:
     return tr("{least} to {most}", least=least, most=most)
 
 
-def named(kind: str) -> str:
+def kind_name(kind: str) -> str:
     """Return the name of a pose type for messages."""
     return kind or tr("a pose")
 

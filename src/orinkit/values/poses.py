@@ -63,13 +63,13 @@ class _Values(tuple[float, ...]):
         numbers = checks.listed(cls._kind, values)
         if cls._kind in ("P", "T") and len(numbers) < checks.COUNTS[cls._kind][1]:
             numbers.append(FIG_AUTO)
-        return tuple.__new__(cls, checks.conform(cls._kind, numbers))
+        return tuple.__new__(cls, checks.to_floats(cls._kind, numbers))
 
     def __getnewargs__(self) -> tuple[float, ...]:
         return tuple(self)
 
     def __str__(self) -> str:
-        return checks.rounded(self._kind, self)
+        return checks.rounded_text(self._kind, self)
 
     def __repr__(self) -> str:
         fields = zip(checks.FIELDS[self._kind], self, strict=True)
@@ -354,7 +354,7 @@ class Target:
         if isinstance(self.value, int):
             checks.check_index(self.kind, self.value)
         else:
-            object.__setattr__(self, "value", tuple(checks.conform(self.kind, checks.listed(self.kind, self.value))))
+            object.__setattr__(self, "value", tuple(checks.to_floats(self.kind, checks.listed(self.kind, self.value))))
 
     @property
     def pose(self) -> P | T | J | V | None:

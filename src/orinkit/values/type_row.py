@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.notation_numbers import TextForm
+from orinkit.values.notation_numbers import ElementFormat
 
 Number: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
 """Kind of number that a type holds: ``"code"`` is a whole number that is not a quantity, ``""`` is not a number."""
@@ -67,7 +67,7 @@ class TypeRow:
     from_wire: Callable[[Any], Any] | None = None
     from_wire_exact: Callable[[Any], Any] | None = None
     elements_for_one: int = 16
-    text: TextForm | None = None
+    text: ElementFormat | None = None
     size: int = field(init=False)
     bounds: tuple[int, int] | None = field(init=False)
 

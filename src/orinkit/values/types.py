@@ -67,7 +67,7 @@ TABLE: Final = (
     ),
     TypeRow(
         VarType.DATE, conversions.date, "d", python=datetime, to_wire=conversions.date_to_wire,
-        from_wire=conversions.plain_date, from_wire_exact=conversions.exact_date, elements_for_one=1,
+        from_wire=conversions.to_datetime, from_wire_exact=conversions.exact_date, elements_for_one=1,
         text=notation_numbers.MOMENT,
     ),
     TypeRow(VarType.BSTR, conversions.string, python=str, dtypes=("U",), elements_for_one=1),

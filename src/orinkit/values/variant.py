@@ -32,7 +32,7 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.conversions import plain_date
+from orinkit.values.conversions import to_datetime
 from orinkit.values.type_row import no_type, shown
 from orinkit.values.types import (
     ARRAY,
@@ -112,9 +112,9 @@ class Variant:
         if self.type == VARIANT_ARRAY:
             return [element.plain for element in self.value]
         if self.type == VarType.DATE:
-            return plain_date(self.value)
+            return to_datetime(self.value)
         if self.type == VarType.DATE | ARRAY:
-            return [plain_date(day) for day in self.value]
+            return [to_datetime(day) for day in self.value]
         return self.value
 
 

@@ -81,7 +81,7 @@ class Clock:
             return datetime.now()  # follows corrections of the computer's clock; now() must not
         return self._began_wall + timedelta(seconds=self.now())
 
-    def stopwatch(self, seconds: float) -> Callable[[], bool]:
+    def time_budget(self, seconds: float) -> Callable[[], bool]:
         """Return a function that returns True once the given real seconds have passed; it limits how long a device works."""
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
@@ -175,7 +175,7 @@ class ManualClock(Clock):
         for advance in list(self._driven):
             advance()
 
-    def stopwatch(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
+    def time_budget(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
         """Return a function that always returns False: with a manual clock, work is never cut short."""
         return lambda: False
 

@@ -213,7 +213,7 @@ def test_priorities_are_ignored(both: Both, hosts: Hosts, bare: Place, peer: Pee
     driver = hosts.connect(bare.near, timeout=PATIENCE, priority=3)
     for number in range(56):
         assert both.run(driver.command(float(number))).a_velocity == number
-        assert next(iter(both.run(driver.request_broadcast(number % 7)).raw.values())) is not None
+        assert next(iter(both.run(driver.request_broadcast(number % 7)).raw_values.values())) is not None
     peer.script = lambda _frame: [broadcast(2, source=source, priority=source) for source in (1, 5, 7)]
     assert list(both.run(driver.bus.request_all(2, seconds=PATIENCE, count=3))) == [1, 5, 7]
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from orinkit.abh3 import BR0, BR1, BR1V2, BR2, BR3, BR4, BR5, BR6, BUF, DP0R, DP0RV2
-from orinkit.core.errors import ConnectionClosed, DriverRefused, DriverTimeout, InvalidValue, ProtocolError
+from orinkit.core.errors import ConnectionClosed, DriverTimeout, InvalidValue, ParameterRefused, ProtocolError
 from support.abh3_wires import COMMAND, DRIVERS, FEEDBACK, Hosts, Peer, Place, message, obliging, only_on, wait
 from support.both import Both
 
@@ -79,7 +79,7 @@ def test_the_frames_of_requests(both: Both, hosts: Hosts, bare: Place, peer: Pee
         for name in (number, 0x28 + number):
             answer = both.run(driver.request_broadcast(name, everyone=everyone))
             assert type(answer) is kind
-            assert list(answer.raw.values()) != []
+            assert list(answer.raw_values.values()) != []
             if kind is BR4:
                 assert (answer.a_pulses, answer.b_pulses) == (4, 4)
     sent = "00EAFF02" if everyone else "00EA0102"
@@ -200,7 +200,7 @@ def test_turning_a_driver_of_2023(both: Both, hosts: Hosts, world: Place) -> Non
     assert type(states) is BR1V2
     assert "servo_on" in states.external  # the terminals are on
     currents = both.run(driver.currents())
-    assert (currents.a_load, currents.raw["a_load"]) == (5.0, 50)
+    assert (currents.a_load, currents.raw_values["a_load"]) == (5.0, 50)
     for number in (0, 2, 4, 5, 6):
         both.run(driver.request_broadcast(number))
         both.run(driver.request_broadcast(3 * 8 + number, everyone=True))
@@ -309,7 +309,7 @@ def test_parameters_monitors_identification(both: Both, hosts: Hosts, world: Pla
     both.run(driver.write_parameter(0x4117, 0))
     assert both.run(driver.read_monitor(0x1004)).value == 24.0
     assert "orinkit" in both.run(driver.read_identification())
-    with pytest.raises(DriverRefused, match="Try"):
+    with pytest.raises(ParameterRefused, match="Try"):
         both.run(driver.read_parameter(0x7FFF))
     with pytest.raises(InvalidValue):
         both.run(driver.write_parameter(0x7FFF, 1))

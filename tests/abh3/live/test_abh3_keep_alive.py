@@ -288,10 +288,10 @@ def test_calls_restart_the_idle_time(both: Both, device: VirtualABH3, driver: An
     both.run(driver.command(100.0))
     end = time.monotonic() + 1.4
     while time.monotonic() < end:
-        called = driver._heart._called
+        called = driver._keep_alive_timer._called
         rest(both, 0.05)
         both.run(driver.pulses())
-        assert driver._heart._called > called
+        assert driver._keep_alive_timer._called > called
     assert driver.kept_alive
 
 
@@ -303,10 +303,10 @@ def test_messages_restart_the_idle_time(both: Both, device: VirtualABH3, driver:
     for call, address in [(driver.read_monitor, 0x1004), (driver.read_parameter, 0x4102)]:
         end = time.monotonic() + 1.2
         while time.monotonic() < end:
-            called = driver._heart._called
+            called = driver._keep_alive_timer._called
             rest(both, 0.05)
             both.run(call(address))
-            assert driver._heart._called > called
+            assert driver._keep_alive_timer._called > called
     assert driver.kept_alive
     assert driver.commands == (100.0, 0.0)
 
@@ -485,7 +485,7 @@ def with_threads():
     driver.set_inputs(0x3003)
     driver.keep_alive(patience=10)
     driver.command(100.0, 100.0)
-    driver._heart.patience = PATIENCE
+    driver._keep_alive_timer.patience = PATIENCE
     print("turning", flush=True)
     if end == "raises":
         threading.Thread(target=time.sleep, args=(60,)).start()
@@ -498,7 +498,7 @@ async def with_tasks():
     await driver.set_inputs(0x3003)
     await driver.keep_alive(patience=10)
     await driver.command(100.0, 100.0)
-    driver._heart.patience = PATIENCE
+    driver._keep_alive_timer.patience = PATIENCE
     print("turning", flush=True)
     if end == "raises":
         threading.Thread(target=time.sleep, args=(60,)).start()

@@ -57,7 +57,7 @@ def end_of(server: Server, web: Web) -> LimitedProtocol:
     name = "{}:{}/http".format(*web.socket.getsockname())
 
     def found() -> list[LimitedProtocol]:
-        protocols = list(server._server._connections.all)
+        protocols = list(server._server._context.all)
         return [each for each in protocols if isinstance(each, LimitedProtocol) and each.name == name]
 
     until(found)
@@ -68,7 +68,7 @@ def end_of(server: Server, web: Web) -> LimitedProtocol:
 def forget_broken(server: Server) -> None:
     """Let the server drop a client whose connection broke during a call, after it has detected that."""
     see_broken(server)
-    leap(server, sessions.FORGOTTEN_AFTER)
+    leap(server, sessions.IDLE_TIMEOUT)
 
 
 def still_open(web: Web) -> bool:

@@ -361,7 +361,7 @@ def test_clients_that_make_calls_are_not_dropped(workshop: Workshop) -> None:
 def test_a_client_whose_connection_breaks_in_a_call_is_dropped_sooner(
     workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_sessions, "FORGOTTEN_AFTER", 100.0)
+    monkeypatch.setattr(http_sessions, "IDLE_TIMEOUT", 100.0)
     with orinkit.serve(workshop, "http://127.0.0.1:0", http=IDLE) as server:
         web = Web(server.url, keeps_cookies=True)
         handle = connect(web)
@@ -497,7 +497,7 @@ def test_the_arm_of_a_disconnected_client_stops_within_its_limits(how: str) -> N
         else:
             web.close()
             see_broken(server)
-            leap(server, http_sessions.FORGOTTEN_AFTER)
+            leap(server, http_sessions.IDLE_TIMEOUT)
         until(lambda: server.clients == 1)
         take_turns(server)
         while arm.busy:
@@ -574,8 +574,8 @@ def test_the_secret_of_a_cookie_is_not_logged(workshop: Workshop, caplog: pytest
 
 def test_ended_sessions_leave_nothing_behind() -> None:
     async def sessions() -> weakref.ref[Any]:
-        shared = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
-        table = HttpSessions(shared, 60.0)
+        context = ServerContext(ProviderRegistry(Workshop()), DEFAULT_LIMITS, 10, 180.0)
+        table = HttpSessions(context, 60.0)
         made = table.for_service_start("192.168.0.1", 5)
         assert made is not None
         second = table.for_service_start("192.168.0.1", 6)
@@ -585,7 +585,7 @@ def test_ended_sessions_leave_nothing_behind() -> None:
         for each in (made, second):
             assert each is not None
             each.close()
-        assert (shared.open, shared.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
+        assert (context.open, context.all, table.by_address("192.168.0.1"), table.by_key(made.key)) == (
             set(),
             set(),
             None,

@@ -71,7 +71,7 @@ def guess(server: Server) -> Web:
 def test_guesses_are_slowed_down_and_the_right_token_is_not(
     server: Server, held: DelayedReplies, caplog: pytest.LogCaptureFixture
 ) -> None:
-    shared = server._server._connections
+    context = server._server._context
     with Web(server.url) as web, Web(server.url, keeps_cookies=True) as client:
         assert client.ask("Func=1", Authorization=RIGHT).status == 200
         for _ in range(FREE):
@@ -90,10 +90,10 @@ def test_guesses_are_slowed_down_and_the_right_token_is_not(
                 more = other.ask("Func=1", Authorization=token)
             assert (more.status, more.headers["connection"], more.headers["retry-after"]) == (429, "close", "1")
         assert client.ask("Func=1", Authorization=RIGHT).status == 200  # a client with a session is not affected
-        assert sum(shared.held.values()) == _HELD
+        assert sum(context.held.values()) == _HELD
         held.gate.set()
         assert [each.answer().status for each in waiting] == [401] * _HELD
-    until(lambda: not shared.held)
+    until(lambda: not context.held)
     logged = [record.getMessage() for record in caplog.records if "wrong token" in record.getMessage()]
     assert logged == ["127.0.0.1: 5 HTTP requests with a wrong token or without one"]
 

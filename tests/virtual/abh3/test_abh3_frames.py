@@ -200,7 +200,7 @@ def test_analog_inputs_supplies_and_monitors():
     cell = Abh3Cell(main_voltage=48.04, control_voltage=23.96)
     cell.device.set_analog(0, 1.234)
     cell.device.set_analog(1, -327.68)
-    assert cell.br5().raw == {"analog_0": 123, "analog_1": -32768, "main_voltage": 480, "control_voltage": 240}
+    assert cell.br5().raw_values == {"analog_0": 123, "analog_1": -32768, "main_voltage": 480, "control_voltage": 240}
     cell.device.set_monitor(0, "main_voltage")
     cell.device.set_monitor(1, 0.25)
     assert (cell.br6().monitor_0, cell.br6().monitor_1) == (pytest.approx(48.04), 0.25)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orinkit.abh3.table.signals import DIALECTS, Logic
+from orinkit.abh3.table.signals import DIALECTS, TerminalLogic
 from orinkit.virtual.abh3 import DataSet, Parameters
 from orinkit.virtual.abh3.axis import FINE, AxisLimits, AxisMode, MotorAxis
 from orinkit.virtual.abh3.drive import velocity, wrapped
@@ -43,9 +43,9 @@ def test_control_flags_are_what_the_table_makes_of_input_and_terminal(name, can,
     inputs = Inputs(dialect)
     inputs.can, inputs.external = can, external
     rules = {
-        Logic.AND: lambda a, b: a and b,
-        Logic.OR: lambda a, b: a or b,
-        Logic.NOT_AND: lambda a, b: not (a and b),
+        TerminalLogic.AND: lambda a, b: a and b,
+        TerminalLogic.OR: lambda a, b: a or b,
+        TerminalLogic.NOT_AND: lambda a, b: not (a and b),
     }
     expected = 0
     for bit in dialect.inputs.bits:
@@ -58,7 +58,7 @@ def test_control_flags_are_what_the_table_makes_of_input_and_terminal(name, can,
 def test_terminals_are_at_first_as_can_alone_needs_them(name):
     inputs = Inputs(DIALECTS[name])
     for bit in DIALECTS[name].inputs.bits:
-        assert bool(inputs.external >> bit.number & 1) == (bit.logic is not Logic.OR)
+        assert bool(inputs.external >> bit.number & 1) == (bit.logic is not TerminalLogic.OR)
 
 
 @BOTH
@@ -210,7 +210,7 @@ def test_velocities_beyond_the_codes_are_held_at_the_last_one():
     cell.put(32767, -32768, *GO)
     cell.wait(10)
     record = cell.codec.decode("DP0R", cell.device.receive(cell.frame(0, 0))[0].data)
-    assert record.raw == {"a_velocity": 0, "b_velocity": 32767, "y_velocity": 32767, "x_velocity": -32767}
+    assert record.raw_values == {"a_velocity": 0, "b_velocity": 32767, "y_velocity": 32767, "x_velocity": -32767}
 
 
 @given(
@@ -320,7 +320,7 @@ def test_current_and_load_follow_the_motion(unit, code):
     cell.put(-15_000, 0, *GO)
     cell.wait(100 * MS)
     record = cell.br3()
-    assert (record.ay_current_command, record.a_load, record.raw["a_load"]) == (-55, 55, code)
+    assert (record.ay_current_command, record.a_load, record.raw_values["a_load"]) == (-55, 55, code)
     cell.wait(10)
     assert (cell.br3().ay_current_command, cell.br3().a_load) == (-5, 5)
     cell.put(0, 0, *GO)
@@ -356,7 +356,7 @@ def test_the_motor_model_commands_motors():
     cell.put(100, -51, *GO)
     cell.wait(1)
     answer = cell.put(100, -51, *GO)
-    assert answer.raw == {"a_velocity": 100, "b_velocity": -51, "y_velocity": 25, "x_velocity": 76}
+    assert answer.raw_values == {"a_velocity": 100, "b_velocity": -51, "y_velocity": 25, "x_velocity": 76}
 
 
 @BOTH
@@ -367,7 +367,7 @@ def test_the_travel_model_commands_travel_and_turn(dialect):
     state = cell.device.state()
     assert (state.a_velocity, state.b_velocity) == (pytest.approx(9.8), pytest.approx(30.2))
     assert (state.y_velocity, state.x_velocity) == (20, pytest.approx(-10.2))
-    assert (cell.br2().raw["ay_velocity"], cell.br2().raw["bx_velocity"]) == (100, -51)
+    assert (cell.br2().raw_values["ay_velocity"], cell.br2().raw_values["bx_velocity"]) == (100, -51)
     assert "travel_model" in state.control
     cell.wait(59)
     pulses = cell.br4()

@@ -76,7 +76,7 @@ def angle(a, b) -> np.ndarray:
 
 def commands(motion: Motion) -> np.ndarray:
     """Return the command of each cycle, with two cycles of rest at either end."""
-    return motion.sampled(np.arange(-2, math.ceil(motion.duration / CYCLE) + 3) * CYCLE)[0]
+    return motion.states_at(np.arange(-2, math.ceil(motion.duration / CYCLE) + 3) * CYCLE)[0]
 
 
 def check_limits(motion: Motion, arm: Kinematics = VS050) -> None:
@@ -415,24 +415,26 @@ def test_single_values_and_arrays_are_the_same():
         plan_line(VS050, HOME, moved(tcp(HOME), 0, 80, 50), TOOL, Rates()),
     ):
         times = np.arange(-1, motion.duration / CYCLE + 2) * CYCLE
-        assert np.array([motion.joints_at(time) for time in times]) == pytest.approx(motion.sampled(times)[0], abs=1e-9)
+        assert np.array([motion.joints_at(time) for time in times]) == pytest.approx(
+            motion.states_at(times)[0], abs=1e-9
+        )
 
 
 def test_the_derivatives_are_those_of_the_joints():
     motion = plan_line(VS050, HOME, turned(moved(tcp(HOME), 0, 80, 50), "z", 60), TOOL, Rates())
     times = np.linspace(0, motion.duration, 20_001)
-    joints, velocity, acceleration = motion.sampled(times)
+    joints, velocity, acceleration = motion.states_at(times)
     assert np.gradient(joints, times, axis=0)[1:-1] == pytest.approx(velocity[1:-1], abs=0.1)
     assert np.gradient(velocity, times, axis=0)[1:-1] == pytest.approx(acceleration[1:-1], abs=20)
 
 
 def test_a_point_to_point_motion_is_as_fast_as_its_slowest_joint():
     motion = plan_ptp(VS050, HOME, (150, *HOME[1:4], 75, 0), Rates())
-    _, velocity, acceleration = motion.sampled(np.linspace(0, motion.duration, 5001))
+    _, velocity, acceleration = motion.states_at(np.linspace(0, motion.duration, 5001))
     assert np.abs(velocity).max(0) == pytest.approx([425, 0, 0, 0, 42.5, 0])
     assert np.abs(acceleration).max(0) == pytest.approx([2125, 0, 0, 0, 212.5, 0])
     slow = plan_ptp(VS050, HOME, (150, *HOME[1:4], 75, 0), Rates(0.1, 0.5, 0.25))
-    _, velocity, acceleration = slow.sampled(np.linspace(0, slow.duration, 5001))
+    _, velocity, acceleration = slow.states_at(np.linspace(0, slow.duration, 5001))
     assert velocity[:, 0].max() == pytest.approx(42.5)
     assert acceleration[:, 0].max() == pytest.approx(1062.5, rel=0.01)
     assert acceleration[:, 0].min() == pytest.approx(-531.25, rel=0.01)
@@ -441,7 +443,7 @@ def test_a_point_to_point_motion_is_as_fast_as_its_slowest_joint():
 def test_a_line_is_as_fast_as_the_model_allows():
     model = VS050.model
     motion = plan_line(VS050, (-30, *HOME[1:]), moved(tcp((-30, *HOME[1:])), 0, 200, 0), TOOL, Rates(0.1, 0.1, 0.05))
-    joints = motion.sampled(np.arange(0, motion.duration, 1e-3))[0]
+    joints = motion.states_at(np.arange(0, motion.duration, 1e-3))[0]
     speeds = np.linalg.norm(np.diff(tcp(joints)[:, :3, 3], axis=0), axis=1) / 1e-3
     assert speeds.max() == pytest.approx(model.path_speed * 0.1, rel=1e-4)
     assert np.diff(speeds).max() / 1e-3 == pytest.approx(model.path_acceleration * 0.1, rel=0.01)
@@ -451,7 +453,7 @@ def test_a_line_is_as_fast_as_the_model_allows():
 
 def test_a_turn_on_the_spot_is_as_fast_as_the_model_allows():
     motion = plan_line(VS050, HOME, turned(tcp(HOME), "z", 40), TOOL, Rates(0.05, 0.05, 0.05))
-    frames = tcp(motion.sampled(np.arange(0, motion.duration, 1e-3))[0])
+    frames = tcp(motion.states_at(np.arange(0, motion.duration, 1e-3))[0])
     assert angle(frames[1:], frames[:-1]).max() / 1e-3 == pytest.approx(VS050.model.path_rotation * 0.05, rel=1e-3)
     assert motion.length == pytest.approx(0, abs=1e-9)
 

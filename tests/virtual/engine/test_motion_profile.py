@@ -14,7 +14,7 @@ profiles = st.builds(MotionProfile.trapezoid, limits, limits, limits)
 
 
 def samples(profile: MotionProfile, count: int = 2001):
-    return profile.sampled(np.linspace(-0.1, profile.duration + 0.1, count))
+    return profile.states_at(np.linspace(-0.1, profile.duration + 0.1, count))
 
 
 @given(limits, limits, limits)
@@ -66,13 +66,13 @@ def test_it_is_the_moving_average_of_a_trapezoid():
     average = [
         way[max(0, n - 3000) : n + 1].mean() if n > 3000 else way[: n + 1].sum() / 3001 for n in range(0, 35_001, 500)
     ]
-    assert profile.sampled(times[::500])[0] == pytest.approx(np.array(average), abs=2e-4)
+    assert profile.states_at(times[::500])[0] == pytest.approx(np.array(average), abs=2e-4)
 
 
 @given(profiles, st.floats(-0.5, 1.5))
 def test_one_moment_and_many_are_the_same(profile, part):
     time = profile.duration * part
-    position, rate, _ = profile.sampled(np.array([time]))
+    position, rate, _ = profile.states_at(np.array([time]))
     assert profile.at(time) == position[0]
     assert profile.rate(time) == rate[0]
 
@@ -87,9 +87,9 @@ def test_the_end_is_exact(profile):
 
 @given(profiles)
 def test_it_begins_to_slow_down_at_slowing(profile):
-    _, _, change = profile.sampled(np.linspace(0, profile.slowing * (1 - 1e-9), 500))
+    _, _, change = profile.states_at(np.linspace(0, profile.slowing * (1 - 1e-9), 500))
     assert change.min() >= -1e-6 * np.abs([knot.acceleration for knot in profile.knots]).max()
-    _, _, change = profile.sampled(np.linspace(profile.slowing + SMOOTHING, profile.duration, 500))
+    _, _, change = profile.states_at(np.linspace(profile.slowing + SMOOTHING, profile.duration, 500))
     assert change.max() <= 1e-6 * np.abs([knot.acceleration for knot in profile.knots]).max()
 
 
@@ -99,8 +99,8 @@ def test_stretched_is_the_same_profile_slower(profile, factor):
     assert slow.duration == pytest.approx(profile.duration * factor)
     assert slow.slowing == pytest.approx(profile.slowing * factor)
     parts = np.linspace(0, 1, 101)
-    position, rate, change = profile.sampled(parts * profile.duration)
-    slow_position, slow_rate, slow_change = slow.sampled(parts * slow.duration)
+    position, rate, change = profile.states_at(parts * profile.duration)
+    slow_position, slow_rate, slow_change = slow.states_at(parts * slow.duration)
     assert slow_position == pytest.approx(position, abs=1e-9)
     assert slow_rate * factor == pytest.approx(rate, abs=1e-6 * rate.max())
     assert slow_change * factor**2 == pytest.approx(change, abs=1e-6 * np.abs(change).max())
@@ -117,13 +117,13 @@ def test_stretched_never_makes_it_faster():
 @given(profiles)
 def test_moments_is_the_inverse_of_the_profile(profile):
     parts = np.linspace(0, 1, 101)
-    assert profile.sampled(profile.moments(parts))[0] == pytest.approx(parts, abs=1e-4)
+    assert profile.states_at(profile.moments(parts))[0] == pytest.approx(parts, abs=1e-4)
 
 
 def test_a_motion_of_length_0_takes_no_time():
     profile = MotionProfile.instant()
     assert (profile.duration, profile.at(0), profile.at(1), profile.rate(0)) == (0, 1, 1, 0)
-    position, rate, change = profile.sampled(np.array([-1.0, 0.0, 1.0]))
+    position, rate, change = profile.states_at(np.array([-1.0, 0.0, 1.0]))
     assert (position.tolist(), rate.tolist(), change.tolist()) == ([0, 1, 1], [0, 0, 0], [0, 0, 0])
     assert profile.stretched(5) is profile
 

@@ -70,7 +70,7 @@ def test_a_late_set_point_is_waited_for_and_counted(cells, mode, late):
     assert cell.rc8.state.cycles.number == number
     cell.stream(POSES[MOVING:90])
     assert (cell.error, cell.mode, cell.arm.queue.joints) == (0, mode, POSES[89])
-    assert cell.rc8.lateness == Lateness(1, pytest.approx(late), pytest.approx(late))
+    assert cell.rc8.set_point_lateness == Lateness(1, pytest.approx(late), pytest.approx(late))
 
 
 @QUEUES
@@ -81,7 +81,7 @@ def test_after_250_ms_it_is_an_error(cells, mode):
     with pytest.raises(CallError) as refused:
         cell.send(POSES[MOVING])
     assert refused.value.code == hresult.SLAVE_MODE_OFF
-    assert cell.rc8.lateness == Lateness(1, pytest.approx(0.25), pytest.approx(0.25))
+    assert cell.rc8.set_point_lateness == Lateness(1, pytest.approx(0.25), pytest.approx(0.25))
     assert "250 ms" in cell.rc8.state.faults.log.newest.message or "250 ms" in str(cell.rc8.state.faults.log.newest)
 
 
@@ -105,7 +105,7 @@ def test_strict_time_does_not_wait(mode):
     cell.clock.advance(PERIOD)
     expected = hresult.COMMAND_ACCELERATION_OVER_AXIS1 if mode == J1 else hresult.COMMAND_DELAY
     assert (cell.error, cell.arm.slave.on) == (expected, False)
-    assert cell.rc8.lateness.count == (mode == J1)
+    assert cell.rc8.set_point_lateness.count == (mode == J1)
     assert "strict time" in str(cell.rc8.state.faults.log.newest)
 
 
@@ -115,10 +115,10 @@ def test_strict_time_counts_what_mode_1_does_not_report():
     slow = [(0.01 * index, *HOME[1:]) for index in range(40)]
     cell.stream(slow[:20])
     cell.clock.advance(PERIOD + 0.1)
-    assert (cell.error, cell.rc8.lateness, cell.arm.queue.joints) == (0, Lateness(), slow[19])
+    assert (cell.error, cell.rc8.set_point_lateness, cell.arm.queue.joints) == (0, Lateness(), slow[19])
     cell.stream(slow[20:])
     assert (cell.error, cell.arm.queue.joints) == (0, slow[39])
-    assert cell.rc8.lateness == Lateness(1, pytest.approx(0.1, abs=PERIOD), pytest.approx(0.1, abs=PERIOD))
+    assert cell.rc8.set_point_lateness == Lateness(1, pytest.approx(0.1, abs=PERIOD), pytest.approx(0.1, abs=PERIOD))
     cell.rc8.close()
 
 
@@ -131,7 +131,7 @@ def test_mode_1_stops_in_place_after_250_ms(cells):
     slow.stream([(0.01 * index, *HOME[1:]) for index in range(20)])
     slow.clock.advance(PERIOD + 0.251)
     assert (slow.error, slow.mode, slow.arm.queue.joints[0]) == (0, J1, pytest.approx(0.19))
-    assert slow.rc8.lateness == Lateness(1, pytest.approx(0.25), pytest.approx(0.25))
+    assert slow.rc8.set_point_lateness == Lateness(1, pytest.approx(0.25), pytest.approx(0.25))
     slow.rc8.close()
 
 
@@ -142,7 +142,7 @@ def test_a_repeated_set_point_of_mode_1_is_no_new_one_at_speed(cells):
     cell.clock.advance(0.1)
     assert cell.error == 0
     cell.stream(POSES[MOVING:60])
-    assert (cell.error, cell.rc8.lateness.count) == (0, 1)
+    assert (cell.error, cell.rc8.set_point_lateness.count) == (0, 1)
 
 
 def test_a_repeated_set_point_of_mode_1_stops_a_slow_arm_at_once():
@@ -150,7 +150,7 @@ def test_a_repeated_set_point_of_mode_1_stops_a_slow_arm_at_once():
     slow = [(0.01 * index, *HOME[1:]) for index in range(20)]
     cell.stream([*slow, slow[-1], slow[-1]])
     cell.clock.advance(1.0)
-    assert (cell.error, cell.arm.busy, cell.rc8.lateness) == (0, False, Lateness())
+    assert (cell.error, cell.arm.busy, cell.rc8.set_point_lateness) == (0, False, Lateness())
     cell.rc8.close()
 
 
@@ -158,10 +158,10 @@ def test_a_repeated_set_point_of_mode_1_stops_a_slow_arm_at_once():
 def test_an_arm_that_stands_is_not_waited_for(mode):
     cell = SlaveCell(strict_time=False).on(mode)
     cell.stream([HOME, HOME])
-    number = cell.rc8.state.cycle_seconds
+    number = cell.rc8.state.last_cycle_time
     cell.clock.advance(1.0)
-    assert cell.rc8.state.cycle_seconds == pytest.approx(number + 1.0, abs=PERIOD)
-    assert (cell.error, cell.rc8.lateness) == (0, Lateness())
+    assert cell.rc8.state.last_cycle_time == pytest.approx(number + 1.0, abs=PERIOD)
+    assert (cell.error, cell.rc8.set_point_lateness) == (0, Lateness())
     cell.rc8.close()
 
 
@@ -170,7 +170,7 @@ def test_less_than_a_quarter_of_a_period_is_not_late(cells, mode):
     cell = cells(mode)
     cell.clock.advance(0.0019)
     cell.stream(POSES[MOVING:60])
-    assert (cell.error, cell.rc8.lateness) == (0, Lateness())
+    assert (cell.error, cell.rc8.set_point_lateness) == (0, Lateness())
 
 
 @MODES
@@ -180,7 +180,7 @@ def test_every_case_is_counted(cells, mode):
         cell.clock.advance(late)
         cell.stream(POSES[MOVING + 5 * index : MOVING + 5 * index + 5])  # at its end the next one is due
     assert cell.error == 0
-    assert cell.rc8.lateness == Lateness(4, pytest.approx(0.24), pytest.approx(0.41))
+    assert cell.rc8.set_point_lateness == Lateness(4, pytest.approx(0.24), pytest.approx(0.41))
 
 
 @pytest.mark.parametrize("strict", [False, True])
@@ -198,8 +198,8 @@ def test_a_sender_that_is_always_a_little_too_slow_is_counted(mode, strict):
         assert cell.error == hresult.COMMAND_DELAY
     else:
         assert cell.error == 0
-        assert cell.rc8.lateness.total == pytest.approx(0.0018 * 300, abs=0.04)
-        assert cell.rc8.lateness.count > 100
+        assert cell.rc8.set_point_lateness.total == pytest.approx(0.0018 * 300, abs=0.04)
+        assert cell.rc8.set_point_lateness.count > 100
     cell.rc8.close()
 
 
@@ -209,7 +209,7 @@ def test_any_number_of_cases_is_counted(cells, monkeypatch):
     for _ in range(12_000):
         cases.add(0.003)
     cases.add(0.2)
-    assert cell.rc8.lateness == Lateness(12_001, 0.2, pytest.approx(36.2))
+    assert cell.rc8.set_point_lateness == Lateness(12_001, 0.2, pytest.approx(36.2))
     assert cell.arm.slave.lateness(12_000) == Lateness(1, 0.2, 0.2)
     assert cell.arm.slave.lateness(12_001) == Lateness()
     assert cell.arm.slave.lateness(99_999) == Lateness()
@@ -226,7 +226,7 @@ def test_limits_hold_across_the_pause(mode):
     cell.stream(POSES[:MOVING])
     cell.clock.advance(PERIOD)
     logged = len(cell.arm.log)
-    began = cell.rc8.state.cycle_seconds
+    began = cell.rc8.state.last_cycle_time
     seen: list[tuple[float, ...]] = []
     step = cell.arm.servo.step
     cell.arm.servo.step = lambda command: (seen.append(command), step(command))[1]
@@ -237,14 +237,14 @@ def test_limits_hold_across_the_pause(mode):
     bends = np.diff(np.array([POSES[MOVING - 2], POSES[MOVING - 1], *seen])[:, 0], 2) / PERIOD**2
     assert np.abs(bends).max() < AXIS.acceleration
     assert len(seen) == 70
-    assert cell.rc8.state.cycle_seconds == pytest.approx(began + 70 * PERIOD)
+    assert cell.rc8.state.last_cycle_time == pytest.approx(began + 70 * PERIOD)
     assert len(cell.arm.log) == logged + 70
     cell.rc8.close()
 
 
 def commands(cell: SlaveCell) -> list[float]:
     """Return the executed commands of J1 until an error, with the two before them."""
-    seen = [cell.arm.queue.before[0], cell.arm.queue.joints[0]]
+    seen = [cell.arm.queue.previous_joints[0], cell.arm.queue.joints[0]]
     step = cell.arm.servo.step
     cell.arm.servo.step = lambda command: (seen.append(command[0]) if not cell.error else None, step(command))[1]
     return seen
@@ -302,7 +302,7 @@ def test_the_time_stamp_of_the_answer_stands_still(cells):
     times = []
     for late in (0.0, 0.1, 0.1):
         cell.clock.advance(late)
-        times.append(cell.rc8.state.cycle_seconds)
+        times.append(cell.rc8.state.last_cycle_time)
     assert len(set(times)) == 1
     assert cell.rc8.state.seconds == pytest.approx(times[0] + PERIOD)
 
@@ -324,7 +324,7 @@ def test_a_client_by_the_clock_in_mode_1_is_led_to_where_it_is_by_now(cells):
     cell.clock.advance(6 * PERIOD)
     cell.stream(POSES[MOVING : MOVING + 1])
     cell.stream(POSES[MOVING + 7 : MOVING + 30])
-    assert (cell.error, cell.arm.queue.joints, cell.rc8.lateness.count) == (0, POSES[MOVING + 29], 1)
+    assert (cell.error, cell.arm.queue.joints, cell.rc8.set_point_lateness.count) == (0, POSES[MOVING + 29], 1)
 
 
 def test_two_controllers_do_not_wait_for_each_other():
@@ -347,7 +347,7 @@ def test_two_controllers_do_not_wait_for_each_other():
     assert waiting.state.cycles.number == numbers[0]
     assert other.state.cycles.number == numbers[1] + 20
     assert (waiting.state.faults.code, other.state.faults.code) == (0, 0)
-    assert other.lateness == Lateness()
+    assert other.set_point_lateness == Lateness()
     for device in (waiting, other):
         device.close()
 
@@ -377,7 +377,7 @@ def test_leaving_does_not_wait(cells, mode):
     assert cell.rc8.state.cycles.number <= number + 2
     cell.run(leaving)
     assert (cell.error, cell.arm.slave.on) == (0, False)
-    assert cell.rc8.lateness.count == 1
+    assert cell.rc8.set_point_lateness.count == 1
 
 
 @MODES
@@ -408,7 +408,7 @@ def test_it_is_logged_once_for_each_stream(cells, caplog):
     (record,) = caplog.records
     assert "4 late set-points, by up to 50 ms" in record.getMessage()
     assert "--strict-time" in record.getMessage()
-    assert cell.rc8.lateness == Lateness()  # of the stream that followed
+    assert cell.rc8.set_point_lateness == Lateness()  # of the stream that followed
 
 
 def test_a_client_can_ask_for_it_while_slave_mode_is_on(cells):
@@ -429,7 +429,7 @@ def test_a_client_can_ask_for_it_while_slave_mode_is_on(cells):
 def test_before_any_stream_there_is_none():
     cell = Cell()
     assert cell.execute("slvGetLateness") == [0.0, 0.0, 0.0]
-    assert cell.rc8.lateness == Lateness()
+    assert cell.rc8.set_point_lateness == Lateness()
     cell.rc8.close()
 
 
@@ -449,7 +449,7 @@ def test_the_servers_own_stall_is_not_the_clients(mode):
     cell.call(POSES[MOVING])
     cell.drive()
     assert (cell.error, cell.arm.queue.joints) == (0, POSES[MOVING])
-    assert 0.03 <= cell.rc8.lateness.longest <= 0.05
+    assert 0.03 <= cell.rc8.set_point_lateness.longest <= 0.05
     cell.close()
 
 
@@ -504,7 +504,7 @@ def test_the_detector_of_a_ve026a_waits(late):
     cell.clock.advance(late)
     cell.stream([turned(0.5 * number) for number in range(21, 30)])
     assert (cell.arm.error, cell.arm.slave_mode) == (0, SYNC)
-    assert cell.arm.lateness == Lateness(1, pytest.approx(late), pytest.approx(late))
+    assert cell.arm.set_point_lateness == Lateness(1, pytest.approx(late), pytest.approx(late))
     assert cell.execute("slvGetLateness") == pytest.approx([1.0, late, late])
     assert cell.execute("slvGetLateness", 1) == [0.0, 0.0, 0.0]
 
@@ -529,7 +529,7 @@ def test_asynchronous_mode_of_a_ve026a_has_no_detector():
     """Without a new set-point the arm stays at the last one; no set-point is late."""
     cell = ve026a(ASYNC)
     cell.clock.advance(1.0)
-    assert (cell.arm.error, cell.arm.slave_mode, cell.arm.lateness) == (0, ASYNC, Lateness())
+    assert (cell.arm.error, cell.arm.slave_mode, cell.arm.set_point_lateness) == (0, ASYNC, Lateness())
 
 
 def test_a_ve026a_logs_it_once(caplog):

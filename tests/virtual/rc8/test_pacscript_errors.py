@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from orinkit.core import hresult, i18n
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
+from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.machine import MachineState, compile_program
 from support.pacscript_world import FakeWorld, body, run
 
@@ -106,7 +106,7 @@ WRONG = [
 
 @pytest.mark.parametrize(("lines", "line", "column", "message"), WRONG, ids=[row[3][:40] for row in WRONG])
 def test_a_compile_error_has_its_position(lines, line, column, message):
-    with pytest.raises(PacScriptError) as caught:
+    with pytest.raises(ProgramLoadError) as caught:
         compile_program(body(*lines), "Pro1.pcs")
     error = caught.value
     assert (error.message, error.line, error.column) == (message, line, column)
@@ -136,7 +136,7 @@ def test_a_compile_error_has_its_position(lines, line, column, message):
     ],
 )  # fmt: skip
 def test_an_error_of_the_whole_file_has_its_position(source, line, column, message):
-    with pytest.raises(PacScriptError) as caught:
+    with pytest.raises(ProgramLoadError) as caught:
         compile_program(source, "f")
     assert (caught.value.message, caught.value.line, caught.value.column) == (message, line, column)
 
@@ -171,7 +171,7 @@ def test_an_error_of_the_whole_file_has_its_position(source, line, column, messa
     ],
 )
 def test_unsupported_words_are_rejected_by_name(line, word):
-    with pytest.raises(PacScriptError) as caught:
+    with pytest.raises(ProgramLoadError) as caught:
         compile_program(body(line), "f")
     assert caught.value.message == f"{word} is not supported"
     assert caught.value.line == 2
@@ -179,13 +179,13 @@ def test_unsupported_words_are_rejected_by_name(line, word):
 
 def test_errors_are_in_japanese_too():
     i18n.use("ja")
-    with pytest.raises(PacScriptError) as caught:
+    with pytest.raises(ProgramLoadError) as caught:
         compile_program(body("OnErr Goto *x"), "f")
     assert caught.value.message == "OnErr には対応していません"
 
 
 def test_a_program_that_is_too_long_is_rejected():
-    with pytest.raises(PacScriptError, match="more than 262144 characters"):
+    with pytest.raises(ProgramLoadError, match="more than 262144 characters"):
         compile_program("\n" * 262_145, "f")
 
 
@@ -306,7 +306,7 @@ def test_a_fault_while_waiting_ends_the_program():
 
 
 def test_both_errors_can_be_pickled():
-    error = pickle.loads(pickle.dumps(PacScriptError("m", "f", 2, 3)))
+    error = pickle.loads(pickle.dumps(ProgramLoadError("m", "f", 2, 3)))
     assert (error.message, error.file, error.line, error.column) == ("m", "f", 2, 3)
     fault = pickle.loads(pickle.dumps(ProgramFault(0x83500002, "f", 4, "d")))
     assert (fault.code, fault.file, fault.line, fault.detail) == (0x83500002, "f", 4, "d")

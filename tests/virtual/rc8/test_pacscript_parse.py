@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.virtual.rc8.pacscript import tree
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError
+from orinkit.virtual.rc8.pacscript.errors import ProgramLoadError
 from orinkit.virtual.rc8.pacscript.functions import FUNCTIONS
 from orinkit.virtual.rc8.pacscript.keywords import KEYWORDS, REFUSED, STARTERS
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, compile_program
@@ -173,7 +173,7 @@ def loads_or_is_rejected(source: str) -> None:
     rejection = None
     try:
         program = compile_program(source, "f")
-    except PacScriptError as error:
+    except ProgramLoadError as error:
         rejection = error
     if rejection is not None:
         assert rejection.line >= 1

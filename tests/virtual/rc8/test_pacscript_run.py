@@ -418,7 +418,7 @@ def test_restart_begins_main_again():
 def test_after_an_interruption_the_statement_is_executed_again():
     machine = Machine(compile_program(body("Move P, P1", "I1 = 1"), "f"), world := FakeWorld())
     machine.run(10)
-    machine.interrupt()
+    machine.cancel_wait()
     assert (machine.state, machine.line) == (MachineState.RUNNING, 2)
     machine.run(10)
     assert [call[0] for call in world.log] == ["move", "move"]

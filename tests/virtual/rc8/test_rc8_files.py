@@ -139,7 +139,7 @@ def test_decomposed_entries_that_another_program_made_are_found(store, root):
     store.make_folder("d")
     (root / "d" / "か\u3099.pcs").write_bytes(b"1")
     assert store.names("d") == ["が.pcs"]
-    assert store.path("D/が.PCS") == "d\\が.pcs"
+    assert store.full_name("D/が.PCS") == "d\\が.pcs"
     store.write("d\\が.pcs", b"2")
     assert store.names("d") == ["が.pcs"]
     assert len(list((root / "d").iterdir())) == 1
@@ -162,8 +162,8 @@ def test_folders(store, refused):
     store.create("dir\\empty.txt")
     assert store.names("dir") == ["empty.txt", "Sub\\"]
     assert store.names("Dir\\SUB\\") == ["x.txt"]
-    assert store.path("dir/sub/X.TXT") == "dir\\Sub\\x.txt"
-    assert store.path("/") == "\\"
+    assert store.full_name("dir/sub/X.TXT") == "dir\\Sub\\x.txt"
+    assert store.full_name("/") == "\\"
     assert (store.is_folder("dir\\sub"), store.is_folder("dir\\empty.txt"), store.is_folder("no")) == (
         True,
         False,
@@ -318,7 +318,7 @@ def test_rename_in_case_only(store):
     store.create("dir\\x")
     store.move("dir", "Dir\\")
     assert store.names() == ["Dir\\", "PRO1.pcs"]
-    assert store.path("dir\\X") == "Dir\\x"
+    assert store.full_name("dir\\X") == "Dir\\x"
 
 
 def test_a_move_does_not_make_names_too_deep_or_too_long(store, refused):
@@ -507,7 +507,7 @@ def test_hostile_names_are_refused_by_every_method(name, store, root, outside, n
     notified.clear()
     with untouched(outside.parent):
         calls = [
-            (store.exists, name), (store.is_folder, name), (store.path, name), (store.names, name), (store.size, name),
+            (store.exists, name), (store.is_folder, name), (store.full_name, name), (store.names, name), (store.size, name),
             (store.dates, name), (store.read, name), (store.write, name, b"x"), (store.create, name),
             (store.make_folder, name), (store.delete, name), (store.copy, name, "new"), (store.copy, "file", name),
             (store.move, name, "new"), (store.move, "file", name), (open_file, name, CREATE),
@@ -549,7 +549,7 @@ def test_links_are_not_there_and_nothing_is_written_through_them(
 ):
     with untouched(outside.parent):
         assert (store.exists(name), store.is_folder(name)) == (False, False)
-        for call in (store.path, store.size, store.dates, store.read, store.delete, store.names, open_file):
+        for call in (store.full_name, store.size, store.dates, store.read, store.delete, store.names, open_file):
             assert refused(call, name) == NOT_FOUND
         assert refused(lambda: store.delete(name, recursive=True)) == NOT_FOUND
         for arguments in ((store.copy, name, "new"), (store.move, name, "new")):
@@ -683,8 +683,8 @@ def test_no_text_as_a_name_gets_outside(planted, store, outside, open_file):
         for each in (name, other):
             content = _try(store.read, each)
             assert content is None or SECRET not in content
-            path = _try(store.path, each)
-            assert path is None or (store.exists(path) and store.path(path) == path)
+            path = _try(store.full_name, each)
+            assert path is None or (store.exists(path) and store.full_name(path) == path)
         assert {path: everything(path) for path in canary.iterdir() if path.name != "in"} == before
         assert [path.name for path in (canary / "in").iterdir()] == ["files"]
         _try(store.write, "file", b"1")

@@ -596,7 +596,7 @@ def test_the_time_is_that_of_the_last_cycle(cell, unit, factor):
         times.append(value(cell.send(step(number)))[0])
         cell.cycle()
     assert {later - earlier for earlier, later in pairwise(times)} == {16 * factor}
-    assert times[0] == pytest.approx(cell.rc8.state.cycle_seconds * 1000 * factor - 5 * 16 * factor - 8 * factor)
+    assert times[0] == pytest.approx(cell.rc8.state.last_cycle_time * 1000 * factor - 5 * 16 * factor - 8 * factor)
 
 
 @pytest.mark.parametrize("seconds", [3000.0, 3_000_000.0])

@@ -416,8 +416,8 @@ def test_a_queue_follows_and_stands():
     queue.follow((0.1, *HOME[1:]))
     assert (queue.state, queue.moving, queue.standing) == (QueueState.FOLLOWING, True, True)
     queue.step()
-    assert (queue.joints[0], queue.before[0], queue.state) == (0.1, 0.0, QueueState.FOLLOWING)
-    assert queue.speed()[0][0] == pytest.approx(12.5)
+    assert (queue.joints[0], queue.previous_joints[0], queue.state) == (0.1, 0.0, QueueState.FOLLOWING)
+    assert queue.velocity_and_acceleration()[0][0] == pytest.approx(12.5)
     assert queue.target == queue.end_joints == queue.joints
     queue.follow((0.1, *HOME[1:]))
     queue.step()
@@ -429,7 +429,7 @@ def test_a_queue_that_is_not_led_on_brakes():
     for joints in straight(1.0, 20):
         queue.follow(joints)
         queue.step()
-    commands = [queue.before, queue.joints]
+    commands = [queue.previous_joints, queue.joints]
     while queue.state is not QueueState.IDLE:
         queue.step()
         commands.append(queue.joints)

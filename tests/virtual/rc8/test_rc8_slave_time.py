@@ -69,13 +69,13 @@ def test_cycles_without_a_chance_of_a_set_point_are_left_out(late):
     moving(late)
     for pose in POSES[MOVING : MOVING + 3]:
         late.call(pose)
-    number, seconds = late.cycles_.number, late.rc8.state.cycle_seconds
+    number, seconds = late.cycles_.number, late.rc8.state.last_cycle_time
     pause = late.drive(STALL)
     assert late.cycles_.number == number + 1
     assert late.arm.queue.joints == POSES[MOVING]
     assert not late.wire.asked
     assert pause == pytest.approx(PERIOD)
-    assert late.rc8.state.cycle_seconds == pytest.approx(seconds + PERIOD)
+    assert late.rc8.state.last_cycle_time == pytest.approx(seconds + PERIOD)
     late.drive(PERIOD / 2)
     assert late.cycles_.number == number + 1
     late.drive(PERIOD / 2)
@@ -180,9 +180,9 @@ def test_without_anybody_to_ask_it_is_decided_at_once():
 def test_draining_may_end_at_once(late):
     """Without input in transit: it calls back before it returns."""
     moving(late)
-    late.wire.drain_input = None
+    late.wire.when_input_processed = None
     pace = late.cycles_.pace
-    pace._drain_input = lambda handled: handled()
+    pace._when_input_processed = lambda handled: handled()
     late.drive(PERIOD)
     assert late.error == hresult.COMMAND_DELAY
 
@@ -194,7 +194,7 @@ def test_draining_that_delivers_the_set_point_at_once():
         cell.call(NEXT)
         handled()
 
-    cell.cycles_.pace._drain_input = look
+    cell.cycles_.pace._when_input_processed = look
     cell.drive(PERIOD)
     assert (cell.arm.queue.joints, cell.error) == (NEXT, 0)
     cell.close()
@@ -340,12 +340,12 @@ def test_the_grid_moves_for_a_stall(late, delay, left):
 
 def test_time_never_goes_back(late):
     moving(late)
-    times = [late.rc8.state.cycle_seconds]
+    times = [late.rc8.state.last_cycle_time]
     for index in range(MOVING, 150):
         late.call(POSES[index])
         late.drive(PERIOD if index % 7 else STALL)
         late.wire.read()
-        times.append(late.rc8.state.cycle_seconds)
+        times.append(late.rc8.state.last_cycle_time)
     assert late.error == 0
     assert all(later > earlier for earlier, later in pairwise(times))
 
@@ -444,7 +444,7 @@ def test_a_client_that_could_not_send_continues_where_it_was(newest, every_cycle
 def test_a_client_with_a_fixed_schedule_catches_up(newest, every_cycle):
     """After a late set-point the client continues on schedule; the missed cycles are made up for."""
     moving(newest)
-    number, began = newest.cycles_.number, newest.rc8.state.cycle_seconds
+    number, began = newest.cycles_.number, newest.rc8.state.last_cycle_time
     newest.wire.arrived.append(lambda: newest.call(NEXT))
     newest.drive(6 * PERIOD)
     newest.read()
@@ -453,7 +453,7 @@ def test_a_client_with_a_fixed_schedule_catches_up(newest, every_cycle):
     newest.read()
     assert newest.error == 0
     assert newest.cycles_.number == number + 7
-    assert newest.rc8.state.cycle_seconds == pytest.approx(began + 7 * PERIOD)
+    assert newest.rc8.state.last_cycle_time == pytest.approx(began + 7 * PERIOD)
     assert bends(every_cycle[MOVING:]) < 1
     newest.stream(POSES[MOVING + 7 : 90])
     assert newest.error == 0
@@ -569,7 +569,7 @@ def test_draining_over_tcp(ask_from_loop):
         async with AsyncServer(provider, "tcp://127.0.0.1:0") as server:
             client = await asyncio.to_thread(RawClient, server.url)
             handle = await asyncio.to_thread(client.ask, controller_connect.id, "c", "x", "", "")
-            assert provider.client.drain_input is not None
+            assert provider.client.when_input_processed is not None
             for turn in range(100):
                 over, seen = asyncio.Event(), []
 
@@ -579,9 +579,9 @@ def test_draining_over_tcp(ask_from_loop):
 
                 client.request(controller_get_variable_names.id, handle, str(turn))  # this thread runs the loop
                 if ask_from_loop:
-                    provider.client.drain_input(handled)
+                    provider.client.when_input_processed(handled)
                 else:
-                    asking = threading.Thread(target=provider.client.drain_input, args=(handled,))
+                    asking = threading.Thread(target=provider.client.when_input_processed, args=(handled,))
                     asking.start()
                     asking.join(SOON)
                 assert not seen
@@ -596,7 +596,7 @@ def test_draining_over_tcp(ask_from_loop):
 def test_draining_when_the_loop_is_closed():
     provider = Heard()
     with orinkit.serve(provider, "tcp://127.0.0.1:0") as server, orinkit.connect(server.url, provider="x"):
-        look = provider.client.drain_input
+        look = provider.client.when_input_processed
     called = []
     look(lambda: called.append(threading.current_thread()))
     assert called == [threading.current_thread()]

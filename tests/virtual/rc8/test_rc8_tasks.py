@@ -288,7 +288,7 @@ def test_starting_twice_and_too_many(cell):
         task(cell, FOREVER, f"P{number}").start(CONTINUOUS, "")
     last = task(cell, FOREVER, "Last")
     assert cell.code_of(lambda: last.start(CONTINUOUS, "")) == hresult.TASKS_TOO_MANY
-    assert cell.rc8.state.programs_running == MOST_RUNNING
+    assert cell.rc8.state.running_programs == MOST_RUNNING
 
 
 @pytest.mark.parametrize("mode", [0, 4, -1, 99])

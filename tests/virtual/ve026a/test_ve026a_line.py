@@ -10,7 +10,7 @@ import pytest
 
 from orinkit.bcap import packet, profiles
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Close, Execute, Reset, Send, ServerConversation
+from orinkit.bcap.server import Close, EndSession, Execute, Send, ServerConversation
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.cao.session import Pending, ProviderRegistry, Session
@@ -54,7 +54,7 @@ class Line:
             elif isinstance(action, Execute):
                 reply = self._done(self.session.invoke(action.function_id, action.arguments))
                 answers += self.conversation.finish(action, reply.code, reply.result)
-            elif isinstance(action, Reset):
+            elif isinstance(action, EndSession):
                 self.session.close()
                 self.session = Session(self.host, ClientInfo("/dev/ttyUSB0", "serial"))
             else:

@@ -361,7 +361,7 @@ class Late:
         self.hand = HandClock()
         self.wire = Wire()
         self.arm = VirtualVE026A(clock=self.hand, motor=True, strict_time=True)
-        self.client = Person(self.arm, ClientInfo("", "serial", 0, self.wire.drain_input))
+        self.client = Person(self.arm, ClientInfo("", "serial", 0, self.wire.when_input_processed))
         with self.arm.guard:
             assert self.client("slvChangeMode", mode) is None
         self.number = 0

@@ -137,7 +137,7 @@ def _bus_required(at: object) -> InvalidAddress:
     )
 
 
-def host_of(dialect: str | Dialect, settings: HostSettings) -> Host[Any]:
+def make_host(dialect: str | Dialect, settings: HostSettings) -> Host[Any]:
     """Return the host of a driver; settings of the bus are ignored.
 
     Raises:

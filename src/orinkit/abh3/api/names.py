@@ -16,7 +16,7 @@ from orinkit.abh3.api._async.bus import AsyncMotorBus
 from orinkit.abh3.api._async.driver import AsyncDriver
 from orinkit.abh3.api._sync.bus import MotorBus, connect, open_bus
 from orinkit.abh3.api._sync.driver import Driver
-from orinkit.abh3.api.common import BusSettings, HostSettings, Settings, host_of
+from orinkit.abh3.api.common import BusSettings, HostSettings, Settings, make_host
 
 __all__ = [
     "AsyncDriver",
@@ -27,6 +27,6 @@ __all__ = [
     "MotorBus",
     "Settings",
     "connect",
-    "host_of",
+    "make_host",
     "open_bus",
 ]

@@ -32,7 +32,7 @@ class SharedBus:
         """The bus, which must be open."""
         return self._opening.result()
 
-    async def opened(self) -> None:
+    async def wait_opened(self) -> None:
         """Wait until the bus is open; a client that disconnects meanwhile does not cancel the opening for others."""
         await asyncio.shield(self._opening)
 
@@ -62,7 +62,7 @@ class Buses:
             CallError: E_CAO_REMOTE_PROVIDER: If the bus does not open in time.
             OrinError: If the bus cannot be opened.
         """
-        key = wanted.place
+        key = wanted.bus_key
         try:
             async with asyncio.timeout(PATIENCE):
                 if key in self._closing:
@@ -73,7 +73,7 @@ class Buses:
                     shared = self._buses[key] = SharedBus(key, task)
                 shared.users += 1
                 try:
-                    await shared.opened()
+                    await shared.wait_opened()
                 except BaseException:
                     self._drop(shared)
                     raise

@@ -30,7 +30,7 @@ _ALL_BITS: Final = 0xFFFFFFFF
 _SIGNED: Final = -0x80000000
 
 
-class DriverOwner(Protocol):
+class CommandArbiter(Protocol):
     """The part of the provider that a client's controller uses."""
 
     def acquire(self, controller: ABH3Controller) -> None:
@@ -64,7 +64,7 @@ class ABH3Controller(ControllerObject):
     def __init__(
         self,
         name: str,
-        owner: DriverOwner,
+        owner: CommandArbiter,
         shared: SharedBus,
         motor: Motor,
         wanted: DriverSelection,
@@ -182,9 +182,9 @@ class ABH3Controller(ControllerObject):
             return await self.write(lambda motor: motor.stop(), safe_when_stopped=True)
         with map_errors():
             self._begin()
-            return await holder.stopped()
+            return await holder.preempt()
 
-    async def stopped(self) -> Feedback:
+    async def preempt(self) -> Feedback:
         """Stop the motor for another client, and end the keep-alive so that the other client can take the command."""
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()

@@ -68,7 +68,7 @@ class DriverSelection(NamedTuple):
     idle: float
 
     @property
-    def place(self) -> BusKey | None:
+    def bus_key(self) -> BusKey | None:
         """Key of the bus, the same for all spellings of its address."""
         return None if self.bus is None else _bus_key(self.bus)
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from orinkit.abh3.aio import AsyncDriver
-from orinkit.abh3.api.names import host_of
+from orinkit.abh3.api.names import make_host
 from orinkit.abh3.provider.buses import Buses, Key
 from orinkit.abh3.provider.controller import ABH3Controller
 from orinkit.abh3.provider.errors import map_errors
@@ -67,7 +67,7 @@ class ABH3Provider(Provider):
         self._bind()
         with map_errors():
             known = wanted(option, self._defaults, own_bus=self._own_bus)
-            host = host_of(known.dialect, known.settings)
+            host = make_host(known.dialect, known.settings)
             shared = await self._buses.enter(known)
             motor: Motor = AsyncDriver(shared.bus, host)
             controller = await self._checked(ABH3Controller(name, self, shared, motor, known, client.reason))
@@ -129,7 +129,7 @@ class ABH3Provider(Provider):
                     address=address,
                 ),
             )
-        owner.motor.abandon()  # so that nothing is sent for it when it disconnects
+        owner.motor.relinquish()  # so that nothing is sent for it when it disconnects
         self._owners[controller.key] = controller
 
     def owns(self, controller: ABH3Controller) -> bool:
@@ -156,7 +156,7 @@ class ABH3Provider(Provider):
     async def _leave(self, controller: ABH3Controller) -> None:
         try:
             if not self.owns(controller):
-                controller.motor.abandon()
+                controller.motor.relinquish()
             await controller.motor.close()
         finally:
             self.release(controller)

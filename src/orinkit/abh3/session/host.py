@@ -109,7 +109,7 @@ class Host(Generic[F]):
         """True if the driver may be moving: motion was commanded, and no reply to a stop has arrived."""
         return self._may_move
 
-    def abandon(self) -> None:
+    def relinquish(self) -> None:
         """Reset commands and inputs without sending them, as another host now commands the driver."""
         self.reset_commands()
         self.inputs = 0
@@ -126,7 +126,7 @@ class Host(Generic[F]):
         """Set commands and inputs to 0 and return the feedback (4.1, abh3_can_cmd_init)."""
         self._codes = [0, 0]
         self.inputs = 0
-        return (yield from self.exchange("abh3_can_cmd_init"))
+        return (yield from self.send_commands("abh3_can_cmd_init"))
 
     def command(self, ay: float | None = None, bx: float | None = None) -> CanOperation[F]:
         """Send commands in min^-1, or in % if the axis is in torque mode; an omitted one is unchanged (4.2, 4.3).
@@ -144,7 +144,7 @@ class Host(Generic[F]):
         self._codes = codes
         alone = "abh3_can_cmdAY" if bx is None else "abh3_can_cmdBX"
         name = "abh3_can_cmd" if (ay is None) == (bx is None) else alone
-        return (yield from self.exchange(name))
+        return (yield from self.send_commands(name))
 
     def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
         """Set the inputs whose mask bit is 1 to those of ``data`` (4.4, abh3_can_inSet).
@@ -156,7 +156,7 @@ class Host(Generic[F]):
         """
         data, mask = _word("data", data), _word("mask", mask)
         self._set_input_word((self.inputs & ~mask) | (data & mask))
-        return (yield from self.exchange("abh3_can_inSet"))
+        return (yield from self.send_commands("abh3_can_inSet"))
 
     def set_input(self, bit: int | str, value: int) -> CanOperation[F]:
         """Set one input by its number or name; a name without an axis sets both axes (4.5, abh3_can_inBitSet).
@@ -168,12 +168,12 @@ class Host(Generic[F]):
         if (float(value) if isinstance(value, bool) else real(value)) not in (0, 1):
             raise InvalidValue(tr("an input must be 0 or 1, not {value}", value=brief(value)))
         self._set_input_word(self.inputs | mask if value else self.inputs & ~mask)
-        return (yield from self.exchange("abh3_can_inBitSet"))
+        return (yield from self.send_commands("abh3_can_inBitSet"))
 
     def stop(self) -> CanOperation[F]:
         """Set the commands to 0 and switch start off; the driver decelerates, its servo stays on."""
         self.reset_commands()
-        return (yield from self.exchange("abh3_can_cmd"))
+        return (yield from self.send_commands("abh3_can_cmd"))
 
     def stop_and_wait(self, seconds: float) -> CanOperation[F]:
         """Repeat :meth:`stop` until the motors stand still, and return the feedback.
@@ -192,7 +192,7 @@ class Host(Generic[F]):
             yield from _wait(_POLL_INTERVAL)
         raise DriverTimeout("stop_and_wait", seconds, self.address)
 
-    def exchange(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
+    def send_commands(self, function: str = "abh3_can_cmd") -> CanOperation[F]:
         """Send the current commands and inputs (DP0) and return the feedback.
 
         Raises:
@@ -261,13 +261,13 @@ class Host(Generic[F]):
         self.inputs &= ~(masks["servo_on"] | masks["error_reset"])
         pause = _SETTLING
         for _ in range(max(1, tries)):
-            yield from self.exchange("abh3_can_inBitSet")
+            yield from self.send_commands("abh3_can_inBitSet")
             self.inputs |= masks["error_reset"]
             try:
-                yield from self.exchange("abh3_can_inBitSet")
+                yield from self.send_commands("abh3_can_inBitSet")
             finally:
                 self.inputs &= ~masks["error_reset"]
-            yield from self.exchange("abh3_can_inBitSet")
+            yield from self.send_commands("abh3_can_inBitSet")
             yield from _wait(pause)
             pause = min(2 * pause, _LONGEST_SETTLING)
             found = cast(BR0, (yield from self.request(0)))

@@ -74,10 +74,10 @@ class KeepAliveTimer:
                     patience=self.patience,
                 )
             )
-        self._sent = self._answered = self._called = self.now
+        self._sent = self._replied = self._called = self.now
 
     _sent: float = 0.0
-    _answered: float = 0.0
+    _replied: float = 0.0
     _called: float = 0.0
 
     @property
@@ -89,38 +89,38 @@ class KeepAliveTimer:
         """Record a call of the program."""
         self._called = now
 
-    def sent(self, now: float, *, answered: bool) -> None:
+    def sent(self, now: float, *, replied: bool) -> None:
         """Record that a command was sent, by the program or by the keep-alive.
 
         Args:
             now: Time at which it was sent, not at which its reply was read: that may be much later if the program was suspended.
-            answered: True if the driver replied.
+            replied: True if the driver replied.
         """
         self._sent = now
-        if answered:
-            self._answered = now
+        if replied:
+            self._replied = now
 
-    def too_late(self, now: float) -> KeepAliveEnd | None:
+    def end_if_delayed(self, now: float) -> KeepAliveEnd | None:
         """Return the reason to end before the next command: the keep-alive itself was delayed for too long."""
-        return KeepAliveEnd.SILENT if now - self._answered > max(self.patience, _LATE * self.period) else None
+        return KeepAliveEnd.SILENT if now - self._replied > max(self.patience, _LATE * self.period) else None
 
     def end(self, now: float) -> KeepAliveEnd | None:
         """Return the reason to end now, ``None`` to continue."""
-        if now - self._answered > self.patience:
+        if now - self._replied > self.patience:
             return KeepAliveEnd.SILENT
         if self.idle is not None and now - self._called > self.idle:
             return KeepAliveEnd.IDLE
         return None
 
 
-def watched(
-    operation: CanOperation[R], heart: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
+def report_commands(
+    operation: CanOperation[R], timer: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
 ) -> CanOperation[R]:
     """Run an operation, and report each of its commands that was answered to a keep-alive.
 
     Args:
         operation: An operation of the host.
-        heart: The timer of the keep-alive.
+        timer: The timer of the keep-alive.
         host: The host, which counts its commands.
         clock: The clock of the keep-alive.
     """
@@ -132,13 +132,13 @@ def watched(
             step = operation.send(received)
             if host.commanded != before:
                 if sent is not None:  # the operation continues only after a reply
-                    heart.sent(sent, answered=True)
+                    timer.sent(sent, replied=True)
                 sent = clock()
-                heart.called(sent)
+                timer.called(sent)
             received = yield step
     except StopIteration as stop:
         if sent is not None:
-            heart.sent(sent, answered=True)
+            timer.sent(sent, replied=True)
         result: R = stop.value
         return result
     finally:

@@ -19,10 +19,10 @@ from orinkit.abh3.session.transfers import SYN as SYN
 from orinkit.abh3.session.transfers import (
     IncomingTransfer,
     OutgoingTransfer,
+    TransferAddresses,
     TransferFrame,
-    TransferRoute,
     TransferStep,
-    packet_of,
+    parse_transfer_frame,
 )
 from orinkit.abh3.table.ids import EVERYONE, check_address, check_priority
 from orinkit.abh3.table.transfer_fields import ABORT, BUSY, LATE, RTS
@@ -54,7 +54,7 @@ def send_message(
         DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
         ProtocolError: If the driver aborted or replied with an unexpected packet; the text has the reason.
     """
-    return _send(OutgoingTransfer(message, _route(host, driver, priority), seconds, pause))
+    return _send(OutgoingTransfer(message, _addresses(host, driver, priority), seconds, pause))
 
 
 def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float = TIMEOUT) -> CanOperation[bytes]:
@@ -74,7 +74,7 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
         DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
         ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
-    return _receive(IncomingTransfer(_route(host, driver, priority), seconds))
+    return _receive(IncomingTransfer(_addresses(host, driver, priority), seconds))
 
 
 def exchange(
@@ -100,9 +100,9 @@ def exchange(
             message.
         ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
-    route = _route(host, driver, priority)
-    sending = OutgoingTransfer(message, route, seconds, pause, answered=True)
-    return _exchange(sending, IncomingTransfer(route, seconds), (route.control(ABORT, LATE),) if afresh else ())
+    addresses = _addresses(host, driver, priority)
+    sending = OutgoingTransfer(message, addresses, seconds, pause, replied=True)
+    return _exchange(sending, IncomingTransfer(addresses, seconds), (addresses.control(ABORT, LATE),) if afresh else ())
 
 
 class Responder:
@@ -158,14 +158,14 @@ class Responder:
         Raises:
             InvalidValue: If the handler's reply is too long.
         """
-        packet = packet_of(frame)
+        packet = parse_transfer_frame(frame)
         if packet is None or packet.destination != self._address or packet.source in (self._address, EVERYONE):
             return []
         if packet.kind == RTS and not self._is_underway(packet):
             if self._transfer is not None and packet.source != self._host:
-                return [self._route(packet.source).control(ABORT, BUSY)]
+                return [self._addresses(packet.source).control(ABORT, BUSY)]
             self._host = packet.source  # a host that starts again has abandoned its previous message
-            self._transfer = IncomingTransfer(self._route(packet.source), self._seconds)
+            self._transfer = IncomingTransfer(self._addresses(packet.source), self._seconds)
         if self._transfer is None:
             return []
         return self._apply(self._transfer, self._transfer.take(frame), now)
@@ -176,8 +176,8 @@ class Responder:
             return []
         return self._apply(self._transfer, self._transfer.silent(), now)
 
-    def _route(self, host: int) -> TransferRoute:
-        return TransferRoute(self._address, host, self._priority)
+    def _addresses(self, host: int) -> TransferAddresses:
+        return TransferAddresses(self._address, host, self._priority)
 
     def _is_underway(self, packet: TransferFrame) -> bool:
         transfer = self._transfer
@@ -201,14 +201,14 @@ class Responder:
         answer = self._handler(message, self._host)
         if not answer:
             return []
-        self._transfer = OutgoingTransfer(answer, self._route(self._host), self._seconds, self._pause)
+        self._transfer = OutgoingTransfer(answer, self._addresses(self._host), self._seconds, self._pause)
         return self._apply(self._transfer, self._transfer.begin(), now)
 
 
-def _route(host: int, driver: int, priority: int) -> TransferRoute:
+def _addresses(host: int, driver: int, priority: int) -> TransferAddresses:
     if host == driver:
         raise InvalidValue(tr("driver and host have the same address {host}", host=host))
-    return TransferRoute(check_address("host", host), check_address("driver", driver), check_priority(priority))
+    return TransferAddresses(check_address("host", host), check_address("driver", driver), check_priority(priority))
 
 
 def _send(sending: OutgoingTransfer) -> CanOperation[None]:

@@ -23,7 +23,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from orinkit.abh3.table import packfloat
 from orinkit.abh3.table.bits import Values
-from orinkit.core.errors import DriverRefused, InvalidValue, ProtocolError
+from orinkit.core.errors import InvalidValue, ParameterRefused, ProtocolError
 from orinkit.core.i18n import N_, tr, translate
 from orinkit.core.validation import brief, whole
 
@@ -168,12 +168,12 @@ class TelReply(NamedTuple):
         """Return the data.
 
         Raises:
-            DriverRefused: If the driver refused the request.
+            ParameterRefused: If the driver refused the request.
         """
         if self.refused:
             code = f" ({self.data})" if self.data else ""
             asked = f"{self.asked}: " if self.asked else ""
-            raise DriverRefused(
+            raise ParameterRefused(
                 tr(
                     "{asked}the driver refused the request{code}. Try: check that the address exists, can be written, "
                     "and allows the value",
@@ -188,7 +188,7 @@ class TelReply(NamedTuple):
         """The value that was read, a 32-bit word.
 
         Raises:
-            DriverRefused: If the driver refused the request.
+            ParameterRefused: If the driver refused the request.
             ProtocolError: If the data is not a value.
         """
         digits = self.confirmed()[-8:]

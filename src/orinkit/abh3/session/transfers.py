@@ -63,7 +63,7 @@ class TransferFrame(NamedTuple):
     data: bytes
 
 
-def packet_of(frame: CanFrame) -> TransferFrame | None:
+def parse_transfer_frame(frame: CanFrame) -> TransferFrame | None:
     """Parse a frame of a multi-packet message between a host and a driver; return ``None`` for any other frame."""
     parts = FrameId.parse(frame.id)
     if parts.reserved or parts.dp or len(frame.data) != _SIZE:
@@ -75,7 +75,7 @@ def packet_of(frame: CanFrame) -> TransferFrame | None:
     return None
 
 
-class TransferRoute(NamedTuple):
+class TransferAddresses(NamedTuple):
     """The addresses and the priority of a transfer.
 
     Attributes:
@@ -100,21 +100,21 @@ class TransferRoute(NamedTuple):
 
     def heard(self, frame: CanFrame) -> TransferFrame | None:
         """Parse a frame from the peer to this side; return ``None`` for any other frame."""
-        packet = packet_of(frame)
+        packet = parse_transfer_frame(frame)
         return packet if packet and (packet.destination, packet.source) == (self.own, self.peer) else None
 
-    def given_up(self, reason: int, error: OrinError) -> TransferStep:
+    def abort_step(self, reason: int, error: OrinError) -> TransferStep:
         """Return the step that aborts a transfer that failed on this side."""
         return TransferStep((self.control(ABORT, reason),), ended=True, error=error)
 
-    def late(self, seconds: float) -> TransferStep:
+    def timeout_step(self, seconds: float) -> TransferStep:
         """Return the step that aborts a transfer after a time-out."""
-        return self.given_up(LATE, DriverTimeout("abh3_can_trans", seconds, self.peer))
+        return self.abort_step(LATE, DriverTimeout("abh3_can_trans", seconds, self.peer))
 
-    def clash(self) -> TransferStep:
+    def refuse_step(self) -> TransferStep:
         """Return the step that refuses a message during the transfer of another one."""
         text = tr("the peer began a message during the transfer of another one. Try: repeat the call")
-        return self.given_up(BUSY, ProtocolError(text))
+        return self.abort_step(BUSY, ProtocolError(text))
 
 
 class OutgoingTransfer:
@@ -122,17 +122,17 @@ class OutgoingTransfer:
 
     Args:
         message: 1 to 1785 bytes; if shorter than 9 bytes, it is padded with SYN, which the peer ignores.
-        route: Addresses and priority.
+        addresses: Addresses and priority.
         seconds: Time-out for each frame of the peer, in s.
         pause: Pause between data packets, in s.
-        answered: The peer replies to the message: after the last packet, an RTS of the peer also acknowledges it.
+        replied: The peer replies to the message: after the last packet, an RTS of the peer also acknowledges it.
 
     Raises:
         InvalidValue: If the message is empty, too long, or not bytes.
     """
 
     def __init__(
-        self, message: bytes, route: TransferRoute, seconds: float, pause: float = 0.0, *, answered: bool = False
+        self, message: bytes, addresses: TransferAddresses, seconds: float, pause: float = 0.0, *, replied: bool = False
     ) -> None:
         if not isinstance(message, bytes | bytearray):
             raise InvalidValue(tr("the message must be bytes, not {message}", message=brief(message)))
@@ -142,10 +142,10 @@ class OutgoingTransfer:
             )
         self._message = bytes(message).ljust(SHORTEST, SYN)
         self._total = _packets(len(self._message))
-        self._route = route
+        self._addresses = addresses
         self._seconds = seconds
         self._pause = pause
-        self._answered = answered
+        self._replied = replied
         self._next = 1
         self._last = 0  # last packet to send now
         self._furthest = 0  # highest packet sent so far
@@ -155,12 +155,12 @@ class OutgoingTransfer:
         """Return the first step: the RTS."""
         size = len(self._message)
         return TransferStep(
-            (self._route.control(RTS, size & 0xFF, size >> 8, self._total, self._total),), self._seconds
+            (self._addresses.control(RTS, size & 0xFF, size >> 8, self._total, self._total),), self._seconds
         )
 
     def take(self, frame: CanFrame) -> TransferStep:
         """Process a frame and return the next step."""
-        packet = self._route.heard(frame)
+        packet = self._addresses.heard(frame)
         kind = packet.kind if packet else None
         if packet is None or kind is None:
             return self._ignore()
@@ -169,8 +169,8 @@ class OutgoingTransfer:
         if kind == ABORT:
             return _aborted(packet)
         complete = self._furthest == self._total
-        if kind == RTS and not (complete and self._answered):
-            return self._route.clash()
+        if kind == RTS and not (complete and self._replied):
+            return self._addresses.refuse_step()
         if kind in (END, RTS) and complete:  # some libraries send a wrong byte count in END
             return TransferStep(ended=True)
         return self._ignore()
@@ -179,12 +179,12 @@ class OutgoingTransfer:
         """Process the end of the wait: return the step that sends the next data packet, or that gives up."""
         number = self._next
         if number > self._last:
-            return self._route.late(self._seconds)
+            return self._addresses.timeout_step(self._seconds)
         self._next += 1
         self._furthest = max(self._furthest, number)
         data = self._message[(number - 1) * _PACKET_SIZE : number * _PACKET_SIZE]
         wait = self._pause if number < self._last else self._seconds
-        return TransferStep((self._route.transfer(number, data),), wait)
+        return TransferStep((self._addresses.transfer(number, data),), wait)
 
     def _ignore(self) -> TransferStep:
         """Return the next step after an irrelevant frame, which must not delay packets that are sent without a pause."""
@@ -194,13 +194,13 @@ class OutgoingTransfer:
         self._grants += 1
         if self._grants > self._total + _SPARE_GRANTS:
             text = tr("the peer requested the packets of one message too often")
-            return self._route.given_up(RESENT, ProtocolError(text))
+            return self._addresses.abort_step(RESENT, ProtocolError(text))
         if count == 0:  # the peer is not ready yet
             self._last = 0
             return TransferStep((), self._seconds)
         if not 1 <= first <= self._total:
             text = tr("the peer requested packet {first} of {total}", first=first, total=self._total)
-            return self._route.given_up(SEQUENCE, ProtocolError(text))
+            return self._addresses.abort_step(SEQUENCE, ProtocolError(text))
         self._next = first
         self._last = min(first + count - 1, self._total)
         return self.silent()
@@ -210,16 +210,16 @@ class IncomingTransfer:
     """A message that this side receives.
 
     Args:
-        route: Addresses and priority.
+        addresses: Addresses and priority.
         seconds: Time-out for each frame of the peer, in s.
 
     Attributes:
         message: The message, once the transfer has ended without an error.
     """
 
-    def __init__(self, route: TransferRoute, seconds: float) -> None:
+    def __init__(self, addresses: TransferAddresses, seconds: float) -> None:
         self.message = b""
-        self._route = route
+        self._addresses = addresses
         self._seconds = seconds
         self._rts = b""  # the RTS
         self._size = 0
@@ -241,7 +241,7 @@ class IncomingTransfer:
 
     def take(self, frame: CanFrame) -> TransferStep:
         """Process a frame and return the next step."""
-        packet = self._route.heard(frame)
+        packet = self._addresses.heard(frame)
         if packet is None:
             return TransferStep()
         if packet.kind is None:
@@ -253,14 +253,14 @@ class IncomingTransfer:
         if not self._rts:
             return self._open(packet.data)
         if not self.is_opened_by(packet):
-            return self._route.clash()
+            return self._addresses.refuse_step()
         self._parts.clear()  # they may belong to an abandoned message with an identical RTS
         return self._request_again()
 
     def silent(self) -> TransferStep:
         """Process the end of the wait: return the step that requests packets again, or that gives up."""
         if not self._rts or self._reminded:
-            return self._route.late(self._seconds)
+            return self._addresses.timeout_step(self._seconds)
         self._reminded = True
         return self._request_again()
 
@@ -276,7 +276,7 @@ class IncomingTransfer:
                 longest=LONGEST,
                 carried=_PACKET_SIZE,
             )
-            return self._route.given_up(RESOURCES, ProtocolError(text))
+            return self._addresses.abort_step(RESOURCES, ProtocolError(text))
         self._rts = data
         self._size = size
         self._total = total
@@ -304,7 +304,7 @@ class IncomingTransfer:
                 first=self._first,
                 last=self._last,
             )
-            return self._route.given_up(RESENT, ProtocolError(text))
+            return self._addresses.abort_step(RESENT, ProtocolError(text))
         return self._request_missing()
 
     def _request_missing(self) -> TransferStep:
@@ -313,13 +313,13 @@ class IncomingTransfer:
         if not missing:
             self.message = b"".join(self._parts[number] for number in sorted(self._parts))[: self._size]
             return TransferStep(
-                (self._route.control(END, self._size & 0xFF, self._size >> 8, self._total),), ended=True
+                (self._addresses.control(END, self._size & 0xFF, self._size >> 8, self._total),), ended=True
             )
         self._first = self._last = missing[0]
         for number in missing[1 : self._burst]:  # not across packets that have arrived: they would come twice
             if number == self._last + 1:
                 self._last = number
-        return TransferStep((self._route.control(CTS, self._last - self._first + 1, self._first),), self._wait())
+        return TransferStep((self._addresses.control(CTS, self._last - self._first + 1, self._first),), self._wait())
 
     def _wait(self) -> float:
         """Return the remaining time-out after a repeated request, otherwise the time until packets are requested again."""

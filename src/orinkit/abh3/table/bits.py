@@ -16,7 +16,7 @@ Values: TypeAlias = tuple[tuple[str, object], ...]
 """Names and values of the placeholders in a title."""
 
 
-class Logic(Enum):
+class TerminalLogic(Enum):
     """The logic that combines a terminal of the driver and a bit from CAN into a bit of the control flags."""
 
     AND = "and"
@@ -39,7 +39,7 @@ class Bit:
     number: int
     name: str
     title: str
-    logic: Logic | None = None
+    logic: TerminalLogic | None = None
     values: Values = ()
 
     @property
@@ -53,7 +53,7 @@ class Bit:
         return translate("en", self.title, **dict(self.values))
 
 
-def _axis(first: int, letter: str, names: tuple[tuple[int, str, str, Logic], ...]) -> tuple[Bit, ...]:
+def _axis(first: int, letter: str, names: tuple[tuple[int, str, str, TerminalLogic], ...]) -> tuple[Bit, ...]:
     small = letter.replace("/", "").lower()
     return tuple(
         Bit(first + offset, f"{small}_{name}", title, logic, (("axis", letter),))
@@ -78,31 +78,31 @@ def _numbered(first: int, numbers: Iterable[int], name: str, title: str) -> tupl
 # --- inputs and control flags -----------------------------------------------------------------------------------------
 
 
-def _of_an_axis(select: Logic) -> tuple[tuple[int, str, str, Logic], ...]:
+def _of_an_axis(select: TerminalLogic) -> tuple[tuple[int, str, str, TerminalLogic], ...]:
     return (
-        (0, "servo_on", N_("{axis} servo on"), Logic.AND),
-        (1, "start", N_("{axis} start"), Logic.AND),
-        (2, "polarity", N_("{axis} command polarity inverted"), Logic.AND),
-        (3, "correction", N_("{axis} correction added"), Logic.AND),
+        (0, "servo_on", N_("{axis} servo on"), TerminalLogic.AND),
+        (1, "start", N_("{axis} start"), TerminalLogic.AND),
+        (2, "polarity", N_("{axis} command polarity inverted"), TerminalLogic.AND),
+        (3, "correction", N_("{axis} correction added"), TerminalLogic.AND),
         (4, "select_0", N_("{axis} data select 0"), select),
         (5, "select_1", N_("{axis} data select 1"), select),
         (6, "select_2", N_("{axis} data select 2"), select),
     )
 
 
-_POLARITY: Final = (7, "correction_polarity", N_("{axis} correction subtracted"), Logic.AND)
-_POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtracted"), Logic.AND)
+_POLARITY: Final = (7, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
+_POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
 
 INPUTS_V1: Final = (
-    *_axis(0, "A/Y", (*_of_an_axis(Logic.NOT_AND), _POLARITY)),
-    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), Logic.OR),
-    *_axis(12, "B/X", (*_of_an_axis(Logic.NOT_AND), _POLARITY_BX_V1)),
-    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), Logic.OR),
-    Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), Logic.AND),
-    Bit(25, "bx_torque", N_("B/X torque (0: speed)"), Logic.AND),
-    Bit(26, "slave", N_("slave (0: master)"), Logic.AND),
-    Bit(28, "brake_release", N_("brake released (0: with servo and error)"), Logic.AND),
-    Bit(31, "error_reset", N_("errors reset (0 to 1), servo off while 1"), Logic.OR),
+    *_axis(0, "A/Y", (*_of_an_axis(TerminalLogic.NOT_AND), _POLARITY)),
+    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),
+    *_axis(12, "B/X", (*_of_an_axis(TerminalLogic.NOT_AND), _POLARITY_BX_V1)),
+    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalLogic.OR),
+    Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), TerminalLogic.AND),
+    Bit(25, "bx_torque", N_("B/X torque (0: speed)"), TerminalLogic.AND),
+    Bit(26, "slave", N_("slave (0: master)"), TerminalLogic.AND),
+    Bit(28, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
+    Bit(31, "error_reset", N_("errors reset (0 to 1), servo off while 1"), TerminalLogic.OR),
 )  # fmt: skip
 CONTROL_V1: Final = (
     *INPUTS_V1,
@@ -110,15 +110,15 @@ CONTROL_V1: Final = (
 )
 
 INPUTS_V2: Final = (
-    *_axis(0, "A/Y", (*_of_an_axis(Logic.AND), _POLARITY)),
-    *_axis(8, "B/X", (*_of_an_axis(Logic.AND), _POLARITY)),
-    Bit(16, "ay_torque", N_("A/Y torque (0: speed)"), Logic.AND),
-    Bit(17, "bx_torque", N_("B/X torque (0: speed)"), Logic.AND),
-    Bit(18, "slave", N_("master and slave"), Logic.AND),
-    Bit(19, "brake_release", N_("brake released (0: with servo and error)"), Logic.AND),
-    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), Logic.OR),
-    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), Logic.OR),
-    Bit(22, "error_reset", N_("errors reset (0 to 1), servo off while 1"), Logic.OR),
+    *_axis(0, "A/Y", (*_of_an_axis(TerminalLogic.AND), _POLARITY)),
+    *_axis(8, "B/X", (*_of_an_axis(TerminalLogic.AND), _POLARITY)),
+    Bit(16, "ay_torque", N_("A/Y torque (0: speed)"), TerminalLogic.AND),
+    Bit(17, "bx_torque", N_("B/X torque (0: speed)"), TerminalLogic.AND),
+    Bit(18, "slave", N_("master and slave"), TerminalLogic.AND),
+    Bit(19, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
+    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),
+    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalLogic.OR),
+    Bit(22, "error_reset", N_("errors reset (0 to 1), servo off while 1"), TerminalLogic.OR),
 )  # fmt: skip
 CONTROL_V2: Final = (
     *INPUTS_V2,

@@ -1,6 +1,6 @@
 """The contents of ABH3 frames as typed records in physical units (section 4.10).
 
-A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw["a_velocity"]`` is -74.
+A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw_values["a_velocity"]`` is -74.
 """
 
 from __future__ import annotations
@@ -59,14 +59,14 @@ class Flags:
                 yield bit.name if bit else f"bit_{number}"
 
     @property
-    def bits(self) -> tuple[Bit, ...]:
+    def set_bits(self) -> tuple[Bit, ...]:
         """The defined bits that are set."""
         return tuple(bit for bit in self.word.bits if self.value >> bit.number & 1)
 
     @property
     def texts(self) -> tuple[str, ...]:
         """The texts of the flags that are set, in the current language."""
-        return tuple(bit.text for bit in self.bits)
+        return tuple(bit.text for bit in self.set_bits)
 
     def __str__(self) -> str:
         return f"0x{self.value:08X}" + (f" ({', '.join(self)})" if self.value else "")
@@ -89,7 +89,7 @@ class Record:
     codes: tuple[int | float, ...] = field(default=(), repr=False, compare=False)
 
     @property
-    def raw(self) -> Raw:
+    def raw_values(self) -> Raw:
         """The codes as received, by field name; empty if the record was not decoded from a frame."""
         names = (each.name for each in fields(self) if each.name != "codes")
         return dict(zip(names, self.codes, strict=False))

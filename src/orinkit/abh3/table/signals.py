@@ -15,7 +15,7 @@ from typing import Final
 
 from orinkit.abh3.table import bits as _bits
 from orinkit.abh3.table.bits import Bit as Bit
-from orinkit.abh3.table.bits import Logic as Logic
+from orinkit.abh3.table.bits import TerminalLogic as TerminalLogic
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.validation import brief, real, whole

@@ -47,24 +47,24 @@ _LENGTH_NOISE: Final = 1e-9  # mm
 
 def figure_of(chain: Chain, joints: Sequence[float]) -> int:
     """Return the figure, 0 to 63, of joints in deg."""
-    elbow_angle = single(joints[2] - stretched(chain))
-    lefty = wrist_ahead(chain, joints) >= -_LENGTH_NOISE
+    elbow_angle = normalize_angle(joints[2] - stretched_elbow(chain))
+    lefty = wrist_distance(chain, joints) >= -_LENGTH_NOISE
     above = elbow_angle > _ANGLE_NOISE if lefty else elbow_angle < -_ANGLE_NOISE
-    fifth = single(joints[4])
+    fifth = normalize_angle(joints[4])
     nonflip = fifth > _ANGLE_NOISE if lefty else fifth < -_ANGLE_NOISE
     figure = LEFTY * lefty | BELOW * (not above) | NONFLIP * nonflip
     for index, bit in DOUBLE_BITS:
-        if single(joints[index]) != joints[index]:
+        if normalize_angle(joints[index]) != joints[index]:
             figure |= bit
     return figure
 
 
-def is_straight(joints: Sequence[float]) -> bool:
+def is_wrist_straight(joints: Sequence[float]) -> bool:
     """Return True if joint 5 is 0, so that FLIP and NONFLIP are the same."""
-    return abs(single(joints[4])) <= _ANGLE_NOISE
+    return abs(normalize_angle(joints[4])) <= _ANGLE_NOISE
 
 
-def wrist_ahead(chain: Chain, joints: Sequence[float]) -> float:
+def wrist_distance(chain: Chain, joints: Sequence[float]) -> float:
     """Return the distance of the wrist centre in front of the axis of joint 1, mm, for joints in deg."""
     second, both = joints[1] * RADIAN, (joints[1] + joints[2]) * RADIAN
     return (
@@ -76,19 +76,19 @@ def wrist_ahead(chain: Chain, joints: Sequence[float]) -> float:
     )
 
 
-def stretched(chain: Chain) -> float:
+def stretched_elbow(chain: Chain) -> float:
     """Return joint 3, deg, at which shoulder, elbow and wrist centre are on a line."""
     fore = math.atan2(chain.fore[0], chain.fore[2] + chain.wrist[2])
     return (math.atan2(chain.upper[0], chain.upper[2]) - fore) / RADIAN
 
 
-def single(angle: float) -> float:
+def normalize_angle(angle: float) -> float:
     """Return an angle, deg, normalized to -180 < angle <= 180; an angle in this range is unchanged."""
     turns = math.ceil((angle - 180.0 - _ANGLE_NOISE) / 360.0)
     return angle - 360.0 * turns if turns else angle
 
 
-def around(angles: Array, centre: Array) -> Array:
+def normalize_around(angles: Array, centre: Array) -> Array:
     """Return angles, deg, normalized to within half a turn of ``centre``."""
     return angles - 360.0 * np.ceil((angles - centre - 180.0 - _ANGLE_NOISE) / 360.0)
 

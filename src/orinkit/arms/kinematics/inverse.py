@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import RADIAN, Array, Chain
-from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, around, figure_of, turn_centres
+from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, figure_of, normalize_around, turn_centres
 
 Mask = NDArray[np.bool_]
 
@@ -150,7 +150,7 @@ class SphericalWrist(InverseSolver):
         first, forward, beside, determined = self._arm.shoulder(x, y, lefty)
         first = np.where(determined, first, near[..., 0])
         second, both, reached = self._arm.elbow(forward, z, lefty != below)
-        columns = seen_from_forearm(flanges, first, both)
+        columns = flange_in_forearm(flanges, first, both)
         fourth, determined = _fourth(columns, nonflip == lefty)
         fourth = np.where(determined, fourth, near[..., 3])
         fifth, sixth = _fifth_and_sixth(columns, fourth)
@@ -175,7 +175,7 @@ class SphericalWrist(InverseSolver):
         first, forward, beside, determined = self._arm.shoulder(x, y, lefty)
         first = _hold_undetermined(first, determined, start[0] * RADIAN)
         second, both, reached = self._arm.elbow(forward, z, lefty != below)
-        columns = seen_from_forearm(flanges, first, both)
+        columns = flange_in_forearm(flanges, first, both)
         fourth, determined = _fourth(columns, np.asarray(start[4] >= 0.0))
         fourth = _hold_undetermined(fourth, determined, start[3] * RADIAN)
         fifth, sixth = _fifth_and_sixth(columns, fourth)
@@ -190,18 +190,18 @@ class SphericalWrist(InverseSolver):
 
     def _degrees(self, first: Array, second: Array, both: Array, fourth: Array, fifth: Array, sixth: Array) -> Array:
         joints = np.stack(np.broadcast_arrays(first, second, both - second, fourth, fifth, sixth), -1) / RADIAN
-        return around(joints, self._centres)
+        return normalize_around(joints, self._centres)
 
 
-def seen_from_forearm(flanges: Array, first: Array, both: Array) -> tuple[Array, Array, Array]:
+def flange_in_forearm(flanges: Array, joint1: Array, joint23: Array) -> tuple[Array, Array, Array]:
     """Return the columns (..., 3) of the flange's rotation in the frame of joint 3.
 
     Args:
         flanges: (..., >= 3, >= 3).
-        first: Joint 1, rad.
-        both: The sum of joints 2 and 3, rad.
+        joint1: Joint 1, rad.
+        joint23: The sum of joints 2 and 3, rad.
     """
-    c1, s1, c23, s23 = np.cos(first), np.sin(first), np.cos(both), np.sin(both)
+    c1, s1, c23, s23 = np.cos(joint1), np.sin(joint1), np.cos(joint23), np.sin(joint23)
     columns = []
     for index in range(3):
         x, y, z = flanges[..., 0, index], flanges[..., 1, index], flanges[..., 2, index]

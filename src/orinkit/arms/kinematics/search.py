@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain
-from orinkit.arms.kinematics.figures import around
-from orinkit.arms.kinematics.inverse import InverseSolver, Mask, seen_from_forearm
+from orinkit.arms.kinematics.figures import normalize_around
+from orinkit.arms.kinematics.inverse import InverseSolver, Mask, flange_in_forearm
 from orinkit.arms.kinematics.roots import Samples, all_roots
 
 _SAMPLES: Final = 96  # of one turn of joint 6
@@ -52,7 +52,7 @@ class Search(InverseSolver):
         if self._chain.wrist[0]:
             joints, _ = self.refine(goal, joints)
         good = _norm(self.error(joints, goal)) < 10.0 * _ACCURACY
-        joints, rows = around(joints[good], self._centres), rows[good]
+        joints, rows = normalize_around(joints[good], self._centres), rows[good]
         return _distinct(joints, rows)
 
     def refine(self, flanges: Array, seeds: Array) -> tuple[Array, Mask]:
@@ -189,7 +189,7 @@ class Search(InverseSolver):
     def _complete(self, flanges: Array, postures: Mask, angles: Array) -> Array:
         """Return all joints (M, 6), deg, for the roots of joint 6."""
         first, second, both, _, _ = self._arm_for(flanges, postures, angles)
-        x, y, z = seen_from_forearm(flanges, first, both)
+        x, y, z = flange_in_forearm(flanges, first, both)
         c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
         ahead, axis = c * x - s * y, s * x + c * y
         fourth = np.arctan2(-axis[:, 0], axis[:, 1])

@@ -261,10 +261,10 @@ class Kinematics:
             return bool(sizes[-1] < CONDITION_SINGULAR * sizes[0])
         angles: list[float] = values.tolist()
         least = math.sin(WRIST_SINGULAR * RADIAN)
-        bend = angles[2] - figures.stretched(self._chain)
+        bend = angles[2] - figures.stretched_elbow(self._chain)
         if abs(math.sin(angles[4] * RADIAN)) < least or abs(math.sin(bend * RADIAN)) < least:
             return True
-        return abs(figures.wrist_ahead(self._chain, angles)) < SHOULDER_SINGULAR
+        return abs(figures.wrist_distance(self._chain, angles)) < SHOULDER_SINGULAR
 
     def _checked_figure(self, figure: int) -> int:
         bits = figure
@@ -311,7 +311,7 @@ class Kinematics:
             return None
         joints: list[float] = found.tolist()
         for index, _ in figures.DOUBLE_BITS:
-            joints[index] = figures.single(joints[index])
+            joints[index] = figures.normalize_angle(joints[index])
         return joints
 
     def _bases(self, frame: Array, near: Array) -> list[list[float]]:
@@ -333,7 +333,7 @@ class Kinematics:
     def _with_same_figure(self, flange: ArrayLike, near: Array) -> Array | None:
         """Return the solution with the figure of ``near``; ``None`` if there is none within the limits."""
         figure = self.figure(near)
-        same = [figure, figure ^ figures.NONFLIP] if figures.is_straight(near.tolist()) else [figure]
+        same = [figure, figure ^ figures.NONFLIP] if figures.is_wrist_straight(near.tolist()) else [figure]
         kept = []
         for one in same:
             try:

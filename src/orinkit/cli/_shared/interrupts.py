@@ -11,7 +11,7 @@ _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 _POLL: Final = 0.02  # s
 
 
-def ending() -> list[signal.Signals]:
+def termination_signals() -> list[signal.Signals]:
     """Return the signals that end a program, except those that nohup makes it ignore."""
     known = [getattr(signal.Signals, name) for name in _NAMES if hasattr(signal, name)]
     return [each for each in known if each == signal.SIGINT or signal.getsignal(each) != signal.SIG_IGN]
@@ -32,7 +32,7 @@ class Interrupts:
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        for number in ending():
+        for number in termination_signals():
             self._before[number] = signal.signal(number, self._note)
         return self
 

@@ -44,7 +44,7 @@ class MotionRecording:
     encoder: Sequence[Sequence[float]]
 
 
-class MotionRecorder:
+class ControlLogRecorder:
     """Records a motion on the controller, and writes it to a file when the block ends, even with an error.
 
     Args:
@@ -90,7 +90,7 @@ class MotionRecorder:
         count = _whole(self._robot.execute("GetLogCount"))
         records = []
         for index in range(count):
-            records.append(joints_of(self._robot.execute("GetLogRecord", index)))
+            records.append(command_and_encoder(self._robot.execute("GetLogRecord", index)))
             self._progress(index + 1, count)
         return recording_of(records)
 
@@ -188,7 +188,7 @@ def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
     return {joint: header.index(name) for joint in range(1, _AXES + 1) if (name := f"J{joint}{suffix}") in header}
 
 
-def joints_of(record: Any) -> tuple[list[float], list[float]]:
+def command_and_encoder(record: Any) -> tuple[list[float], list[float]]:
     """Return the commands and encoder values of a record of the control log (reference: RC8 provider, GetLogRecord)."""
     values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
     if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):

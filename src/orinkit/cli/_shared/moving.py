@@ -12,7 +12,7 @@ from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.client._shared.motion import POLL
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P
 
 _SETTLING: Final = 2.0  # s that the encoders may lag behind the command
@@ -34,11 +34,11 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
     for fraction in motion:
         interrupts.check()
         if bar.seen:
-            bar.show(tr("moving"), fraction, str(rounded(shown(robot.joints), 1)))
+            bar.show(tr("moving"), fraction, str(rounded(without_unused(robot.joints), 1)))
     deadline = Deadline(_SETTLING)
     while not robot.motion_complete(1) and not deadline.passed:
         interrupts.check()
-        pause(POLL)
+        sleep(POLL)
 
 
 @contextmanager
@@ -120,12 +120,12 @@ class ProgressBar:
         self._progress.update(self._tasks[what], completed=fraction, beside=beside)
 
 
-def reading(bar: ProgressBar) -> Callable[[int, int], None]:
+def reading_progress(bar: ProgressBar) -> Callable[[int, int], None]:
     """Return a callback that shows how many of the records have been read."""
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 
 
-def shown(joints: J) -> J:
+def without_unused(joints: J) -> J:
     """Return the joints without joints 7 and 8 if these are 0."""
     return joints if any(joints[6:]) else J.of(joints[:6])
 

@@ -86,7 +86,7 @@ OFFERS: Final = tuple(_offers())
 class ListenAddresses:
     """The values of the options; :func:`places_class` adds a field for each."""
 
-    def of(self, offer: ListenTransport) -> tuple[str, ...]:
+    def values_of(self, offer: ListenTransport) -> tuple[str, ...]:
         """Return the values of an option; ``("",)`` for a flag that is set."""
         given: tuple[str, ...] | bool = getattr(self, offer.name)
         if isinstance(given, bool):
@@ -96,7 +96,7 @@ class ListenAddresses:
     def given(self) -> Iterator[tuple[ListenTransport, str]]:
         """Yield each value with its transport."""
         for offer in OFFERS:
-            for place in self.of(offer):
+            for place in self.values_of(offer):
                 yield offer, place
 
 

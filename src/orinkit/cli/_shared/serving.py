@@ -17,13 +17,13 @@ from cyclopts import Parameter
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.files import is_open_to_others
-from orinkit.cli._shared.interrupts import ending
+from orinkit.cli._shared.interrupts import termination_signals
 from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
 from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.server.accepting import watch
+from orinkit.server.accepting import install_exception_handler
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.server.alive_option import ALIVE, check_alive
 from orinkit.server.capacity import DEFAULT_CLIENTS
@@ -169,7 +169,7 @@ async def _serve(
     before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
-    watch(asyncio.get_running_loop())
+    install_exception_handler(asyncio.get_running_loop())
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
             server = AsyncServer(
@@ -208,7 +208,7 @@ def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
         loop.call_soon_threadsafe(stop.set)
 
     # signal.signal because Windows does not support loop.add_signal_handler
-    before = {number: signal.signal(number, handle) for number in ending()}
+    before = {number: signal.signal(number, handle) for number in termination_signals()}
     try:
         yield
     finally:

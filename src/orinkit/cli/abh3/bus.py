@@ -29,7 +29,7 @@ def whole_numbers(_kind: object, tokens: Sequence[cyclopts.Token]) -> tuple[int,
     return tuple(int(token.value, 10) for token in tokens)
 
 
-def joined(given: object) -> str:
+def default_text(given: object) -> str:
     """Return the text for a default that consists of several numbers."""
     return ", ".join(map(str, given)) if isinstance(given, tuple) else str(given)
 
@@ -160,7 +160,7 @@ class FrameOptions:
         tuple[int, ...],
         Parameter(
             converter=whole_numbers,
-            show_default=joined,
+            show_default=default_text,
             help=tr("Address of a host; may be repeated. Hosts are also detected from requests and broadcasts."),
         ),
     ] = (2,)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.errors import unusable, whole_number
-from orinkit.cli.abh3.bus import FRAMES, BusOptions, FrameOptions, JsonLines, Url, joined, whole_numbers
+from orinkit.cli.abh3.bus import FRAMES, BusOptions, FrameOptions, JsonLines, Url, default_text, whole_numbers
 from orinkit.core.i18n import tr
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def decode(
 "frames", count=log.skipped),
             file=sys.stderr,
         )  # fmt: skip
-    log.check()
+    log.raise_for_errors()
     return 0
 
 
@@ -149,7 +149,7 @@ def dbc(
         Parameter(
             group=FRAMES,
             converter=whole_numbers,
-            show_default=joined,
+            show_default=default_text,
             help=tr("Address of a driver; may be repeated."),
         ),
     ] = (1,),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _LONGEST: Final = 3600.0  # s
 _PERIODS: Final = (0.01, 0.3)  # s; a driver stops by itself if no command arrives for 0.5 s
-_HELD_UP: Final = 0.45  # s without a command after which the driver may have stopped
+_MAX_COMMAND_DELAY: Final = 0.45  # s without a command after which the driver may have stopped
 _STOP_TIMEOUT: Final = 5.0  # s for the motors to stop
 _STANDSTILL: Final = 1.0  # min^-1
 _POLL: Final = 0.02  # s
@@ -80,7 +80,7 @@ class VehicleOptions:
     ] = None  # fmt: skip
 
     @property
-    def given(self) -> list[str]:
+    def given_options(self) -> list[str]:
         """The names of the options that are set."""
         names = ("velocity", "turn", "wheel_diameter", "track", "gear")
         return ["--" + name.replace("_", "-") for name in names if getattr(self, name) is not None]
@@ -95,16 +95,16 @@ class VehicleOptions:
         from orinkit.abh3.differential import Differential
 
         if self.velocity is None and self.turn is None:
-            raise unusable(tr("{options}: --velocity or --turn is missing", options=', '.join(self.given)))  # fmt: skip
+            raise unusable(tr("{options}: --velocity or --turn is missing", options=', '.join(self.given_options)))  # fmt: skip
         if self.wheel_diameter is None or self.track is None or self.gear is None:
             raise unusable(tr("--velocity and --turn require --wheel-diameter, --track and --gear"))  # fmt: skip
         return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
 
-    def commands(self, *, travel: bool) -> tuple[float, float]:
+    def commands(self, *, travel_model: bool) -> tuple[float, float]:
         """Return the commands of A/Y and B/X in min^-1 for the model of the driver."""
         differential = self.differential()
         v, omega = self.velocity or 0.0, self.turn or 0.0
-        return differential.to_travel(v, omega) if travel else differential.to_wheels(v, omega)
+        return differential.to_travel(v, omega) if travel_model else differential.to_motors(v, omega)
 
 
 @dataclass(frozen=True)
@@ -150,23 +150,23 @@ class DrivePlan:
                     period=self.period,
                 ),
             )
-        self.commands(travel=True)  # if Y and X are out of range, so are A and B
+        self.commands(travel_model=True)  # if Y and X are out of range, so are A and B
 
     @property
     def quantity(self) -> Quantity:
         """The quantity of the commands."""
         return CURRENT if self.torque else VELOCITY
 
-    def commands(self, *, travel: bool) -> tuple[float, float]:
+    def commands(self, *, travel_model: bool) -> tuple[float, float]:
         """Return the commands of A/Y and B/X after checking that they can be encoded.
 
         Args:
-            travel: True if the driver has the travel-axis model.
+            travel_model: True if the driver has the travel-axis model.
 
         Raises:
             InvalidValue: If a command is out of range.
         """
-        ay, bx = (self.ay, self.bx) if self.vehicle is None else self.vehicle.commands(travel=travel)
+        ay, bx = (self.ay, self.bx) if self.vehicle is None else self.vehicle.commands(travel_model=travel_model)
         names = ("--ay", "--bx") if self.vehicle is None else self._wheels
         for name, value in zip(names, (ay, bx), strict=True):
             try:
@@ -226,7 +226,14 @@ def drive(
     """
     _check_together(ay, bx, vehicle, torque=torque)
     plan = DrivePlan(
-        ay or 0.0, bx or 0.0, torque, vehicle if vehicle.given else None, seconds, period, not no_reset, keep_servo
+        ay or 0.0,
+        bx or 0.0,
+        torque,
+        vehicle if vehicle.given_options else None,
+        seconds,
+        period,
+        not no_reset,
+        keep_servo,
     )
     plan.check()
     address = bus.address(url)
@@ -246,9 +253,9 @@ def drive(
 
 def _check_together(ay: float | None, bx: float | None, vehicle: VehicleOptions, *, torque: bool) -> None:
     axes = [name for name, value in (("--ay", ay), ("--bx", bx), ("--torque", torque or None)) if value is not None]
-    if axes and vehicle.given:
-        raise unusable(tr("{axes} cannot be combined with {options}", axes=', '.join(axes), options=', '.join(vehicle.given)))  # fmt: skip
-    if ay is None and bx is None and not vehicle.given:
+    if axes and vehicle.given_options:
+        raise unusable(tr("{axes} cannot be combined with {options}", axes=', '.join(axes), options=', '.join(vehicle.given_options)))  # fmt: skip
+    if ay is None and bx is None and not vehicle.given_options:
         raise unusable(tr("no command given. Try: --ay and --bx, or --velocity and --turn"))  # fmt: skip
 
 
@@ -256,7 +263,7 @@ def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, sh
     """Carry out the plan; return the exit code."""
     interrupts.check()
     _clear(driver, plan)
-    commands = plan.commands(travel=plan.vehicle is not None and _travels(driver))
+    commands = plan.commands(travel_model=plan.vehicle is not None and _travels(driver))
     try:
         interrupts.check()
         _start(driver, plan)
@@ -319,7 +326,7 @@ def _command(
     """
     end, due, sent = began + plan.seconds, began, began
     while (now := monotonic()) < end:
-        if now - sent > _HELD_UP:
+        if now - sent > _MAX_COMMAND_DELAY:
             raise CommandError(tr(
 "no command was sent for {seconds:.1f} s: the driver may have stopped and is not restarted", seconds=now - sent))  # fmt: skip
         feedback = _read(driver, lambda: driver.command(*commands), now - began)

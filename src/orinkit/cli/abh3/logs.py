@@ -68,7 +68,7 @@ class FrameLog:
             return self._stdin()
         return self._candump() if self._suffix in _OF_CANDUMP else self._messages()
 
-    def check(self) -> None:
+    def raise_for_errors(self) -> None:
         """Check that all lines could be read.
 
         Raises:

@@ -12,13 +12,21 @@ import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, reading, rounded, show_notes, shown
+from orinkit.cli._shared.moving import (
+    ProgressBar,
+    explain_errors,
+    follow,
+    reading_progress,
+    rounded,
+    show_notes,
+    without_unused,
+)
 from orinkit.client._shared.robot import MoveOptions, option_text
 from orinkit.core.i18n import tr
 from orinkit.values.poses import parse_target, to_text
 
 if TYPE_CHECKING:
-    from orinkit.cli._shared.motion_record import MotionRecorder
+    from orinkit.cli._shared.motion_record import ControlLogRecorder
 
 _CONNECTION: Final = ConnectionOptions()
 
@@ -58,7 +66,7 @@ def move(
 
     Print the final joint position and pose. Ctrl-C halts the arm, then restores motor and arm too.
     """
-    from orinkit.cli._shared.motion_record import MotionRecorder
+    from orinkit.cli._shared.motion_record import ControlLogRecorder
 
     options: MoveOptions = {"wait": False}
     if speed is not None:
@@ -76,10 +84,10 @@ def move(
         bar = stack.enter_context(ProgressBar())
         recorder = None
         if record is not None:
-            recorder = stack.enter_context(MotionRecorder(robot, Path(record), reading(bar)))
+            recorder = stack.enter_context(ControlLogRecorder(robot, Path(record), reading_progress(bar)))
         with Interrupts() as interrupts, explain_errors(controller, url):
             _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
-        joints, position = shown(robot.joints), robot.position
+        joints, position = without_unused(robot.joints), robot.position
     if json:
         from orinkit.cli._shared.output import print_json
 
@@ -102,7 +110,7 @@ def _move(
     options: MoveOptions,
     interrupts: Interrupts,
     bar: ProgressBar,
-    recorder: MotionRecorder | None,
+    recorder: ControlLogRecorder | None,
     *,
     line: bool,
     motor: bool,

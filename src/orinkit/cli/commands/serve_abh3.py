@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from cyclopts import Group, Parameter
 
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
-from orinkit.cli._shared.interrupts import ending
+from orinkit.cli._shared.interrupts import termination_signals
 from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.cli._shared.web import HttpServerOptions
-from orinkit.cli.abh3.bus import BusOptions, Url, joined, whole_numbers
+from orinkit.cli.abh3.bus import BusOptions, Url, default_text, whole_numbers
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress
 
@@ -47,7 +47,7 @@ _WEB: Final = HttpServerOptions()
 
 @Parameter(name="*", group=LISTENING)
 @dataclass(frozen=True)
-class ProviderOptions(ServerOptions):
+class CaoListenOptions(ServerOptions):
     """Addresses to listen on for CAO clients; none by default."""
 
     at: AdmittingPlaces = _NOWHERE
@@ -55,7 +55,7 @@ class ProviderOptions(ServerOptions):
 
 
 _BUS: Final = BusOptions()
-_ADMITTING: Final = ProviderOptions()
+_ADMITTING: Final = CaoListenOptions()
 
 
 def serve_abh3(
@@ -67,7 +67,7 @@ def serve_abh3(
         Parameter(
             group=_DRIVER,
             converter=whole_numbers,
-            show_default=joined,
+            show_default=default_text,
             help=tr("Address of the driver, 0 to 253; repeat it for several drivers on the bus."),
         ),
     ] = (1,),
@@ -136,7 +136,7 @@ def serve_abh3(
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,
-    listening: ProviderOptions = _ADMITTING,
+    listening: CaoListenOptions = _ADMITTING,
 ) -> int:  # fmt: skip
     """Serve virtual ABH3 drivers on a CAN bus; print "ready URL" for it. Stop on SIGINT, SIGTERM or SIGHUP.
 
@@ -201,7 +201,7 @@ def _wait_for_signals() -> Iterator[Callable[[], None]]:
         while not received:
             sleep(_POLL)
 
-    before = {number: signal.signal(number, handle) for number in ending()}
+    before = {number: signal.signal(number, handle) for number in termination_signals()}
     try:
         yield wait
     finally:

@@ -33,7 +33,7 @@ def serve_device(
     check(listening)
     begin_log(listening)
     providers = load_targets(target)
-    announce(providers)
+    name_and_log_providers(providers)
     return run(providers, listening)
 
 
@@ -57,7 +57,7 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
     return providers
 
 
-def announce(providers: Sequence[Provider], *but: Provider) -> None:
+def name_and_log_providers(providers: Sequence[Provider], *but: Provider) -> None:
     """Assign the provider names, and log the served providers and conflicting names.
 
     Args:

@@ -15,7 +15,7 @@ from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.places import LISTENING
 from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run
 from orinkit.cli.commands.pendant import read_mode
-from orinkit.cli.commands.serve_device import announce, load_targets
+from orinkit.cli.commands.serve_device import load_targets, name_and_log_providers
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
 from orinkit.device.discovery import load_installed
@@ -200,7 +200,7 @@ def serve_rc8(
         served = load_targets(provider, [rc8])
         if not no_providers:
             served += load_installed(served, but=provider)
-        announce(served, rc8)
+        name_and_log_providers(served, rc8)
         return run(served, listening, _control(rc8, control, secret, control_secret_file))
     finally:
         rc8.close()

@@ -13,10 +13,10 @@ import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
 from orinkit.cli._shared.errors import CommandError, unusable, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
-from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, shown
+from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
 from orinkit.client._shared.motion import POLL
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import pause
+from orinkit.transport.runner import sleep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from orinkit import Progress
     from orinkit.cao.dialect import Dialect
     from orinkit.cli._shared.stream_report import StreamReport
-    from orinkit.client._shared.stream_options import StreamOptions, Wanted
+    from orinkit.client._shared.stream_options import FeedbackField, StreamOptions
     from orinkit.client._sync.stream import Stream
     from orinkit.rc8.slave_formats import PoseKind
     from orinkit.streaming.planning.limits import Limits, PathLimits
@@ -34,7 +34,7 @@ Points: TypeAlias = "list[tuple[float, ...]]"
 
 _CONNECTION: Final = ConnectionOptions()
 _SUFFIXES: Final = (".csv", ".mcap")
-_RECEIVED: Final[dict[str, tuple[Wanted, ...]]] = {
+_RECEIVED: Final[dict[str, tuple[FeedbackField, ...]]] = {
     "J": ("time", "joints"),
     "P": ("time", "position", "joints"),
     "T": ("time", "trans", "joints"),
@@ -288,8 +288,8 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
     while (left := _distance(entered, first)) > _ARRIVED or not entered.at_rest:
         interrupts.check()
         if bar.seen:
-            bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, place(entered))
-        pause(POLL)
+            bar.show(tr("moving"), max(0.0, 1.0 - left / whole) if whole else 1.0, joints_text(entered))
+        sleep(POLL)
     entered.wait()
 
 
@@ -338,13 +338,13 @@ class StreamDisplay:
         sent, total = progress
         if self._bar.seen and total and (sent >= self._next or sent == total):
             self._next = sent + _UPDATE_EVERY
-            self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {place(self._entered)}")
+            self._bar.show(tr("streaming"), sent / total, f"{sent}/{total}  {joints_text(self._entered)}")
 
 
-def place(entered: Stream) -> str:
+def joints_text(entered: Stream) -> str:
     """Return the current joint position as text; ``""`` if the feedback does not contain it."""
     joints = entered.latest.joints
-    return "" if joints is None else str(rounded(shown(joints), 1))
+    return "" if joints is None else str(rounded(without_unused(joints), 1))
 
 
 def _interrupted(job: _StreamRequest) -> CommandError:

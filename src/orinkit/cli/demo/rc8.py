@@ -116,10 +116,10 @@ class DemoRecording:
             CommandError: If matplotlib is not installed, or a file cannot be written.
         """
         from orinkit.cli._shared import motion_plot, stream_plot
-        from orinkit.cli._shared.motion_record import joints_of, recording_of
+        from orinkit.cli._shared.motion_record import command_and_encoder, recording_of
         from orinkit.cli._shared.picture import save
 
-        motion, trace = recording_of([joints_of(record) for record in self.records]), self.trace
+        motion, trace = recording_of([command_and_encoder(record) for record in self.records]), self.trace
         assert trace is not None
         beside = path.with_stem("slave" if path.stem != "slave" else "slave-mode")
         save(lambda figure, label: motion_plot.draw(motion, figure, label), path)

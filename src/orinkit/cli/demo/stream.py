@@ -62,9 +62,9 @@ def carry_out(
             with robot.slave_mode(mode, "J", ("time", "joints"), idle=None) as stream:
                 entered()
                 result = _run(stream, points, say)
-            return StreamReport(result, stream.real_time, trace_of(result.samples, "J", PERIOD)), compare(
-                result, points
-            )
+            return StreamReport(
+                result, stream.real_time, trace_of(result.samples, "J", PERIOD)
+            ), deviation_from_document(result, points)
         except CallError as error:
             if error.code != hresult.COMMAND_DELAY or tries == _TRIES:
                 raise
@@ -99,7 +99,7 @@ def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str
         return stream.run(points, progress=StreamDisplay(stream, bar) if bar.seen else _Lines(stream, say))
 
 
-def compare(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
+def deviation_from_document(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
     """Return the difference from the document (RC8 4.3.1, table 4-3); ``""`` if there is none."""
     if result.underflows or result.missed or result.sent != len(points):
         return tr(

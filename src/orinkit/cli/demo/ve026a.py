@@ -60,11 +60,11 @@ class VE026ADemo:
             )
             with rc:
                 self._procedure(rc)
-            if arm.lateness.count:
+            if arm.set_point_lateness.count:
                 self.say(
                     tr(
                         "\n{lateness}: this computer was too busy. A real VE026A would have stopped.",
-                        lateness=arm.lateness,
+                        lateness=arm.set_point_lateness,
                     )
                 )
 

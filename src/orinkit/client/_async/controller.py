@@ -25,7 +25,7 @@ from orinkit.client._shared.common import (
     check_alive,
     check_content,
     check_deadline,
-    check_watchdog,
+    check_no_watchdog,
     clear_error_parameter,
     dialect_of,
     error_count,
@@ -379,7 +379,7 @@ class AsyncController(AsyncObjectContainer):
         if not self._open:
             return
         limit = check_deadline(deadline)
-        self.client.end_within(self.client.usual_deadline() if limit is None else limit)
+        self.client.set_overall_deadline(self.client.usual_deadline() if limit is None else limit)
         try:
             if await self._release():
                 await self.client.call(f.service_stop)
@@ -471,11 +471,11 @@ async def connect(
         deadline=deadline,
     )  # fmt: skip
     try:
-        client.end_within(client.usual_deadline() if deadline is None else end.left)
+        client.set_overall_deadline(client.usual_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
         tries_are_signs = alive is not None and client.profile.lossy  # S_EXECUTING would postpone the next attempt
         if tries_are_signs:
-            check_watchdog(service)
+            check_no_watchdog(service)
         wanted = service if tries_are_signs else service_option(service, client.profile, client.dialect, client.timeout)
         await client.call(f.service_start, with_alive(wanted, alive))
         handle = await client.call(f.controller_connect, name, provider, machine, option)
@@ -483,8 +483,8 @@ async def connect(
         if known is None and (client.profile.shared or client.echoes) and is_ve026a(await _version(controller)):
             client.dialect = VE026A
         if alive is not None:
-            await client.promise(alive, handle)
-        client.end_within(None)
+            await client.start_keep_alive(alive, handle)
+        client.set_overall_deadline(None)
     except BaseException:
         await client.close()
         raise

@@ -14,7 +14,7 @@ from orinkit.client._async.motion import AsyncArmBase, AsyncMotionTracker
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import motor_state
 from orinkit.core.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
-from orinkit.transport.runner import Deadline, apause
+from orinkit.transport.runner import Deadline, asleep
 
 _HALT_TIMEOUT: Final = 0.3  # s
 
@@ -69,7 +69,7 @@ class AsyncLease(ABC):
             await track.running.wait()
         else:
             while not await self._robot.motion_complete():
-                await apause(common.POLL)
+                await asleep(common.POLL)
             track.passing = False
 
     async def _clean_up(self, error: BaseException) -> None:
@@ -79,7 +79,7 @@ class AsyncLease(ABC):
             problem = await self._retry(error, robot.halt, _HALT_TIMEOUT)
             if isinstance(problem, BusyError):
                 await robot.client.close()
-                error.add_note(common.note_closed(robot.client.profile))
+                error.add_note(common.closed_note(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
@@ -99,7 +99,7 @@ class AsyncLease(ABC):
                 await step()
             except OrinError as problem:
                 if self._is_busy(problem) and not deadline.passed:
-                    await apause(common.SETTLE)
+                    await asleep(common.SETTLE)
                     continue
                 common.note_failure(error, problem, self._robot.client.profile)
                 return problem

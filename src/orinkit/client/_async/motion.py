@@ -17,7 +17,7 @@ from orinkit.client._shared.common import error_count, error_info
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, apause
+from orinkit.transport.runner import Deadline, asleep
 from orinkit.values.poses import J, P, T
 from orinkit.values.variant import Value
 
@@ -29,7 +29,7 @@ class AsyncMotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        answered: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
+        replied: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
         halted: Number of the newest motion that this program has halted.
         running: Newest motion without a reply at its end, until it is known to be over; otherwise ``None``.
         passing: True if the reply to the newest motion came at its pass mark, so that the arm may still move.
@@ -39,11 +39,11 @@ class AsyncMotionTracker:
         at_rest: True if the arm is certainly at standstill: it was halted, and no motion has been commanded since.
     """
 
-    __slots__ = ("answered", "at_rest", "halted", "newest", "passing", "paused", "running", "sure")
+    __slots__ = ("at_rest", "halted", "newest", "passing", "paused", "replied", "running", "sure")
 
     def __init__(self) -> None:
         self.newest = 0
-        self.answered = 0
+        self.replied = 0
         self.halted = 0
         self.running: AsyncMotion | None = None
         self.passing = False
@@ -90,34 +90,34 @@ class AsyncArmBase(AsyncObjectContainer):
             raise
         except BaseException as error:
             await self.client.close()
-            error.add_note(common.note_broken_off(self.client.profile))
+            error.add_note(common.broken_off_note(self.client.profile))
             raise
         call = (self._label, function.name, arguments)
         motion = AsyncMotion(self, track, number, call, segment or common.MotionSegment(), over=wait)
         track.running = None if wait else motion
         track.passing = wait and passes(arguments)
         if wait:
-            track.answered, track.sure = number, True
+            track.replied, track.sure = number, True
         elif before is not None:
-            await self._begin_segment(motion.way, *before)
+            await self._begin_segment(motion.segment, *before)
         return motion
 
     async def _previous(self, track: AsyncMotionTracker) -> tuple[common.MotionSegment, bool] | None:
         """Return the segment of the previous motion, and True if that motion is over; ``None`` if it is unknown."""
         running = track.running
-        answered = track.sure and running is None and track.newest == track.answered
+        replied = track.sure and running is None and track.newest == track.replied
         try:
-            if answered or await self.motion_complete():
+            if replied or await self.motion_complete():
                 track.sure = True
-                return common.MotionSegment.leading_to(await self.get_destination()), True
+                return common.MotionSegment.begun_to(await self.get_destination()), True
             if running is None or not track.sure:
                 return None
-            running.way.see(await self.get_destination())
+            running.segment.see(await self.get_destination())
         except CallError as error:
             if not is_missing(error):
                 raise
             return None
-        return running.way, False
+        return running.segment, False
 
     async def _begin_segment(self, segment: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
         try:
@@ -237,10 +237,10 @@ class AsyncMotion:
     arrived. A motion that is followed by another one is over as soon as the robot executes that one.
 
     Attributes:
-        way: Start and end of the motion.
+        segment: Start and end of the motion.
     """
 
-    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "way")
+    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "segment")
 
     def __init__(
         self,
@@ -248,11 +248,11 @@ class AsyncMotion:
         track: AsyncMotionTracker,
         number: int,
         call: tuple[str, str, tuple[Any, ...]],
-        way: common.MotionSegment,
+        segment: common.MotionSegment,
         *,
         over: bool,
     ) -> None:
-        self.way = way
+        self.segment = segment
         self._robot = robot
         self._track = track
         self._number = number
@@ -286,7 +286,7 @@ class AsyncMotion:
         while not await self.get_done():
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the motion is not over after {seconds:g} s", seconds=timeout))
-            await apause(min(common.POLL, deadline.left))
+            await asleep(min(common.POLL, deadline.left))
 
     async def halt(self) -> None:
         """Stop and abort the motion. It then counts as stopped before its end."""
@@ -302,7 +302,7 @@ class AsyncMotion:
             await self._update()
         if self._stop is not None:
             subject, function, arguments = self._call
-            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.way)
+            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.segment)
         return self._over
 
     async def get_progress(self) -> float:
@@ -312,17 +312,17 @@ class AsyncMotion:
             CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         if not await self.get_done():
-            self._fraction = max(self._fraction, self.way.fraction(await self._robot.get_joints()))
+            self._fraction = max(self._fraction, self.segment.fraction(await self._robot.get_joints()))
         return self._fraction
 
     async def _update(self) -> None:
         """Query the controller; record if the motion is over or was stopped."""
-        robot, segment, track = self._robot, self.way, self._track
+        robot, segment, track = self._robot, self.segment, self._track
         followed = track.newest != self._number
         complete = False
-        if self._number < track.answered:
+        if self._number < track.replied:
             self._over = True
-        elif followed or segment.waits:
+        elif followed or segment.awaits_start:
             destination = await robot.get_destination()
             complete = await robot.motion_complete()
             if not complete:  # at standstill, DestJnt is the position of the arm
@@ -339,7 +339,7 @@ class AsyncMotion:
 
     async def _arrived(self) -> bool | None:
         """Return True if the arm is at the end of the motion; ``None`` if the end is unknown."""
-        robot, segment = self._robot, self.way
+        robot, segment = self._robot, self.segment
         if segment.end is not None and common.near(await robot.get_joints(), segment.end):
             return True
         if isinstance(segment.target, P):
@@ -349,7 +349,7 @@ class AsyncMotion:
     async def _arrived_late(self) -> bool:
         """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
         robot = self._robot
-        await apause(common.SETTLE)
+        await asleep(common.SETTLE)
         if not await robot.motion_complete(_ARM):
             return False
         if await self._arrived() is not False or await robot._locked():
@@ -376,7 +376,7 @@ class AsyncMotionProgress:
         if self._ended:
             raise StopAsyncIteration
         if self._begun:
-            await apause(common.POLL)
+            await asleep(common.POLL)
         self._begun = True
         fraction = await self._motion.get_progress()
         self._ended = fraction >= 1.0

@@ -58,7 +58,7 @@ class AsyncObjectBase(AsyncClosing):
 
     def __del__(self) -> None:
         if getattr(self, "_open", False) and self._parent is not None and self.handle:
-            self.client.handles.add(self.functions.release, self.handle)
+            self.client.handles.add_orphan(self.functions.release, self.handle)
 
     async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of this object; add the object's name to errors."""
@@ -75,9 +75,9 @@ class AsyncObjectBase(AsyncClosing):
 
     async def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         self._require_open()
-        while (dropped := self.client.handles.take()) is not None:
+        while (dropped := self.client.handles.pop_orphan()) is not None:
             try:
-                if self.client.handles.is_last(*dropped):
+                if self.client.handles.drop_reference(*dropped):
                     await self.client.call(*dropped)
             except CallError:  # the controller has already released it
                 pass
@@ -89,7 +89,7 @@ class AsyncObjectBase(AsyncClosing):
     def _adopt(self, child: AsyncObjectBase) -> None:
         """Register a child object, which is released with this one."""
         self._children[id(child)] = child
-        self.client.handles.hold(child.functions.release, child.handle)
+        self.client.handles.add_reference(child.functions.release, child.handle)
 
     async def close(self) -> None:
         """Release the object and its child objects, newest first. Further calls have no effect.
@@ -110,7 +110,7 @@ class AsyncObjectBase(AsyncClosing):
                 return False
         if not self.handle:
             return True  # a file that does not exist
-        if not self.client.handles.is_last(self.functions.release, self.handle):
+        if not self.client.handles.drop_reference(self.functions.release, self.handle):
             return True  # another object has the same handle
         try:
             await self.client.call(self.functions.release, self.handle)

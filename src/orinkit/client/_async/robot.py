@@ -21,7 +21,7 @@ from orinkit.values.variant import Value
 
 if TYPE_CHECKING:
     from orinkit.client._async.stream import AsyncStream
-    from orinkit.client._shared.stream_options import OnRange, Wanted
+    from orinkit.client._shared.stream_options import FeedbackField, OnRange
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 
@@ -66,7 +66,7 @@ class AsyncRobot(AsyncArmBase):
         self,
         mode: int | None = None,
         pose: str = "J",
-        recv: Iterable[Wanted] = ("time", "joints"),
+        recv: Iterable[FeedbackField] = ("time", "joints"),
         *,
         limits: Limits | PathLimits | None = None,
         speed: float = 100.0,

@@ -21,7 +21,7 @@ from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.launcher import StreamerProcess
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.process.shared_memory import StreamCommand
-from orinkit.transport.runner import Deadline, apause
+from orinkit.transport.runner import Deadline, asleep
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
 
@@ -120,33 +120,33 @@ class AsyncSlaveMode:
         robot = self._robot
         deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
         while not deadline.passed and not await robot.motion_complete(1):
-            await apause(common.POLL)
+            await asleep(common.POLL)
         if self._pose_type == "P":
             return tuple(await robot.get_position()), ()
         if self._pose_type == "T":
             return tuple(await robot.get_trans()), ()
         assert isinstance(self.limits, Limits)
-        return common.with_limits(tuple(await robot.get_joints()), self.limits)
+        return common.split_by_limits(tuple(await robot.get_joints()), self.limits)
 
     async def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait until the streaming process fulfils a condition."""
         while not condition():
             self._check()
-            await apause(common.POLL)
+            await asleep(common.POLL)
 
     async def _leave(self, order: StreamCommand) -> None:
         streaming = self._streaming
         if streaming is None:
             return
         try:
-            streaming.look()
+            streaming.poll()
             if not streaming.ended:
                 if order is StreamCommand.LEAVE:
                     streaming.shared.forget()
                 streaming.shared.order(order)
             while not streaming.ended:
-                await apause(common.POLL)
-                streaming.look()
+                await asleep(common.POLL)
+                streaming.poll()
         finally:
             await self._give_up(streaming)
 
@@ -204,7 +204,7 @@ class AsyncSlaveMode:
             except CallError as error:
                 if error.code not in _NOT_YET or attempt == common.TRIES - 1:
                     raise
-                await apause(common.SETTLE / common.TRIES)
+                await asleep(common.SETTLE / common.TRIES)
             else:
                 return
 
@@ -236,7 +236,7 @@ class AsyncSlaveMode:
 
     def _has_ended(self, streaming: StreamerProcess) -> bool:
         """Return True if streaming has ended; record the cause."""
-        streaming.look()
+        streaming.poll()
         if streaming.ended:
             self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
         return streaming.ended

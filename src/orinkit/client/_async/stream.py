@@ -16,7 +16,7 @@ from orinkit.client._async.motion import AsyncArmBase
 from orinkit.client._async.slave_mode import AsyncSlaveMode
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
-from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
+from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.limits import Limits
@@ -26,7 +26,7 @@ from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.streaming.trajectory.retime import retime as retimed
 from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory, read_point, read_trajectory
-from orinkit.transport.runner import apause
+from orinkit.transport.runner import asleep
 from orinkit.values.poses import J, P, T
 
 
@@ -109,7 +109,7 @@ class AsyncStream(AsyncSlaveMode):
         polled = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
-                while shared.waiting >= QUEUE_ROOM:
+                while shared.queued >= QUEUE_ROOM:
                     run.start()
                     await self._poll(run)
                 shared.put(point)
@@ -128,7 +128,7 @@ class AsyncStream(AsyncSlaveMode):
         """
         self._alive()
         run.look()
-        await apause(common.POLL)
+        await asleep(common.POLL)
 
     def _prepare(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
         options, start = self._options, self._command()
@@ -163,9 +163,9 @@ class AsyncStream(AsyncSlaveMode):
         """Wait until all pushed set-points are sent or the live target is reached, and the arm is at standstill."""
         shared = self._alive().shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or not shared.rested or shared.waiting:
+        while shared.samples <= current or not shared.lateness_queried or shared.queued:
             self._alive()
-            await apause(common.POLL)
+            await asleep(common.POLL)
         shared.hold()
 
     # --- single set-points --------------------------------------------------------------------------------------
@@ -190,15 +190,15 @@ class AsyncStream(AsyncSlaveMode):
         """
         values = read_point(point, self._pose_type, self._axes)
         outputs = self._changed(mini=mini, hand=hand, user=user)
-        while self._alive().shared.waiting >= self._options.queue:
-            await apause(common.POLL)
+        while self._alive().shared.queued >= self._options.queue:
+            await asleep(common.POLL)
         with self._lock:
             self._put(values, outputs)
 
     def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
         shared = self._alive().shared
         shadow = self._pushed
-        moving = shared.waiting or not shared.at_rest
+        moving = shared.queued or not shared.at_rest
         if shadow is None or not (moving or _admitted(shadow, values)):
             shadow = self._shadow(self._command())  # the arm is held: start at the current command
         shadow.check(values)
@@ -251,7 +251,7 @@ class AsyncStream(AsyncSlaveMode):
         try:
             while not shared.order_done:
                 self._alive()
-                await apause(common.POLL)
+                await asleep(common.POLL)
         finally:
             if not shared.closed:
                 shared.order(StreamCommand.RUN)  # without set-points, the arm stops or remains at standstill
@@ -261,9 +261,9 @@ class AsyncStream(AsyncSlaveMode):
         streaming = self._alive()
         shared = streaming.shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or shared.waiting or not shared.settled:
+        while shared.samples <= current or shared.queued or not shared.settled:
             self._alive()
-            await apause(common.POLL)
+            await asleep(common.POLL)
 
     def outputs(
         self, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
@@ -275,8 +275,8 @@ class AsyncStream(AsyncSlaveMode):
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
         outputs = read_outputs(**given)
-        check_opened(self._options, outputs)
-        check_outputs(self._options, outputs)
+        check_outputs_enabled(self._options, outputs)
+        check_sendable(self._options, outputs)
         return outputs
 
     # --- feedback -----------------------------------------------------------------------------------------------
@@ -288,8 +288,8 @@ class AsyncStream(AsyncSlaveMode):
         while self._streaming is streaming and not streaming.ended:
             for sample in reader.new():
                 yield sample
-            await apause(common.POLL)
-            streaming.look()
+            await asleep(common.POLL)
+            streaming.poll()
         if self._streaming is streaming:
             self._alive()
 
@@ -323,14 +323,14 @@ class AsyncStream(AsyncSlaveMode):
         return self._alive().shared.at_rest
 
     @property
-    def waiting(self) -> int:
+    def queued(self) -> int:
         """The number of queued set-points."""
-        return self._alive().shared.waiting
+        return self._alive().shared.queued
 
     @property
     def underflows(self) -> int:
         """The number of times that the queue was empty while the arm moved, so that the arm was stopped."""
-        return self._alive().shared.dry
+        return self._alive().shared.underflows
 
     @property
     def _axes(self) -> int:

@@ -22,7 +22,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
-from orinkit.transport.runner import Deadline, apause
+from orinkit.transport.runner import Deadline, asleep
 
 
 class AsyncTask(AsyncObjectContainer):
@@ -80,7 +80,7 @@ class AsyncTask(AsyncObjectContainer):
         while (status := await self.get_status()) is TaskStatus.RUNNING:
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the task still runs after {seconds:g} s", seconds=timeout))
-            await apause(min(POLL, deadline.left))
+            await asleep(min(POLL, deadline.left))
         if check:
             await self._check()
         return status

@@ -162,7 +162,7 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
         raise InvalidValue(tr("alive= cannot be combined with Alive in service="))
 
 
-def check_watchdog(option: str | None) -> None:
+def check_no_watchdog(option: str | None) -> None:
     """Check that an option of Service_Start requests no watchdog, if repeated requests serve as signs of life.
 
     Raises:
@@ -412,12 +412,12 @@ class HandleTable:
         self._shared: Counter[tuple[int, int]] = Counter()  # (ID of the release function, handle) -> number of objects
         self._lock = Lock()
 
-    def hold(self, release: Function[[int], None], handle: int) -> None:
+    def add_reference(self, release: Function[[int], None], handle: int) -> None:
         """Count one more object with this handle."""
         with self._lock:
             self._shared[release.id, handle] += 1
 
-    def is_last(self, release: Function[[int], None], handle: int) -> bool:
+    def drop_reference(self, release: Function[[int], None], handle: int) -> bool:
         """Count one object less; return True if it was the last one, so that the handle must be released."""
         with self._lock:
             self._shared[release.id, handle] -= 1
@@ -426,11 +426,11 @@ class HandleTable:
             del self._shared[release.id, handle]
             return True
 
-    def add(self, release: Function[[int], None], handle: int) -> None:
+    def add_orphan(self, release: Function[[int], None], handle: int) -> None:
         """Add the handle of a deleted object; may be called from any thread and during garbage collection."""
         self._handles.append((release, handle))
 
-    def take(self) -> tuple[Function[[int], None], int] | None:
+    def pop_orphan(self) -> tuple[Function[[int], None], int] | None:
         """Remove and return the handle of a deleted object; ``None`` if there is none."""
         try:
             return self._handles.popleft()

@@ -85,24 +85,24 @@ def link_for_closing(link: L) -> L:
 
 
 @runtime_checkable
-class _ShareableLink(Protocol):
+class _ConcurrentLink(Protocol):
     """A link on which data can be sent during a call."""
 
-    def share(self) -> None: ...
+    def enable_concurrent_send(self) -> None: ...
 
-    def beside(self, data: bytes) -> None: ...
+    def send_concurrently(self, data: bytes) -> None: ...
 
 
-def share(link: object) -> None:
+def enable_concurrent_send(link: object) -> None:
     """Prepare a link for :func:`send_during_call`."""
-    if isinstance(link, _ShareableLink):
-        link.share()
+    if isinstance(link, _ConcurrentLink):
+        link.enable_concurrent_send()
 
 
 def send_during_call(link: object, data: bytes) -> None:
     """Send data on a link while a call is executing, if the link supports it; not on a detached link."""
-    if isinstance(link, _ShareableLink):
-        link.beside(data)
+    if isinstance(link, _ConcurrentLink):
+        link.send_concurrently(data)
 
 
 def another(link: L) -> L | None:

@@ -52,14 +52,14 @@ class MotionSegment:
         self.begun = False
 
     @classmethod
-    def leading_to(cls, end: J) -> MotionSegment:
+    def begun_to(cls, end: J) -> MotionSegment:
         """Create the segment of a motion that has begun and ends at the given joints."""
         segment = cls()
         segment.end, segment.begun = end, True
         return segment
 
     @property
-    def waits(self) -> bool:
+    def awaits_start(self) -> bool:
         """True if the beginning of the motion can still be detected, but has not been."""
         return not self.begun and self.before is not None
 
@@ -226,12 +226,12 @@ def note_failure(error: BaseException, problem: OrinError, profile: TransportPro
     if not isinstance(problem, TransportError):
         error.add_note(tr("orinkit: error during clean-up: {problem}", problem=problem))
         return
-    said = {note_broken_off(profile), note_closed(profile), _note_lost(profile)}
+    said = {broken_off_note(profile), closed_note(profile), _lost_note(profile)}
     if said.isdisjoint(getattr(error, "__notes__", ())):
-        error.add_note(_note_lost(profile))
+        error.add_note(_lost_note(profile))
 
 
-def note_broken_off(profile: TransportProfile) -> str:
+def broken_off_note(profile: TransportProfile) -> str:
     """Return the note for an exception that interrupted a motion call."""
     condition = _if_packet_lost(profile)
     return tr(
@@ -241,7 +241,7 @@ def note_broken_off(profile: TransportProfile) -> str:
     )
 
 
-def note_closed(profile: TransportProfile) -> str:
+def closed_note(profile: TransportProfile) -> str:
     """Return the note for an exception after which the arm could only be stopped by closing the connection."""
     condition = _if_packet_lost(profile)
     return tr(
@@ -266,7 +266,7 @@ def _if_packet_lost(profile: TransportProfile) -> str:
     return ""
 
 
-def _note_lost(profile: TransportProfile) -> str:
+def _lost_note(profile: TransportProfile) -> str:
     if profile.shared:
         return tr(
             "orinkit: the connection is lost, and a controller cannot detect this on a serial line: the arm may keep "

@@ -303,13 +303,13 @@ def kind_of(pose: PoseLike, wanted: str) -> str:
         InvalidValue: If the pose already has that type, or is a vector.
         NotationError: If the text is not a pose.
     """
-    pose_type = target_of(pose).kind or "P"
+    pose_type = as_target(pose).kind or "P"
     if pose_type in (wanted, "V"):
         raise InvalidValue(tr("{pose} cannot be converted to {wanted}", pose=brief(pose), wanted=wanted))
     return pose_type
 
 
-def target_of(pose: PoseLike) -> Target:
+def as_target(pose: PoseLike) -> Target:
     """Return a pose as a target.
 
     Raises:
@@ -322,7 +322,7 @@ def target_of(pose: PoseLike) -> Target:
 def literal_end(pose: PoseLike) -> J | P | None:
     """Return the end of a motion to a pose; ``None`` if the pose alone does not determine it."""
     try:
-        end = target_of(pose)
+        end = as_target(pose)
     except ValueError:  # the controller will report the error
         return None
     if end.extra is not None:

@@ -59,20 +59,20 @@ class Timing:
 
     gaps: tuple[float, ...] = ()
 
-    def part(self, part: float) -> float:
-        """Return a quantile of the gaps in s, for a part of 0 to 1."""
+    def quantile(self, q: float) -> float:
+        """Return a quantile of the gaps in s; ``q`` is from 0 to 1."""
         ordered = sorted(self.gaps)
-        return ordered[min(len(ordered) - 1, int(part * len(ordered)))] if ordered else 0.0
+        return ordered[min(len(ordered) - 1, int(q * len(ordered)))] if ordered else 0.0
 
     @property
     def p50(self) -> float:
         """The median gap in s."""
-        return self.part(0.5)
+        return self.quantile(0.5)
 
     @property
     def p99(self) -> float:
         """The 99th percentile of the gaps in s."""
-        return self.part(0.99)
+        return self.quantile(0.99)
 
     @property
     def max(self) -> float:
@@ -145,7 +145,7 @@ def ended_because(reason: str, idle: float | None) -> StreamError:
     return StreamError(texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block"))
 
 
-def with_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def split_by_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Split joints into those with limits and the others.
 
     Raises:
@@ -189,7 +189,7 @@ def sample_of(raw: RawSample, began_ns: int) -> Sample:
         raw.code,
         **own,
         delay=raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
-        answered=(raw.answered_ns - began_ns) / 1e9,
+        replied=(raw.answered_ns - began_ns) / 1e9,
         more=more,
     )
 
@@ -250,7 +250,7 @@ class TrajectoryRun:
         self._progress = progress
         self._reader = SampleReader(shared, shared.samples)
         self._samples: list[Sample] = []
-        self._before, self._dry, self._first = shared.sent, shared.dry, shared.written
+        self._before, self._dry, self._first = shared.taken, shared.underflows, shared.written
         self._late_before = self._late_seen = shared.lateness
         self._max_lateness = 0.0  # s
         self._started = False
@@ -259,7 +259,7 @@ class TrajectoryRun:
     @property
     def sent(self) -> int:
         """The number of set-points of the trajectory that have been sent."""
-        return self.shared.sent - self._before
+        return self.shared.taken - self._before
 
     def start(self) -> None:
         """Start sending the queued set-points."""
@@ -277,7 +277,7 @@ class TrajectoryRun:
         if self._progress is not None:
             self._progress(Progress(self.sent, self._total))
         fed = not self._started or self.shared.feed is SetPointSource.QUEUE
-        if not fed or self.shared.forgotten > self._first:
+        if not fed or self.shared.discarded_until > self._first:
             self._broken_off = True
             raise broken_off(self.sent)
 
@@ -295,7 +295,7 @@ class TrajectoryRun:
             self._progress(Progress(sent, self._total))
         samples, missed, late, before = tuple(self._samples), self._reader.missed, self._late_seen, self._late_before
         lateness = Lateness(late.count - before.count, self._max_lateness, late.total - before.total)
-        return StreamResult(sent, self.shared.dry - self._dry, samples, missed, timing_of(samples), lateness)
+        return StreamResult(sent, self.shared.underflows - self._dry, samples, missed, timing_of(samples), lateness)
 
     def _read(self) -> None:
         self._samples.extend(self._reader.new())

@@ -28,7 +28,7 @@ from orinkit.rc8.slave_formats import (
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 
-Wanted: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
+FeedbackField: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
 """Feedback that a controller can return for each set-point; by default its time and the joints. These are the names of the
 table of fields, repeated for type checkers."""
 OnRange: TypeAlias = Literal["clamp", "refuse"]
@@ -101,7 +101,7 @@ def read_options(
         int(check_range("queue", queue, 1, _MAX_QUEUED)), None if idle is None else check_range("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),
     )  # fmt: skip
-    check_outputs(options, states)
+    check_sendable(options, states)
     return options
 
 
@@ -121,13 +121,13 @@ def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
     return _JOINTS
 
 
-def check_outputs(options: StreamOptions, outputs: Outputs) -> None:
+def check_sendable(options: StreamOptions, outputs: Outputs) -> None:
     """Check that outputs can be sent; omitted outputs keep their values.
 
     Raises:
         InvalidValue: If an output cannot be sent.
     """
-    pose_type, given = options.mode.kind, options.outputs.changed(outputs).given()
+    pose_type, given = options.mode.kind, options.outputs.changed(outputs).present_items()
     dummy = SetPoint((0.0,) * POSE_SIZES[pose_type], (), **given, window=options.window)
     encode_set_point(pose_type, dummy, options.send, options.receive)
 
@@ -149,14 +149,14 @@ def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
     return Outputs(**found)
 
 
-def check_opened(options: StreamOptions, outputs: Outputs) -> None:
+def check_outputs_enabled(options: StreamOptions, outputs: Outputs) -> None:
     """Check that slave mode was entered with these outputs.
 
     Raises:
         InvalidValue: If slave mode was entered without one of them.
     """
-    opened = options.outputs.given()
-    for name in outputs.given():
+    opened = options.outputs.present_items()
+    for name in outputs.present_items():
         if name not in opened:
             raise InvalidValue(tr("{name} outputs are not enabled. Try: slave_mode({name}=...)", name=name))
 
@@ -181,7 +181,7 @@ _OUTPUT_READERS: Final[dict[FieldType, Callable[[str, object], object]]] = {
 
 
 def _send(outputs: Outputs) -> SendBits:
-    given = outputs.given()
+    given = outputs.present_items()
     for first, second in EXCLUSIVE:
         if first in given and second in given:
             raise InvalidValue(

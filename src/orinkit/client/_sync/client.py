@@ -30,17 +30,17 @@ from orinkit.client._shared.endpoint import (
     another,
     closing_deadline,
     conversation,
+    enable_concurrent_send,
     link_for_closing,
     opening_of,
     send_during_call,
-    share,
 )
 from orinkit.core import hresult
 from orinkit.core.closing import Closing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.fork_safety import keep_from_children
-from orinkit.transport.keepalive import KeepAlive, take_now
+from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
 from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import Deadline, DetachedLink, Link, run, send_close
@@ -245,7 +245,7 @@ class Client(Closing):
         with self._lock:
             return Reply(*self._execute(function, bound, seconds, exact, limit))
 
-    def end_within(self, seconds: float | None) -> None:
+    def set_overall_deadline(self, seconds: float | None) -> None:
         """Set a common deadline in s for all further calls; ``None`` removes it."""
         self._end = None if seconds is None else Deadline(seconds)
 
@@ -269,7 +269,7 @@ class Client(Closing):
             return self._execute_with_signs(call)
         return self._execute_now(call)
 
-    def promise(self, seconds: float, controller: int) -> None:
+    def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
 
         Call this once, after Controller_Connect. On UDP and serial lines, repeated requests are the signs of life during a
@@ -282,7 +282,7 @@ class Client(Closing):
         self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)
-        share(self._link)
+        enable_concurrent_send(self._link)
         link = another(self._link)
         if link is not None:
             self._second = type(self)(link, timeout=self._timeout, profile=self.profile)
@@ -292,7 +292,7 @@ class Client(Closing):
 
     def _send_sign(self) -> None:
         """Send a sign of life: a call if the client is idle, otherwise a message during the call."""
-        if take_now(self._lock):
+        if try_acquire(self._lock):
             try:
                 if self._idle.passed and not self._finished:
                     self._get_name()
@@ -398,14 +398,14 @@ class Client(Closing):
         """Give the connection up to the other process; close it in this process."""
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
-        self._link.release()
+        self._link.close_local()
 
     @property
     def stray_replies(self) -> int:
         """The number of replies that were late, repeated, or matched no request."""
         return self._conversation.stray_replies
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child, where the thread that held the lock does not exist."""
         self._lock = threading.RLock()
         self._finished, self._pulse = True, None

@@ -14,7 +14,7 @@ from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import motor_state
 from orinkit.client._sync.motion import ArmBase, MotionTracker
 from orinkit.core.errors import BusyError, CallError, ObjectReleased, OrinError, TransportError
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 
 _HALT_TIMEOUT: Final = 0.3  # s
 
@@ -69,7 +69,7 @@ class Lease(ABC):
             track.running.wait()
         else:
             while not self._robot.motion_complete():
-                pause(common.POLL)
+                sleep(common.POLL)
             track.passing = False
 
     def _clean_up(self, error: BaseException) -> None:
@@ -79,7 +79,7 @@ class Lease(ABC):
             problem = self._retry(error, robot.halt, _HALT_TIMEOUT)
             if isinstance(problem, BusyError):
                 robot.client.close()
-                error.add_note(common.note_closed(robot.client.profile))
+                error.add_note(common.closed_note(robot.client.profile))
                 return
             if isinstance(problem, TransportError | ObjectReleased):
                 return
@@ -97,7 +97,7 @@ class Lease(ABC):
                 step()
             except OrinError as problem:
                 if self._is_busy(problem) and not deadline.passed:
-                    pause(common.SETTLE)
+                    sleep(common.SETTLE)
                     continue
                 common.note_failure(error, problem, self._robot.client.profile)
                 return problem

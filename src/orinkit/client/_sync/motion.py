@@ -16,7 +16,7 @@ from orinkit.client._sync.client import Client
 from orinkit.client._sync.objects import ObjectBase, ObjectContainer
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P, T
 from orinkit.values.variant import Value
 
@@ -28,7 +28,7 @@ class MotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        answered: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
+        replied: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
         halted: Number of the newest motion that this program has halted.
         running: Newest motion without a reply at its end, until it is known to be over; otherwise ``None``.
         passing: True if the reply to the newest motion came at its pass mark, so that the arm may still move.
@@ -38,11 +38,11 @@ class MotionTracker:
         at_rest: True if the arm is certainly at standstill: it was halted, and no motion has been commanded since.
     """
 
-    __slots__ = ("answered", "at_rest", "halted", "newest", "passing", "paused", "running", "sure")
+    __slots__ = ("at_rest", "halted", "newest", "passing", "paused", "replied", "running", "sure")
 
     def __init__(self) -> None:
         self.newest = 0
-        self.answered = 0
+        self.replied = 0
         self.halted = 0
         self.running: Motion | None = None
         self.passing = False
@@ -89,34 +89,34 @@ class ArmBase(ObjectContainer):
             raise
         except BaseException as error:
             self.client.close()
-            error.add_note(common.note_broken_off(self.client.profile))
+            error.add_note(common.broken_off_note(self.client.profile))
             raise
         call = (self._label, function.name, arguments)
         motion = Motion(self, track, number, call, segment or common.MotionSegment(), over=wait)
         track.running = None if wait else motion
         track.passing = wait and passes(arguments)
         if wait:
-            track.answered, track.sure = number, True
+            track.replied, track.sure = number, True
         elif before is not None:
-            self._begin_segment(motion.way, *before)
+            self._begin_segment(motion.segment, *before)
         return motion
 
     def _previous(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
         """Return the segment of the previous motion, and True if that motion is over; ``None`` if it is unknown."""
         running = track.running
-        answered = track.sure and running is None and track.newest == track.answered
+        replied = track.sure and running is None and track.newest == track.replied
         try:
-            if answered or self.motion_complete():
+            if replied or self.motion_complete():
                 track.sure = True
-                return common.MotionSegment.leading_to(self.get_destination()), True
+                return common.MotionSegment.begun_to(self.get_destination()), True
             if running is None or not track.sure:
                 return None
-            running.way.see(self.get_destination())
+            running.segment.see(self.get_destination())
         except CallError as error:
             if not is_missing(error):
                 raise
             return None
-        return running.way, False
+        return running.segment, False
 
     def _begin_segment(self, segment: common.MotionSegment, before: common.MotionSegment, over: bool) -> None:
         try:
@@ -254,10 +254,10 @@ class Motion:
     arrived. A motion that is followed by another one is over as soon as the robot executes that one.
 
     Attributes:
-        way: Start and end of the motion.
+        segment: Start and end of the motion.
     """
 
-    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "way")
+    __slots__ = ("_call", "_fraction", "_number", "_over", "_robot", "_stop", "_track", "segment")
 
     def __init__(
         self,
@@ -265,11 +265,11 @@ class Motion:
         track: MotionTracker,
         number: int,
         call: tuple[str, str, tuple[Any, ...]],
-        way: common.MotionSegment,
+        segment: common.MotionSegment,
         *,
         over: bool,
     ) -> None:
-        self.way = way
+        self.segment = segment
         self._robot = robot
         self._track = track
         self._number = number
@@ -300,7 +300,7 @@ class Motion:
         while not self.get_done():
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the motion is not over after {seconds:g} s", seconds=timeout))
-            pause(min(common.POLL, deadline.left))
+            sleep(min(common.POLL, deadline.left))
 
     def halt(self) -> None:
         """Stop and abort the motion. It then counts as stopped before its end."""
@@ -316,7 +316,7 @@ class Motion:
             self._update()
         if self._stop is not None:
             subject, function, arguments = self._call
-            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.way)
+            raise self._stop.error(subject, function, (self._robot.handle, *arguments), self.segment)
         return self._over
 
     def get_progress(self) -> float:
@@ -326,17 +326,17 @@ class Motion:
             CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
         """
         if not self.get_done():
-            self._fraction = max(self._fraction, self.way.fraction(self._robot.get_joints()))
+            self._fraction = max(self._fraction, self.segment.fraction(self._robot.get_joints()))
         return self._fraction
 
     def _update(self) -> None:
         """Query the controller; record if the motion is over or was stopped."""
-        robot, segment, track = self._robot, self.way, self._track
+        robot, segment, track = self._robot, self.segment, self._track
         followed = track.newest != self._number
         complete = False
-        if self._number < track.answered:
+        if self._number < track.replied:
             self._over = True
-        elif followed or segment.waits:
+        elif followed or segment.awaits_start:
             destination = robot.get_destination()
             complete = robot.motion_complete()
             if not complete:  # at standstill, DestJnt is the position of the arm
@@ -353,7 +353,7 @@ class Motion:
 
     def _arrived(self) -> bool | None:
         """Return True if the arm is at the end of the motion; ``None`` if the end is unknown."""
-        robot, segment = self._robot, self.way
+        robot, segment = self._robot, self.segment
         if segment.end is not None and common.near(robot.get_joints(), segment.end):
             return True
         if isinstance(segment.target, P):
@@ -363,7 +363,7 @@ class Motion:
     def _arrived_late(self) -> bool:
         """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
         robot = self._robot
-        pause(common.SETTLE)
+        sleep(common.SETTLE)
         if not robot.motion_complete(_ARM):
             return False
         if self._arrived() is not False or robot._locked():
@@ -408,7 +408,7 @@ class MotionProgress:
         if self._ended:
             raise StopIteration
         if self._begun:
-            pause(common.POLL)
+            sleep(common.POLL)
         self._begun = True
         fraction = self._motion.get_progress()
         self._ended = fraction >= 1.0

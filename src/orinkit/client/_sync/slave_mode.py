@@ -21,7 +21,7 @@ from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.launcher import StreamerProcess
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.process.shared_memory import StreamCommand
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 
 _NOT_YET: Final = (hresult.MOTOR_NOT_ON, hresult.MOTOR_SWITCHING_OFF, hresult.ERROR_PRESENT)
 
@@ -120,33 +120,33 @@ class SlaveMode:
         robot = self._robot
         deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
         while not deadline.passed and not robot.motion_complete(1):
-            pause(common.POLL)
+            sleep(common.POLL)
         if self._pose_type == "P":
             return tuple(robot.get_position()), ()
         if self._pose_type == "T":
             return tuple(robot.get_trans()), ()
         assert isinstance(self.limits, Limits)
-        return common.with_limits(tuple(robot.get_joints()), self.limits)
+        return common.split_by_limits(tuple(robot.get_joints()), self.limits)
 
     def _wait_until(self, condition: Callable[[], bool]) -> None:
         """Wait until the streaming process fulfils a condition."""
         while not condition():
             self._check()
-            pause(common.POLL)
+            sleep(common.POLL)
 
     def _leave(self, order: StreamCommand) -> None:
         streaming = self._streaming
         if streaming is None:
             return
         try:
-            streaming.look()
+            streaming.poll()
             if not streaming.ended:
                 if order is StreamCommand.LEAVE:
                     streaming.shared.forget()
                 streaming.shared.order(order)
             while not streaming.ended:
-                pause(common.POLL)
-                streaming.look()
+                sleep(common.POLL)
+                streaming.poll()
         finally:
             self._give_up(streaming)
 
@@ -204,7 +204,7 @@ class SlaveMode:
             except CallError as error:
                 if error.code not in _NOT_YET or attempt == common.TRIES - 1:
                     raise
-                pause(common.SETTLE / common.TRIES)
+                sleep(common.SETTLE / common.TRIES)
             else:
                 return
 
@@ -236,7 +236,7 @@ class SlaveMode:
 
     def _has_ended(self, streaming: StreamerProcess) -> bool:
         """Return True if streaming has ended; record the cause."""
-        streaming.look()
+        streaming.poll()
         if streaming.ended:
             self._failure = streaming.error or common.ended_because(streaming.reason, self._options.idle)
         return streaming.ended

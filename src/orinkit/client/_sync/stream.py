@@ -14,7 +14,7 @@ from typing import Any
 
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
-from orinkit.client._shared.stream_options import StreamOptions, check_opened, check_outputs, read_outputs
+from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
 from orinkit.client._sync.motion import ArmBase
 from orinkit.client._sync.slave_mode import SlaveMode
 from orinkit.core.errors import InvalidValue, StreamError
@@ -26,7 +26,7 @@ from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.streaming.trajectory.retime import retime as retimed
 from orinkit.streaming.trajectory.trajectory import check_path, check_trajectory, read_point, read_trajectory
-from orinkit.transport.runner import pause
+from orinkit.transport.runner import sleep
 from orinkit.values.poses import J, P, T
 
 
@@ -109,7 +109,7 @@ class Stream(SlaveMode):
         polled = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
-                while shared.waiting >= QUEUE_ROOM:
+                while shared.queued >= QUEUE_ROOM:
                     run.start()
                     self._poll(run)
                 shared.put(point)
@@ -128,7 +128,7 @@ class Stream(SlaveMode):
         """
         self._alive()
         run.look()
-        pause(common.POLL)
+        sleep(common.POLL)
 
     def _prepare(self, trajectory: Any, *, retime: bool) -> list[tuple[float, ...]]:
         options, start = self._options, self._command()
@@ -163,9 +163,9 @@ class Stream(SlaveMode):
         """Wait until all pushed set-points are sent or the live target is reached, and the arm is at standstill."""
         shared = self._alive().shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or not shared.rested or shared.waiting:
+        while shared.samples <= current or not shared.lateness_queried or shared.queued:
             self._alive()
-            pause(common.POLL)
+            sleep(common.POLL)
         shared.hold()
 
     # --- single set-points --------------------------------------------------------------------------------------
@@ -190,15 +190,15 @@ class Stream(SlaveMode):
         """
         values = read_point(point, self._pose_type, self._axes)
         outputs = self._changed(mini=mini, hand=hand, user=user)
-        while self._alive().shared.waiting >= self._options.queue:
-            pause(common.POLL)
+        while self._alive().shared.queued >= self._options.queue:
+            sleep(common.POLL)
         with self._lock:
             self._put(values, outputs)
 
     def _put(self, values: tuple[float, ...], outputs: Outputs) -> None:
         shared = self._alive().shared
         shadow = self._pushed
-        moving = shared.waiting or not shared.at_rest
+        moving = shared.queued or not shared.at_rest
         if shadow is None or not (moving or _admitted(shadow, values)):
             shadow = self._shadow(self._command())  # the arm is held: start at the current command
         shadow.check(values)
@@ -251,7 +251,7 @@ class Stream(SlaveMode):
         try:
             while not shared.order_done:
                 self._alive()
-                pause(common.POLL)
+                sleep(common.POLL)
         finally:
             if not shared.closed:
                 shared.order(StreamCommand.RUN)  # without set-points, the arm stops or remains at standstill
@@ -261,9 +261,9 @@ class Stream(SlaveMode):
         streaming = self._alive()
         shared = streaming.shared
         current = shared.samples + 1  # a later sample takes the newest target into account
-        while shared.samples <= current or shared.waiting or not shared.settled:
+        while shared.samples <= current or shared.queued or not shared.settled:
             self._alive()
-            pause(common.POLL)
+            sleep(common.POLL)
 
     def outputs(
         self, *, mini: int | None = None, hand: int | None = None, user: tuple[int, bytes] | None = None
@@ -275,8 +275,8 @@ class Stream(SlaveMode):
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
         outputs = read_outputs(**given)
-        check_opened(self._options, outputs)
-        check_outputs(self._options, outputs)
+        check_outputs_enabled(self._options, outputs)
+        check_sendable(self._options, outputs)
         return outputs
 
     # --- feedback -----------------------------------------------------------------------------------------------
@@ -287,8 +287,8 @@ class Stream(SlaveMode):
         reader = SampleReader(streaming.shared, streaming.shared.samples)
         while self._streaming is streaming and not streaming.ended:
             yield from reader.new()
-            pause(common.POLL)
-            streaming.look()
+            sleep(common.POLL)
+            streaming.poll()
         if self._streaming is streaming:
             self._alive()
 
@@ -322,14 +322,14 @@ class Stream(SlaveMode):
         return self._alive().shared.at_rest
 
     @property
-    def waiting(self) -> int:
+    def queued(self) -> int:
         """The number of queued set-points."""
-        return self._alive().shared.waiting
+        return self._alive().shared.queued
 
     @property
     def underflows(self) -> int:
         """The number of times that the queue was empty while the arm moved, so that the arm was stopped."""
-        return self._alive().shared.dry
+        return self._alive().shared.underflows
 
     @property
     def _axes(self) -> int:

@@ -22,7 +22,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
-from orinkit.transport.runner import Deadline, pause
+from orinkit.transport.runner import Deadline, sleep
 
 
 class Task(ObjectContainer):
@@ -80,7 +80,7 @@ class Task(ObjectContainer):
         while (status := self.get_status()) is TaskStatus.RUNNING:
             if timeout is not None and deadline.passed:
                 raise TimeoutError(tr("the task still runs after {seconds:g} s", seconds=timeout))
-            pause(min(POLL, deadline.left))
+            sleep(min(POLL, deadline.left))
         if check:
             self._check()
         return status

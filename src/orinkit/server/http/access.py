@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 from starlette.responses import PlainTextResponse
 
 from orinkit.core.i18n import tr
-from orinkit.server.http.limits import closing
+from orinkit.server.http.limits import closing_message
 from orinkit.server.http.options import HttpOptions
 
 Headers: TypeAlias = dict[bytes, bytes]
@@ -123,7 +123,7 @@ def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | Non
 
 def closed() -> PlainTextResponse:
     """Return the response of a server that is closing."""
-    return plain(503, closing(), {"Connection": "close"})
+    return plain(503, closing_message(), {"Connection": "close"})
 
 
 def too_many_guesses() -> PlainTextResponse:

@@ -59,19 +59,19 @@ class App:
     """The application of one listener.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         options: options for HTTP.
         secure: whether the listener uses https.
     """
 
-    def __init__(self, shared: ServerContext, options: HttpOptions, *, secure: bool) -> None:
-        self._shared = shared
-        self._sessions = HttpSessions(shared, options.idle)
+    def __init__(self, context: ServerContext, options: HttpOptions, *, secure: bool) -> None:
+        self._context = context
+        self._sessions = HttpSessions(context, options.idle)
         self._access = AccessCheck(options, secure=secure)
         self._secure = secure
         self._cookie = b""
-        self._takes_options = shared.host.dialect.takes_options
-        self._codes = shared.host.dialect.codes
+        self._takes_options = context.host.dialect.takes_options
+        self._codes = context.host.dialect.codes
 
     def listens_at(self, port: int) -> None:
         """Set the port. The cookie's name contains it, because a client sends its cookies to every port of the host."""
@@ -94,7 +94,7 @@ class App:
                 self._log(exchange, refusal.status_code)
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange)
-                await exchange.refuse(refusal, self._shared.limits.packet if exchange.has_room else _DO_NOT_READ)
+                await exchange.refuse(refusal, self._context.limits.packet if exchange.has_room else _DO_NOT_READ)
         except _Disconnected:
             pass
         except asyncio.CancelledError:
@@ -109,9 +109,9 @@ class App:
 
     def _refusal(self, method: str, exchange: Exchange) -> PlainTextResponse | None:
         """Return the response that refuses the request, or None if it is permitted."""
-        if self._shared.closing:
+        if self._context.closing:
             return closed()
-        if self._shared.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
+        if self._context.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
             return too_many_guesses()
         return self._access.refusal(method, exchange.headers)
 
@@ -123,25 +123,25 @@ class App:
     def _log(self, exchange: Exchange, status: int) -> None:
         level = logging.INFO
         if status in _SUSPICIOUS:
-            level = self._shared.refusal_level(asyncio.get_running_loop().time())
+            level = self._context.refusal_level(asyncio.get_running_loop().time())
         logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
 
     async def _slow_down(self, exchange: Exchange) -> None:
         """Delay the response to a wrong token if its address has sent several."""
-        shared = self._shared
+        context = self._context
         network = exchange.connection.network
-        failure = shared.guesses.failed(network, asyncio.get_running_loop().time())
+        failure = context.guesses.failed(network, asyncio.get_running_loop().time())
         if failure.reported:
             logger.warning("%s: %d HTTP requests with a wrong token or without one", network, failure.reported)
-        if not failure.delay or shared.closing:
+        if not failure.delay or context.closing:
             return
-        shared.held[network] += 1
+        context.held[network] += 1
         try:
             await asyncio.sleep(failure.delay)
         finally:
-            shared.held[network] -= 1
-            if not shared.held[network]:
-                del shared.held[network]
+            context.held[network] -= 1
+            if not context.held[network]:
+                del context.held[network]
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
         """Process a permitted request; return a response if it is refused because of its length."""
@@ -151,15 +151,15 @@ class App:
             self._enter(session, exchange)
         try:
             try:
-                body = await exchange.body(self._shared.limits.packet, self._shared.partial)
+                body = await exchange.body(self._context.limits.packet, self._context.partial)
                 if body is None:
-                    return too_long(self._shared.limits.packet) if exchange.has_room else full()
+                    return too_long(self._context.limits.packet) if exchange.has_room else full()
                 request = await self._read(body)
             except CallError as error:
                 await self._answer(exchange, CallReply(error.code, detail=error.detail))
                 return None
             finally:  # a body in the worker counts until it is decoded
-                exchange.give_room(self._shared.partial)
+                exchange.give_room(self._context.partial)
             if session is None or session.ended:  # it may have ended while the body was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
@@ -213,21 +213,21 @@ class App:
 
     async def _read(self, body: bytes) -> EcapRequest:
         if len(body) <= LARGE:
-            return read_request(body, self._shared.limits)
-        return await self._shared.worker.run(partial(read_request, body, self._shared.limits))
+            return read_request(body, self._context.limits)
+        return await self._context.worker.run(partial(read_request, body, self._context.limits))
 
     async def _reply(self, exchange: Exchange, session: HttpSession | None, request: EcapRequest) -> CallReply:
         function_id = request.function.id
         if session is None:
             if function_id == _SERVICE_STOP:
-                return _call_immediately(Session(self._shared.host), request)
-            return CallReply(hresult.E_MAX_CONNECT, detail=_too_many(self._shared.clients))
+                return _call_immediately(Session(self._context.host), request)
+            return CallReply(hresult.E_MAX_CONNECT, detail=_too_many(self._context.clients))
         if function_id == _SERVICE_STOP:
             reply = _call_immediately(session.session, request)
             if not hresult.failed(reply.code):
                 session.end()
             return reply
-        if session.busy and function_id not in _STOPPING:
+        if session.at_call_limit and function_id not in _STOPPING:
             detail = tr("{calls} calls of this client are in progress", calls=CALLS)
             return CallReply(hresult.E_BUSY_PROC, detail=detail)
         if function_id == _SERVICE_START:
@@ -269,19 +269,19 @@ class App:
         if (
             result is not None
             and isinstance(result.value, bytes)
-            and 2 * len(result.value) > self._shared.limits.packet
+            and 2 * len(result.value) > self._context.limits.packet
         ):
             code, result = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
         try:
             if result is not None and is_large(result):
-                body = await self._shared.worker.run(partial(write_reply, code, result))
+                body = await self._context.worker.run(partial(write_reply, code, result))
             else:
                 body = write_reply(code, result)
         except Exception:
             logger.exception("cannot encode a result")
             code = hresult.E_FAIL
             body = write_reply(code, None)
-        if len(body) > self._shared.limits.packet:
+        if len(body) > self._context.limits.packet:
             code = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
             body = write_reply(code, None)
         await exchange.answer(body, code, reply.detail)

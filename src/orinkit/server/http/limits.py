@@ -68,7 +68,7 @@ class LimitedConnection(Protocol):
         """The network of the client's address; see :func:`~orinkit.transport.address.network_of`."""
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a complete request is in progress."""
 
     def abort(self) -> None:
@@ -90,19 +90,19 @@ class ConnectionLimiter:
     is none, it evicts the connection with the oldest last response.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
 
     Attributes:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         limit: limit on connections; above the limit on clients, because a client that opens a connection for each call
             may have several at times.
         per_address: limit on connections of one address.
     """
 
-    def __init__(self, shared: ServerContext) -> None:
-        self.shared = shared
-        self.limit = max(_MIN_CONNECTIONS, shared.clients + shared.clients // 2)
-        self.per_address = max(default_per_address(self.limit), shared.per_address)
+    def __init__(self, context: ServerContext) -> None:
+        self.context = context
+        self.limit = max(_MIN_CONNECTIONS, context.clients + context.clients // 2)
+        self.per_address = max(default_per_address(self.limit), context.per_address)
         self._unproven: dict[LimitedConnection, None] = {}  # without a response so far; oldest first
         self._proven: dict[LimitedConnection, None] = {}  # oldest last response first
 
@@ -116,7 +116,7 @@ class ConnectionLimiter:
         full = len(of_address) >= self.per_address
         if full or len(self) >= self.limit:
             candidates = of_address if full else chain(self._unproven, self._proven)
-            oldest = next((each for each in candidates if not each.at_work), None)
+            oldest = next((each for each in candidates if not each.has_call), None)
             if oldest is None:
                 return False
             self.discard(oldest)
@@ -124,7 +124,7 @@ class ConnectionLimiter:
         self._unproven[connection] = None
         return True
 
-    def answered(self, connection: LimitedConnection) -> None:
+    def mark_replied(self, connection: LimitedConnection) -> None:
         """Mark a connection as having completed a request."""
         if connection in self._unproven or connection in self._proven:
             self.discard(connection)
@@ -177,7 +177,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.access_log = False
         self._on_closed: Callable[[], None] | None = None
         self._guard = guard
-        self._shared = guard.shared
+        self._context = guard.context
         self._stage = Stage.NEW
         self._until = self._armed = math.inf
         self._timer: asyncio.TimerHandle | None = None
@@ -204,7 +204,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return self.client[0] if self.client else ""
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a complete request is in progress."""
         return self._stage is Stage.WORK
 
@@ -238,17 +238,17 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             return
         super().connection_made(cast("asyncio.Transport", transport))
         self.flow = self._flow = BoundedFlowControl(self.transport, self._held)
-        prepare(self.transport.get_extra_info("socket"), self._shared.dead_after)
+        prepare(self.transport.get_extra_info("socket"), self._context.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)
         if self.scheme == "http":  # TlsAcceptor has counted an https connection
-            self._shared.opening -= 1
+            self._context.opening -= 1
         early, self._early = self._early, None
-        self._shared.all.add(self)
-        if self._shared.closing:
+        self._context.all.add(self)
+        if self._context.closing:
             self.transport.abort()
         elif not self._guard.admit(self):
-            level = self._shared.refusal_level(self.loop.time())
+            level = self._context.refusal_level(self.loop.time())
             logger.log(level, "%s refused: %d connections are busy", self.name, len(self._guard))
             self.transport.abort()
         else:
@@ -261,11 +261,11 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Return the receive buffer; all connections share it, because the data is processed immediately."""
-        return self._shared.view
+        return self._context.view
 
     def buffer_updated(self, nbytes: int) -> None:
         """Process received data."""
-        self.data_received(bytes(self._shared.view[:nbytes]))
+        self.data_received(bytes(self._context.view[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
         """Process received data; called directly by uvloop."""
@@ -303,7 +303,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         carried, self.carried = self.carried, set()
         for client in carried:
             client.disconnected(self)
-        self._shared.discard(self)
+        self._context.discard(self)
 
     def pause_writing(self) -> None:
         """Note that the client does not read its response."""
@@ -330,7 +330,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def on_response_complete(self) -> None:
         """Continue after a complete response."""
-        self._guard.answered(self)
+        self._guard.mark_replied(self)
         super().on_response_complete()
         if self._half_closed and not self._whole:
             self.transport.close()
@@ -340,7 +340,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         """Refuse data that is not HTTP."""
         error = sys.exception()  # the exception that uvicorn has caught; uvicorn does not pass on its status
         too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
-        level = self._shared.refusal_level(self.loop.time())
+        level = self._context.refusal_level(self.loop.time())
         logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
         if too_long:
             text = tr("the header of the request is too long")
@@ -418,7 +418,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.close()
         self._update_stage()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return (self.transport.get_extra_info("socket").fileno(),)
 
@@ -427,7 +427,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._stage is Stage.WORK:
             self.cycle.keep_alive = False
         elif self._stage is Stage.BODY:
-            self._respond("503 Service Unavailable", closing())
+            self._respond("503 Service Unavailable", closing_message())
         else:
             self.transport.close()
             self._update_stage()
@@ -437,6 +437,6 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.abort()
 
 
-def closing() -> str:
+def closing_message() -> str:
     """Return the message for clients while the server is closing."""
     return tr("the server is closing")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Self
 from orinkit.core import optional_deps
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
-from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, deepen
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
 from orinkit.server.context import ServerContext
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
@@ -35,7 +35,7 @@ class HttpListener(StreamListener):
     """Accepts HTTP clients at one address."""
 
     @classmethod
-    async def open(cls, address: HttpAddress, shared: ServerContext, options: HttpOptions) -> Self:
+    async def open(cls, address: HttpAddress, context: ServerContext, options: HttpOptions) -> Self:
         """Open a listening socket.
 
         Raises:
@@ -51,21 +51,21 @@ class HttpListener(StreamListener):
         from orinkit.server.http.limits import ConnectionLimiter, LimitedProtocol
         from orinkit.server.http.tls import TlsAcceptor
 
-        context = _context(address, options) if address.scheme == "https" else None
+        tls_context = _context(address, options) if address.scheme == "https" else None
         if ":" not in address.host:  # an IPv6 address needs no entry: any address is accepted as a Host
             options = replace(options, hosts=(*options.hosts, address.host))
-        app = App(shared, options, secure=context is not None)
+        app = App(context, options, secure=tls_context is not None)
         config = _config(app)
         state = ServerState()
-        state.tasks = shared.tasks
-        guard = ConnectionLimiter(shared)
+        state.tasks = context.tasks
+        guard = ConnectionLimiter(context)
 
         def make() -> LimitedProtocol:
             return LimitedProtocol(guard, config, state)
 
         def accept() -> asyncio.BaseProtocol:
-            shared.opening += 1
-            return make() if context is None else TlsAcceptor(guard, context, make)
+            context.opening += 1
+            return make() if tls_context is None else TlsAcceptor(guard, tls_context, make)
 
         _warn_of_token(address, options)
         server = await asyncio.get_running_loop().create_server(
@@ -75,7 +75,7 @@ class HttpListener(StreamListener):
         app.listens_at(port)
         try:
             await server.start_serving()
-            deepen(server)
+            set_backlog(server)
         except BaseException:
             server.close()
             raise

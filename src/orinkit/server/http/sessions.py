@@ -31,7 +31,7 @@ logger = logging.getLogger("orinkit.server")
 CALLS: Final = 8
 """Limit on the calls of one client in progress."""
 _MAX_CALLS: Final = 8 * CALLS  # including abandoned ones
-FORGOTTEN_AFTER: Final = 10.0
+IDLE_TIMEOUT: Final = 10.0
 """Seconds of silence after which a session ends if its connection broke during a call, or if its cookie was never sent
 back."""
 
@@ -95,21 +95,21 @@ class HttpSession:
         plain: whether the session has been used without a cookie.
         ended: whether the session has ended.
         address_session: the session of the client's address, to which the Service_Start of this session may also belong.
-        client_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
-        heard: loop time of the last request, s.
+        client_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
+        last_request_at: loop time of the last request, s.
     """
 
     def __init__(self, sessions: HttpSessions, key: str, address: str, port: int) -> None:
-        shared = sessions.shared
+        context = sessions.context
         self.key = key
         self.address = address
-        self.session = Session(shared.host, ClientInfo(address, "http", port), shared.numbers)
-        self.invoke_timeout = shared.invoke_timeout
+        self.session = Session(context.host, ClientInfo(address, "http", port), context.numbers)
+        self.invoke_timeout = context.invoke_timeout
         self.known = False
         self.plain = False
         self.address_session: HttpSession | None = None
         self._sessions = sessions
-        self._shared = shared
+        self._context = context
         self._loop = sessions.loop
         self._name = f"{address}:{port}/http"
         self._calls: set[RunningCall] = set()
@@ -117,8 +117,8 @@ class HttpSession:
         self._broken = False
         self._closing = False
         self.ended = False
-        self.client_limit: float | None = None
-        self.heard = self._heard = self._loop.time()
+        self.client_silence_limit: float | None = None
+        self.last_request_at = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
         ] = {}  # open connections; the value: whether it has carried several requests
@@ -136,7 +136,7 @@ class HttpSession:
         """
         self._waiting += 1
         self._broken = False
-        self.heard = self._loop.time()
+        self.last_request_at = self._loop.time()
         if connection is not None:
             self._connections[connection] = connection in self._connections
         self._liveness.start()
@@ -161,19 +161,19 @@ class HttpSession:
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
     @property
-    def answered(self) -> float:
+    def last_reply_at(self) -> float:
         """The time of the last response."""
         return self._heard
 
     @property
-    def at_work(self) -> bool:
+    def has_call(self) -> bool:
         """True if a request is in progress."""
         return self._waiting > 0
 
     @property
-    def server_limit(self) -> float | None:
+    def server_silence_limit(self) -> float | None:
         """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
-        return None if self._has_persistent and not self.plain else self._shared.alive
+        return None if self._has_persistent and not self.plain else self._context.alive
 
     def give_up(self, reason: str) -> None:
         """End the session: the client has become unreachable."""
@@ -195,7 +195,7 @@ class HttpSession:
             self._restart_timer()
 
     @property
-    def busy(self) -> bool:
+    def at_call_limit(self) -> bool:
         """True if the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
         awaited = sum(call.client_waits for call in self._calls)
         return awaited >= CALLS or len(self._calls) >= _MAX_CALLS
@@ -220,8 +220,8 @@ class HttpSession:
 
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
-        default = self._shared.invoke_timeout
-        self.client_limit = options.alive
+        default = self._context.invoke_timeout
+        self.client_silence_limit = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.address_session is not None:
             self.address_session.set_options(options)
@@ -231,10 +231,10 @@ class HttpSession:
         call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
-        self._shared.tasks.add(task)
+        self._context.tasks.add(task)
 
         def done(_: object) -> None:
-            self._shared.tasks.discard(task)
+            self._context.tasks.discard(task)
             if iscoroutine(pending.work):
                 pending.work.close()  # prevents a warning if it was cancelled before it began
 
@@ -257,14 +257,14 @@ class HttpSession:
 
     # --- end of the session --------------------------------------------------------------------------------------------------
 
-    def replaced(self) -> None:
+    def on_address_lost(self) -> None:
         """Restart the idle timer: from now on the session can be reached only by its cookie."""
         self._restart_timer()
 
     def _idle_limit(self) -> float:
         idle = self._sessions.idle
         short_lived = self._broken or not (self.known or self._sessions.is_reachable_by_address(self))
-        return min(idle, FORGOTTEN_AFTER) if short_lived else idle
+        return min(idle, IDLE_TIMEOUT) if short_lived else idle
 
     def _restart_timer(self) -> None:
         self._timer.cancel()
@@ -295,7 +295,7 @@ class HttpSession:
         self._timer.cancel()
         self._liveness.end()
         self._sessions.forget(self)
-        self._shared.open.discard(self)
+        self._context.open.discard(self)
         calls, self._calls = self._calls, set()
         for call in calls:
             call.give_up(CallReply(hresult.E_ABORT, detail=tr("the session has ended")))
@@ -303,7 +303,7 @@ class HttpSession:
                 call.task.cancel()
         logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
         self.session.close()
-        self._shared.discard(self)
+        self._context.discard(self)
 
     def close(self) -> None:
         """End the session after the requests in progress have completed: the server is closing."""
@@ -320,12 +320,12 @@ class HttpSessions:
     """The sessions of one HTTP listener.
 
     Args:
-        shared: the state shared by all clients of the server.
+        context: the state shared by all clients of the server.
         idle: seconds of silence after which a session ends.
     """
 
-    def __init__(self, shared: ServerContext, idle: float) -> None:
-        self.shared = shared
+    def __init__(self, context: ServerContext, idle: float) -> None:
+        self.context = context
         self.loop = asyncio.get_running_loop()
         self.idle = idle
         self._by_key: dict[str, HttpSession] = {}  # oldest first
@@ -351,17 +351,17 @@ class HttpSessions:
 
     def create(self, address: str, port: int) -> HttpSession | None:
         """Create a session that can be reached only by its cookie; return ``None`` if the limit is reached."""
-        shared = self.shared
-        if not shared.closing and len(shared.open) >= shared.clients:
+        context = self.context
+        if not context.closing and len(context.open) >= context.clients:
             self._make_room()
-        reason = shared.make_room(network_of(address))
+        reason = context.make_room(network_of(address))
         if reason:
-            logger.log(shared.refusal_level(self.loop.time()), "%s:%d/http refused: %s", address, port, reason)
+            logger.log(context.refusal_level(self.loop.time()), "%s:%d/http refused: %s", address, port, reason)
             return None
         made = HttpSession(self, secrets.token_urlsafe(18), address, port)
         self._by_key[made.key] = made
-        shared.open.add(made)
-        shared.all.add(made)
+        context.open.add(made)
+        context.all.add(made)
         return made
 
     def for_service_start(self, address: str, port: int) -> HttpSession | None:
@@ -378,7 +378,7 @@ class HttpSessions:
         if current is None or not current.plain:
             self._by_address[address] = made
             if current is not None:
-                current.replaced()
+                current.on_address_lost()
         else:
             current.enter()
             current.leave()

@@ -23,19 +23,21 @@ class TlsAcceptor(asyncio.Protocol):
 
     Args:
         guard: the connection limiter.
-        context: the TLS context, with the certificate.
+        tls_context: the TLS context, with the certificate.
         make: factory of the protocol for the time after the handshake.
     """
 
-    def __init__(self, guard: ConnectionLimiter, context: ssl.SSLContext, make: Callable[[], LimitedProtocol]) -> None:
+    def __init__(
+        self, guard: ConnectionLimiter, tls_context: ssl.SSLContext, make: Callable[[], LimitedProtocol]
+    ) -> None:
         self._guard = guard
-        self._context = context
+        self._tls_context = tls_context
         self._make = make
         self._transport: asyncio.Transport | None = None
         self._early = bytearray()
         self.network = ""
 
-    at_work = False
+    has_call = False
 
     def data_received(self, data: bytes) -> None:
         """Buffer data received before the server's side of the handshake has begun."""
@@ -46,16 +48,16 @@ class TlsAcceptor(asyncio.Protocol):
         self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
         keep_from_children(self)
         self.network = network_of(str((transport.get_extra_info("peername") or ("",))[0]))
-        shared = self._guard.shared
-        shared.opening -= 1
-        if shared.closing or not self._guard.admit(self):
+        context = self._guard.context
+        context.opening -= 1
+        if context.closing or not self._guard.admit(self):
             transport.abort()
             return
         transport.pause_reading()  # has no effect with uvloop, which starts reading after this method
-        shared.all.add(self)
+        context.all.add(self)
         self._task = asyncio.get_running_loop().create_task(self._handshake(transport))
-        shared.tasks.add(self._task)
-        self._task.add_done_callback(shared.tasks.discard)
+        context.tasks.add(self._task)
+        self._task.add_done_callback(context.tasks.discard)
 
     async def _handshake(self, transport: asyncio.Transport) -> None:
         protocol = self._make()
@@ -66,7 +68,7 @@ class TlsAcceptor(asyncio.Protocol):
             loop.start_tls(
                 transport,
                 protocol,
-                self._context,
+                self._tls_context,
                 server_side=True,
                 ssl_handshake_timeout=_HANDSHAKE_TIMEOUT,
                 ssl_shutdown_timeout=_SHUTDOWN_TIMEOUT,
@@ -86,9 +88,9 @@ class TlsAcceptor(asyncio.Protocol):
                 transport.abort()
             else:
                 protocol.connection_made(secured)
-            self._guard.shared.discard(self)
+            self._guard.context.discard(self)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Return the descriptor to replace in a forked child."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
@@ -112,4 +114,4 @@ class TlsAcceptor(asyncio.Protocol):
         if self._transport is not None:  # a task cancelled before it begins would leave it open
             self._transport.abort()
         self._guard.discard(self)
-        self._guard.shared.discard(self)
+        self._guard.context.discard(self)

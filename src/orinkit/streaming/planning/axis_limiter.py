@@ -46,7 +46,7 @@ class TargetMotion(NamedTuple):
     acceleration: float = 0.0
     jumps: int = 0
 
-    def outward(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
+    def relative_state(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
         """Return the state of an axis relative to the set-points, one period before the last one.
 
         Args:
@@ -148,7 +148,7 @@ class AxisLimiter:
         step = min(self._fastest(abs(way)), abs(way))
         return goal if step == abs(way) else now + math.copysign(step, way)
 
-    def course(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
+    def target_motion(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
         """Return the motion of three set-points; after a jump, return the previous motion for up to two periods.
 
         Args:
@@ -177,9 +177,9 @@ class AxisLimiter:
         velocity = min(abs(step) / self._period, self.velocity)
         acceleration = way * (step - (before - earlier)) / self._period**2
         acceleration = min(max(acceleration, -self.acceleration), self.acceleration)
-        acceleration = bearable(velocity, acceleration, self.velocity, self.jerk)
+        acceleration = clamp_acceleration(velocity, acceleration, self.velocity, self.jerk)
         velocity = min(max(velocity + 0.5 * acceleration * self._period, 0.0), self.velocity)
-        return way * velocity, way * bearable(velocity, acceleration, self.velocity, self.jerk)
+        return way * velocity, way * clamp_acceleration(velocity, acceleration, self.velocity, self.jerk)
 
     def complaint(self, before: float, now: float, value: float, behind: float) -> str:
         """Return the message for a command that may not follow the last two.
@@ -270,7 +270,7 @@ def fastest(room: float, change: float) -> float:
     return room / (n + 1) + 0.5 * n * change
 
 
-def bearable(velocity: float, acceleration: float, most: float, jerk: float) -> float:
+def clamp_acceleration(velocity: float, acceleration: float, most: float, jerk: float) -> float:
     """Return the nearest acceleration from which the velocity neither exceeds its limit nor changes its sign.
 
     Args:

@@ -20,10 +20,10 @@ from orinkit.streaming.planning.axis_limiter import (
     ROUNDING,
     SLIGHT,
     TOLERANCE,
-    bearable,
+    clamp_acceleration,
     fastest,
 )
-from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, JerkLimitedMotion, keeping_up
+from orinkit.streaming.planning.jerk_limited import PART, SLOWEST, SNAP, JerkLimitedMotion, catch_up_jerk
 
 Basis: TypeAlias = tuple[Vector, Vector, Vector]
 """Three orthogonal unit vectors."""
@@ -187,7 +187,7 @@ class CartesianLimiter:
             self._halting = False
         basis = self._frame.basis
         smooth = self._towards
-        self._limit(smooth, speed, acceleration, keeping_up(self._jerk, pushed / self._acceleration))
+        self._limit(smooth, speed, acceleration, catch_up_jerk(self._jerk, pushed / self._acceleration))
         smooth.aim(list(_into(basis, left)))
         ended = smooth.step(NOTHING, _into(basis, velocity), _into(basis, accel))
         if ended is None:
@@ -317,9 +317,9 @@ class CartesianLimiter:
         accel = _clip_norm(times(minus(self.step, self._before), period**-2), self._acceleration)
         along = dot(accel, way)
         aside = minus(accel, times(way, along))
-        along = bearable(speed, along, self._speed, self._jerk)
+        along = clamp_acceleration(speed, along, self._speed, self._jerk)
         speed = min(max(speed + 0.5 * along * period, 0.0), self._speed)
-        along = bearable(speed, along, self._speed, self._jerk)
+        along = clamp_acceleration(speed, along, self._speed, self._jerk)
         self._velocity = plus(times(way, speed), times(aside, 0.5 * period))
         self._accel = plus(times(way, along), aside)
 

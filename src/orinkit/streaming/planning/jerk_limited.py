@@ -106,9 +106,9 @@ class JerkLimitedMotion:
         if goal != self._goal:
             self._goal = goal
             self._input.target_position = goal
-            self.restart()
+            self.resynchronize()
 
-    def restart(self) -> None:
+    def resynchronize(self) -> None:
         """Synchronize the axes again."""
         if self._ranges is not None:
             self._input.synchronization = self._together
@@ -173,7 +173,7 @@ class JerkLimitedMotion:
         return all(lower - _BEYOND <= way.min and way.max <= upper + _BEYOND for way, lower, upper in extrema)
 
 
-def keeping_up(jerk: float, part: float) -> float:
+def catch_up_jerk(jerk: float, part: float) -> float:
     """Return the jerk limit of a motion that catches up with set-points.
 
     It is raised because, relative to set-points whose acceleration changes, a motion with low jerk would lag forever.

@@ -18,7 +18,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.core.validation import check_finite, check_positive
 from orinkit.streaming.planning.axis_limiter import AxisLimiter, AxisState, TargetMotion
-from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, JerkLimitedMotion, keeping_up
+from orinkit.streaming.planning.jerk_limited import SLOWEST, SNAP, JerkLimitedMotion, catch_up_jerk
 from orinkit.streaming.planning.limits import Limits
 
 _SURELY_FINITE: Final = 1e300
@@ -142,7 +142,7 @@ class JointPlanner:
         smooth = self._to_rest
         if not self._halting:
             self._halting = True
-            smooth.restart()
+            smooth.resynchronize()
         if self._is_standing():
             self._send(list(self.command), self._zeros(), self._zeros())
         else:
@@ -185,11 +185,11 @@ class JointPlanner:
         first, last = self._last_points or (aims, aims)
         held: Sequence[TargetMotion | None] = self._target_motions or [None] * len(axes)
         courses = [
-            axis.course(before, at, aim, course)
+            axis.target_motion(before, at, aim, course)
             for axis, before, at, aim, course in zip(axes, first, last, aims, held, strict=True)
         ]
         seen = [
-            _NOTHING if fit else course.outward(at - aim, v, a, period)
+            _NOTHING if fit else course.relative_state(at - aim, v, a, period)
             for fit, course, at, aim, v, a in zip(
                 fits, courses, now, aims, self._velocity, self._acceleration, strict=True
             )
@@ -232,7 +232,7 @@ class JointPlanner:
             [max(axis.velocity + course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
             [axis.acceleration - course.acceleration for axis, course in rows],
             [axis.acceleration + course.acceleration for axis, course in rows],
-            [keeping_up(axis.jerk, abs(course.acceleration) / axis.acceleration) for axis, course in rows],
+            [catch_up_jerk(axis.jerk, abs(course.acceleration) / axis.acceleration) for axis, course in rows],
         )
 
     def _send(

@@ -18,7 +18,7 @@ from orinkit.arms.geometry import (
     of_angles,
     of_vectors,
     plus,
-    turn_between,
+    rotvec_between,
     turned,
     vectors_of,
 )
@@ -28,7 +28,7 @@ from orinkit.core.validation import brief
 from orinkit.streaming.planning.cartesian_limiter import NOTHING, CartesianLimiter
 from orinkit.streaming.planning.joint_planner import checked_period
 from orinkit.streaming.planning.limits import PathLimits
-from orinkit.values.pose_numbers import COUNTS, FIELDS, conform, is_whole
+from orinkit.values.pose_numbers import COUNTS, FIELDS, is_whole, to_floats
 
 Kind: TypeAlias = Literal["P", "T"]
 
@@ -139,7 +139,7 @@ class PosePlanner:
         tip_fits, spin_fits = self._fits(goal, step, rotation)
         moved = spun = NOTHING
         if self._last_point is not None:
-            moved, spun = minus(goal.place, self._last_point.place), turn_between(self._last_point.turn, goal.turn)
+            moved, spun = minus(goal.place, self._last_point.place), rotvec_between(self._last_point.turn, goal.turn)
         self._last_point, self._goal = goal, None
         if tip_fits and spin_fits:
             self._rotation_left = None
@@ -156,7 +156,7 @@ class PosePlanner:
             rotation, spin_fits = self._spin.chase(way, spun)
             self._rotation_left = minus(way, rotation)
         self._send_turned(goal, place, rotation, there=spin_fits)
-        self._behind = math.dist(_within_reach(goal.place), place), math.hypot(*turn_between(self._turn, goal.turn))
+        self._behind = math.dist(_within_reach(goal.place), place), math.hypot(*rotvec_between(self._turn, goal.turn))
         self.at_rest = self.command == self._before and not any(self._behind)
         return self.command
 
@@ -189,7 +189,7 @@ class PosePlanner:
             raise InvalidValue(self._spin.complaint(rotation, self._behind[1]))
 
     def _steps_to(self, goal: _Pose) -> tuple[Vector, Vector]:
-        return minus(goal.place, self._place), turn_between(self._turn, goal.turn)
+        return minus(goal.place, self._place), rotvec_between(self._turn, goal.turn)
 
     def _fits(self, goal: _Pose, step: Vector, rotation: Vector) -> tuple[bool, bool]:
         near = goal.place == _within_reach(goal.place)
@@ -200,7 +200,7 @@ class PosePlanner:
 
     def _way_to(self, turn: Quaternion) -> Vector:
         """Return the rotation to an orientation in the shorter direction; near 180 deg, in the direction begun."""
-        way = turn_between(self._turn, turn)
+        way = rotvec_between(self._turn, turn)
         angle = math.hypot(*way)
         if self._rotation_left is None or angle < _OPPOSITE:
             return way
@@ -251,7 +251,7 @@ class PosePlanner:
             or not -_SURELY_FINITE < sum(values) < _SURELY_FINITE
             or not is_whole(values[-1])
         ):
-            values = conform(kind, values)
+            values = to_floats(kind, values)
         x, y, z, a, b, c = values[:6]
         turn = of_angles(a, b, c) if kind == "P" else of_vectors((a, b, c), values[6:9])
         return _Pose(tuple(values), (x, y, z), turn)

@@ -61,7 +61,7 @@ _ERRORS: Final[dict[str, type[OrinError]]] = {
 }
 
 
-def describe(error: Exception) -> dict[str, Any]:
+def encode_error(error: Exception) -> dict[str, Any]:
     """Return the message that represents an error."""
     if isinstance(error, CallError):
         return {"kind": "CallError", "code": error.code, "detail": error.detail, "function": error.function}
@@ -71,7 +71,7 @@ def describe(error: Exception) -> dict[str, Any]:
     return {"kind": known or "StreamError", "text": str(error) if known else f"{type(error).__name__}: {error}"}
 
 
-def rebuild(message: dict[str, Any]) -> OrinError:
+def decode_error(message: dict[str, Any]) -> OrinError:
     """Return the error that a message represents."""
     kind = message.get("kind")
     if kind == "CallError":

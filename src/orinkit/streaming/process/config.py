@@ -52,7 +52,7 @@ class StreamerConfig:
     tries: int = 1
 
     @property
-    def plain(self) -> bool:
+    def joints_only(self) -> bool:
         """True if slvMove takes only the joints (VE026A 2.2)."""
         return not DIALECTS[self.dialect].slave_formats
 
@@ -64,7 +64,7 @@ class StreamerConfig:
             "send": int(self.send),
             "receive": (self.receive.number, self.receive.microseconds),
             "window": self.window and (self.window.offset, self.window.size),
-            "outputs": {name: _to_json(value) for name, value in self.outputs.given().items()},
+            "outputs": {name: _to_json(value) for name, value in self.outputs.present_items().items()},
             "limits": [getattr(self.limits, each.name) for each in fields(self.limits)],
         }
         return message

@@ -14,11 +14,11 @@ from typing import Any, Final
 from orinkit.core.errors import OrinError, StreamError
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.jerk_limited import load_ruckig
-from orinkit.streaming.process.channel import Channel, rebuild
+from orinkit.streaming.process.channel import Channel, decode_error
 from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.realtime import RealTime
 from orinkit.streaming.process.shared_memory import StreamMemory
-from orinkit.transport.links import lendable
+from orinkit.transport.links import require_handover
 from orinkit.transport.registry import Transport
 
 _START: Final = """
@@ -56,7 +56,7 @@ class StreamerProcess:
     """
 
     def __init__(self, link: int, kind: str) -> None:
-        row = lendable(kind)
+        row = require_handover(kind)
         load_ruckig()  # the process imports it; a missing package is reported here, to the program
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
@@ -91,7 +91,7 @@ class StreamerProcess:
         self.began = True
         self._channel.send(setup.to_message())
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Process the messages received so far, without waiting; kill the process if it hangs."""
         with self._lock:  # several threads may call
             self._read_messages()
@@ -139,7 +139,7 @@ class StreamerProcess:
         elif "ended" in message:
             self.ended, self.streaming = True, False
             self.reason, self.serial = message["reason"], message["serial"]
-            self.error = rebuild(message["error"]) if message["error"] else None
+            self.error = decode_error(message["error"]) if message["error"] else None
 
     def _exit_code(self) -> int | None:
         try:

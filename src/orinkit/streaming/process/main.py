@@ -10,7 +10,7 @@ from orinkit.core.errors import CallError, ConnectionLost, OrinError, StreamErro
 from orinkit.rc8.slave_formats import OFF
 from orinkit.streaming.planning.planners import planner_for
 from orinkit.streaming.process import realtime
-from orinkit.streaming.process.channel import Channel, describe
+from orinkit.streaming.process.channel import Channel, encode_error
 from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.shared_memory import StreamMemory
 from orinkit.streaming.process.streamer import ProgramMonitor, Streamer, StreamerConnection
@@ -51,22 +51,22 @@ def main(
     try:
         _stream(setup, connection, shared, watch, channel, outcome)
     except CallError as error:
-        first = connection.first_error(error)
+        first = connection.read_first_error(error)
         connection.leave()
-        outcome["error"] = describe(first)
+        outcome["error"] = encode_error(first)
     except ConnectionLost as error:
-        outcome["error"] = describe(error)
+        outcome["error"] = encode_error(error)
     except OrinError as error:
         connection.leave()
-        outcome["error"] = describe(error)
+        outcome["error"] = encode_error(error)
     except Exception as error:  # noqa: BLE001 - reported to the program
-        outcome["error"] = describe(StreamError(f"{type(error).__name__}: {error}"))
+        outcome["error"] = encode_error(StreamError(f"{type(error).__name__}: {error}"))
     if outcome["reason"] in ("gone", "abandoned") or not channel.open:
         connection.send_close()
     outcome["ended"] = True
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)
-    link.release()
+    link.close_local()
     channel.receive(_FOREVER)  # until the program closes the channel; it may still read the shared memory
 
 
@@ -79,8 +79,8 @@ def _stream(
     outcome: dict[str, Any],
 ) -> None:
     planner = planner_for(setup.limits, setup.period, setup.start, setup.mode.kind)
-    tells = connection.lateness(0) is not None
+    reports_lateness = connection.lateness(0) is not None
     connection.execute("slvChangeMode", setup.mode.number)
     channel.send({"streaming": True})
-    outcome["reason"] = Streamer(setup, connection, shared, watch, planner, tells=tells).run()
+    outcome["reason"] = Streamer(setup, connection, shared, watch, planner, reports_lateness=reports_lateness).run()
     connection.execute("slvChangeMode", OFF)

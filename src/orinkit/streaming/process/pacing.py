@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
-from orinkit.rc8.slave_formats import SlaveAnswer
+from orinkit.rc8.slave_formats import SlaveReply
 
 _PARTS: Final = 8  # a set-point that found the buffer full is sent again after 1/8 of a period
 _LOOKS: Final = 5  # repetitions per period until the controller has taken a set-point
@@ -21,15 +21,15 @@ class Delivery(NamedTuple):
 
     Attributes:
         sent: Time of sending, monotonic clock, s.
-        answered: Time of the reply, monotonic clock, s.
+        replied_at: Time of the reply, monotonic clock, s.
         code: S_OK or S_BUF_FULL.
-        answer: The feedback in the reply.
+        reply: The feedback in the reply.
     """
 
     sent: float
-    answered: float
+    replied_at: float
     code: int
-    answer: SlaveAnswer
+    reply: SlaveReply
 
 
 Call = Callable[[Any], Delivery]
@@ -95,10 +95,10 @@ class TimedPacer:
     def deliver(self, parameter: Any) -> Delivery:
         """Send a set-point; return when the controller has taken it, or after a period if it sends no time stamps."""
         first = self._call(parameter)
-        began = first.answer.timestamp
+        began = first.reply.timestamp
         if began is None:
-            if first.answered - self._tick > self._period / _LATE:  # the next one must not fall into the same cycle
-                self._tick = first.answered
+            if first.replied_at - self._tick > self._period / _LATE:  # the next one must not fall into the same cycle
+                self._tick = first.replied_at
             self._tick = _next_tick(self._tick, self._period)
             sleep_until(self._tick)
             return first
@@ -108,7 +108,7 @@ class TimedPacer:
             self._tick += self._period / _LOOKS
             sleep_until(self._tick)
             again = self._call(parameter)
-            if again.answer.timestamp != began or again.sent > end:
+            if again.reply.timestamp != began or again.sent > end:
                 return again._replace(sent=first.sent)
 
 

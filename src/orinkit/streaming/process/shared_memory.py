@@ -67,7 +67,7 @@ class _Word(IntEnum):
     FEED = 2
     WRITTEN = 3
     READ = 4
-    FORGOTTEN = 5
+    DISCARDED = 5
     TARGET_BEGUN = 6
     TARGET_DONE = 7
     TARGET_LENGTH = 8
@@ -77,8 +77,8 @@ class _Word(IntEnum):
     OUTPUTS_DONE = 25
     OUTPUTS_FLAGS = 26
     SAMPLES = 32
-    SENT = 33
-    DRY = 34
+    TAKEN = 33
+    UNDERFLOWS = 34
     RESTS = 35
     BEGAN = 36
     LATE = 37
@@ -115,7 +115,7 @@ class Outputs:
     hand: int | None = None
     user: tuple[int, bytes] | None = None
 
-    def given(self) -> dict[str, Any]:
+    def present_items(self) -> dict[str, Any]:
         """Return the outputs that are not ``None``, by name."""
         return {name: value for name, value in self.items() if value is not None}
 
@@ -125,7 +125,7 @@ class Outputs:
 
     def changed(self, other: Outputs) -> Outputs:
         """Return these outputs, overridden by those of ``other`` that are not ``None``."""
-        return self if other is _NO_OUTPUTS else Outputs(**{**self.given(), **other.given()})
+        return self if other is _NO_OUTPUTS else Outputs(**{**self.present_items(), **other.present_items()})
 
 
 _OUTPUT_NAMES: Final = tuple(row.name for row in OUTPUTS)
@@ -212,10 +212,10 @@ class StreamMemory:
         return self._words[_Word.ORDER_DONE] == self._words[_Word.ORDER]
 
     @property
-    def waiting(self) -> int:
+    def queued(self) -> int:
         """The number of set-points in the queue."""
         words = self._words
-        return int(words[_Word.WRITTEN] - max(words[_Word.READ], words[_Word.FORGOTTEN]))
+        return int(words[_Word.WRITTEN] - max(words[_Word.READ], words[_Word.DISCARDED]))
 
     def put(self, values: Sequence[float], outputs: Outputs = _NO_OUTPUTS) -> None:
         """Queue a set-point; the queue must have room for it."""
@@ -234,9 +234,9 @@ class StreamMemory:
         self._words[_Word.FEED] = SetPointSource.QUEUE
 
     @property
-    def forgotten(self) -> int:
+    def discarded_until(self) -> int:
         """The number of set-points queued before the queue was last discarded."""
-        return int(self._words[_Word.FORGOTTEN])
+        return int(self._words[_Word.DISCARDED])
 
     @property
     def written(self) -> int:
@@ -245,7 +245,7 @@ class StreamMemory:
 
     def forget(self) -> None:
         """Discard the set-points queued so far."""
-        self._words[_Word.FORGOTTEN] = self._words[_Word.WRITTEN]
+        self._words[_Word.DISCARDED] = self._words[_Word.WRITTEN]
 
     def set_target(self, values: Sequence[float], when_ns: int) -> None:
         """Set the live target, and make it the source of set-points."""
@@ -284,14 +284,14 @@ class StreamMemory:
         return int(self._words[_Word.SAMPLES])
 
     @property
-    def sent(self) -> int:
+    def taken(self) -> int:
         """The number of set-points taken from the queue."""
-        return int(self._words[_Word.SENT])
+        return int(self._words[_Word.TAKEN])
 
     @property
-    def dry(self) -> int:
+    def underflows(self) -> int:
         """The number of underflows: the queue was empty while the arm moved, so that the arm was stopped."""
-        return int(self._words[_Word.DRY])
+        return int(self._words[_Word.UNDERFLOWS])
 
     @property
     def lateness(self) -> Lateness:
@@ -308,7 +308,7 @@ class StreamMemory:
         return bool(self._words[_Word.RESTS])
 
     @property
-    def rested(self) -> bool:
+    def lateness_queried(self) -> bool:
         """True if the controller has detected that, and was queried for late set-points."""
         return self._words[_Word.RESTS] >= RESTS
 
@@ -354,7 +354,7 @@ class StreamMemory:
     def take(self) -> tuple[tuple[float, ...], Outputs] | None:
         """Remove the next set-point from the queue and return it; ``None`` if the queue is empty."""
         words = self._words
-        count = max(words[_Word.READ], words[_Word.FORGOTTEN])
+        count = max(words[_Word.READ], words[_Word.DISCARDED])
         words[_Word.READ] = count
         if count >= words[_Word.WRITTEN]:
             return None
@@ -395,7 +395,7 @@ class StreamMemory:
     def note(self, *, sent: int, dry: int, rests: int) -> None:
         """Report the numbers of set-points sent, of underflows, and of equal set-points sent last at standstill."""
         words = self._words
-        words[_Word.SENT], words[_Word.DRY], words[_Word.RESTS] = sent, dry, rests
+        words[_Word.TAKEN], words[_Word.UNDERFLOWS], words[_Word.RESTS] = sent, dry, rests
 
     def add_lateness(self, more: Lateness) -> None:
         """Add to the late set-points."""

@@ -16,7 +16,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, OrinError, error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.slave_fields import RECEIVED, FieldType
-from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveAnswer, encode_set_point, read_answer
+from orinkit.rc8.slave_formats import OFF, SetPoint, SlaveReply, encode_set_point, read_reply
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.rc8.slave_lateness import Lateness, read_lateness
 from orinkit.streaming.planning.planners import Planner
@@ -140,19 +140,19 @@ class StreamerConnection:
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
         # after noise on the line, the controller synchronizes again when the line is silent
-        later = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
+        retry_timeout = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
-        code, value = self._call(functions.robot_execute, arguments, seconds, tries, later)
-        return Delivery(sent, monotonic(), code, read_answer(self._receive, value))
+        code, value = self._call(functions.robot_execute, arguments, seconds, tries, retry_timeout)
+        return Delivery(sent, monotonic(), code, read_reply(self._receive, value))
 
-    def lateness(self, leave_out: int) -> Lateness | None:
-        """Return how late set-points were, except the first ``leave_out``; ``None`` if the controller cannot report it.
+    def lateness(self, skip_first: int) -> Lateness | None:
+        """Return how late set-points were, except the first ``skip_first``; ``None`` if the controller cannot report it.
 
         A real controller does not have this command: call it before slave mode is on, and never again if it returns
         None.
         """
         try:
-            return read_lateness(self.execute(LATENESS, leave_out)[1])
+            return read_lateness(self.execute(LATENESS, skip_first)[1])
         except (CallError, CallTimeout):
             return None
 
@@ -178,14 +178,22 @@ class StreamerConnection:
             pass
 
     def _call(
-        self, function: Function[..., Any], arguments: tuple[Any, ...], seconds: float, tries: int, later: float = 0.0
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        tries: int,
+        retry_timeout: float = 0.0,
     ) -> tuple[int, Any]:
         try:
-            return run(self.conversation.call(function, arguments, seconds, tries=tries, later=later), self._link)
+            return run(
+                self.conversation.call(function, arguments, seconds, tries=tries, retry_timeout=retry_timeout),
+                self._link,
+            )
         except CallError as error:  # the name of the command is more specific than the function
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
-    def first_error(self, error: CallError) -> CallError:
+    def read_first_error(self, error: CallError) -> CallError:
         """Return the controller's first error: the following ones only report that slave mode is off (RC8 4.7).
 
         Args:
@@ -235,7 +243,7 @@ class Streamer:
         shared: Memory shared with the program.
         watch: Monitor of the program.
         planner: Planner of the commands.
-        tells: True if the controller reports late set-points.
+        reports_lateness: True if the controller reports late set-points.
     """
 
     def __init__(
@@ -246,7 +254,7 @@ class Streamer:
         watch: ProgramMonitor,
         planner: Planner,
         *,
-        tells: bool = False,
+        reports_lateness: bool = False,
     ) -> None:
         self._setup = setup
         self._shared = shared
@@ -255,7 +263,8 @@ class Streamer:
         self._connection = connection
         call: Call = connection.move
         buffering = setup.mode.buffering
-        if setup.plain and buffering == 0:  # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
+        # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
+        if setup.joints_only and buffering == 0:
             buffering = 2
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _ControllerClock(setup.receive.microseconds)
@@ -272,7 +281,7 @@ class Streamer:
         self._patience = _AHEAD
         self._waits_since = monotonic()
         self._rests = 0
-        self._late = 0 if tells else None  # number of late set-points that the controller has reported
+        self._late = 0 if reports_lateness else None  # number of late set-points that the controller has reported
         self._moved = False  # since the last query
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
@@ -304,12 +313,12 @@ class Streamer:
     def _finished(self) -> bool:
         """Return True if all queued set-points were sent; a live target need not be reached."""
         shared = self._shared
-        return shared.feed is not SetPointSource.QUEUE or (not shared.waiting and self._was_dry and self._aim is None)
+        return shared.feed is not SetPointSource.QUEUE or (not shared.queued and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
         """Return True if set-points were sent, the arm stands, and the queue is empty."""
         shared = self._shared
-        return shared.feed is SetPointSource.QUEUE and not shared.waiting and self._sent > 0 and self._rests > 0
+        return shared.feed is SetPointSource.QUEUE and not shared.queued and self._sent > 0 and self._rests > 0
 
     def _command(self, reason: Reason) -> tuple[float, ...]:
         if reason or self._shared.wanted is StreamCommand.HALT:
@@ -342,7 +351,7 @@ class Streamer:
 
     def _ready(self) -> bool:
         """Return True if streaming can begin: with a few queued set-points, one that is slightly late has no effect."""
-        waiting = self._shared.waiting
+        waiting = self._shared.queued
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
             return True
         self._patience = self._patience - 1 if waiting else _AHEAD
@@ -388,7 +397,7 @@ class Streamer:
             self._note_outputs()
 
     def _note_outputs(self) -> None:
-        self._beside = self._outputs.given()
+        self._beside = self._outputs.present_items()
         if self._setup.window is not None:
             self._beside["window"] = self._setup.window
 
@@ -400,7 +409,7 @@ class Streamer:
 
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup = self._setup
-        if setup.plain:
+        if setup.joints_only:
             return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
@@ -410,7 +419,7 @@ class Streamer:
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 
     def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
-        answer: SlaveAnswer = delivery.answer
+        answer: SlaveReply = delivery.reply
         sent = round(delivery.sent * 1e9)
         delay = -1
         if self._delay_from:
@@ -418,4 +427,4 @@ class Streamer:
         values = answer.values()
         if _STAMP in values:
             values[_STAMP] = self._clock.read(values[_STAMP])
-        return RawSample(sent, round(delivery.answered * 1e9), delivery.code, command, delay, values)
+        return RawSample(sent, round(delivery.replied_at * 1e9), delivery.code, command, delay, values)

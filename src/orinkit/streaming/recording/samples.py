@@ -29,7 +29,7 @@ class Sample:
         current: Currents of the motors, A.
         delay: Time from setting a live target until this set-point, the first one towards it, was sent, s; ``None`` for
             other set-points.
-        answered: Time of the reply, s on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
+        replied: Time of the reply, s on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
         more: Fields of the reply without an attribute here, by name.
     """
 
@@ -47,7 +47,7 @@ class Sample:
     user: bytes | Any = None
     current: tuple[float, ...] | Any = None
     delay: float | None = None
-    answered: float = 0.0
+    replied: float = 0.0
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
     def value(self, row: SlaveField) -> Any:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from operator import sub
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from orinkit.arms.geometry import Quaternion, of_angles, of_vectors, turn_between
+from orinkit.arms.geometry import Quaternion, of_angles, of_vectors, rotvec_between
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
@@ -47,7 +47,7 @@ def of_path(points: Points, start: Sequence[float], kind: PoseKind) -> tuple[Dif
     columns = list(zip(start, *points, strict=True))
     x, y, z = (of_column(column[1:], column[0]) for column in columns[:3])
     turns = orientations(columns, kind)
-    a, b, c = zip(*map(turn_between, turns[:-1], turns[1:]), strict=True)
+    a, b, c = zip(*map(rotvec_between, turns[:-1], turns[1:]), strict=True)
     return (
         Differences(_lengths(x.steps, y.steps, z.steps), _lengths(x.changes, y.changes, z.changes)),
         Differences([*_lengths(a, b, c), 0.0], _lengths(*map(_changes, (a, b, c)))),

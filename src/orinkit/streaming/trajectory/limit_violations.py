@@ -9,7 +9,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.validation import check_seconds
 from orinkit.streaming.trajectory import finite_differences
-from orinkit.values.pose_numbers import rounded
+from orinkit.values.pose_numbers import rounded_text
 
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
@@ -235,4 +235,4 @@ def _at(sample: int, period: float) -> str:
 
 
 def _short(kind: str, values: Sequence[float]) -> str:
-    return rounded(kind, [round(value, _SHOWN) for value in values])
+    return rounded_text(kind, [round(value, _SHOWN) for value in values])

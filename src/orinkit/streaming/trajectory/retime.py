@@ -56,11 +56,11 @@ def retime(
         return given
     arm.check_range(given)
     curve = Curve(given, kind, arm.ranges)
-    bends = arm.bends(curve)
-    cells = cells_of(bends)
+    constraints = arm.constraints(curve)
+    cells = cells_of(constraints)
     allowed = [1.0] * (len(given) - 1)
     for number in range(1, _ROUNDS + 1):
-        profile = profile_of(bends, cells, allowed)
+        profile = profile_of(constraints, cells, allowed)
         if profile.periods > MOST_SAMPLES - 1:
             raise _too_long(profile.periods * period)
         samples, fractions = profile.sampled()
@@ -68,7 +68,7 @@ def retime(
         fault = arm.fault(result)
         if fault is None:
             return result
-        _slow_down(allowed, cells.free, samples, arm.excesses(result), number)
+        _slow_down(allowed, cells.full_rate_allowed, samples, arm.excesses(result), number)
     raise _impossible(fault)
 
 
@@ -84,7 +84,7 @@ class _RetimeProblem(Protocol):
     def check_range(self, points: Points) -> None:
         """Raise TrajectoryError for points out of range, which retiming cannot correct."""
 
-    def bends(self, curve: Curve) -> CurveConstraints:
+    def constraints(self, curve: Curve) -> CurveConstraints:
         """Return the constraints of the limits on a curve."""
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
@@ -109,7 +109,7 @@ class _JointProblem:
     def check_range(self, points: Points) -> None:
         check_range(points, self._limits, self._period)
 
-    def bends(self, curve: Curve) -> CurveConstraints:
+    def constraints(self, curve: Curve) -> CurveConstraints:
         return JointConstraints(curve.coordinates, self._velocity, self._acceleration)
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
@@ -141,7 +141,7 @@ class _PathProblem:
     def check_range(self, points: Points) -> None:
         """Accept all points: poses have no range."""
 
-    def bends(self, curve: Curve) -> CurveConstraints:
+    def constraints(self, curve: Curve) -> CurveConstraints:
         return PathConstraints(
             curve.coordinates,
             self._velocities[0], self._accelerations[0], self._velocities[1], self._accelerations[1],

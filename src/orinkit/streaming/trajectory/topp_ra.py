@@ -47,7 +47,7 @@ _INSCRIBED: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these d
 class CurveConstraints(Protocol):
     """The constraints that limits impose on a curve."""
 
-    def free(self) -> list[bool]:
+    def full_rate_allowed(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
@@ -73,7 +73,7 @@ class JointConstraints:
         ]
         self._count = len(coordinates[0].b)
 
-    def free(self) -> list[bool]:
+    def full_rate_allowed(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
         free = [True] * self._count
         for b, c, d, scale in self._joints:
@@ -128,7 +128,7 @@ class PathConstraints:
         self._speed, self._acceleration = speed, acceleration
         self._rotation, self._rotation_acceleration = rotation, rotation_acceleration
 
-    def free(self) -> list[bool]:
+    def full_rate_allowed(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
         free = []
         for interval in range(len(self._place[0].b)):
@@ -200,34 +200,34 @@ class Cells(NamedTuple):
         counts: Number of cells of each interval.
     """
 
-    free: Sequence[bool]
+    full_rate_allowed: Sequence[bool]
     counts: Sequence[int]
 
 
-def cells_of(bends: CurveConstraints) -> Cells:
+def cells_of(constraints: CurveConstraints) -> Cells:
     """Divide a curve into cells: a slow interval into about as many cells as it takes periods."""
-    free = bends.free()
+    free = constraints.full_rate_allowed()
     last = len(free) - 1
     return Cells(
         free,
         [
-            1 if known and 0 < interval < last else _count(bends, interval, at_end=interval in (0, last))
+            1 if known and 0 < interval < last else _count(constraints, interval, at_end=interval in (0, last))
             for interval, known in enumerate(free)
         ],
     )
 
 
-def profile_of(bends: CurveConstraints, cells: Cells, allowed: Sequence[float]) -> SpeedProfile:
+def profile_of(constraints: CurveConstraints, cells: Cells, allowed: Sequence[float]) -> SpeedProfile:
     """Return the time-optimal parameterization of a curve, with standstill at both ends.
 
     Args:
-        bends: The constraints.
+        constraints: The constraints.
         cells: The cells of the curve.
         allowed: For each interval between samples, the fraction of the limits that may be used.
     """
-    free = [known and part == 1.0 for known, part in zip(cells.free, allowed, strict=True)]
-    controllable = _backward_pass(bends, allowed, cells.counts, free)
-    squares = _forward_pass(bends, allowed, cells.counts, free, controllable)
+    free = [known and part == 1.0 for known, part in zip(cells.full_rate_allowed, allowed, strict=True)]
+    controllable = _backward_pass(constraints, allowed, cells.counts, free)
+    squares = _forward_pass(constraints, allowed, cells.counts, free, controllable)
     periods = 0.0
     place = 0
     for count in cells.counts:
@@ -237,13 +237,13 @@ def profile_of(bends: CurveConstraints, cells: Cells, allowed: Sequence[float]) 
     return SpeedProfile(squares, cells.counts, periods)
 
 
-def _count(bends: CurveConstraints, interval: int, *, at_end: bool) -> int:
-    (begin, cap), (end, other) = bends.at(interval, 0.0), bends.at(interval, 1.0)
+def _count(constraints: CurveConstraints, interval: int, *, at_end: bool) -> int:
+    (begin, cap), (end, other) = constraints.at(interval, 0.0), constraints.at(interval, 1.0)
     bend = max([abs(row[1]) for row in (*begin, *end)], default=0.0)
     slopes = max([abs(row[0]) for row in begin], default=0.0), max([abs(row[0]) for row in end], default=0.0)
     if not at_end and bend <= _LOW_CURVATURE * min(slopes) and bend <= 1.0:
         return 1
-    middle, third = bends.at(interval, 0.5)
+    middle, third = constraints.at(interval, 0.5)
     largest = max(*slopes, *[abs(row[0]) for row in middle], _NOTHING)
     periods = math.sqrt(max(bend, 1.0 / min(cap, other, third)))
     if at_end:  # from or to standstill
@@ -263,7 +263,7 @@ def _grid(count: int) -> tuple[float, ...]:
 
 
 def _backward_pass(
-    bends: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
+    constraints: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
 ) -> list[float]:
     """Backward pass: return the upper end of the controllable set at each grid point."""
     controllable = [0.0]
@@ -273,10 +273,10 @@ def _backward_pass(
             controllable.append(1.0)
             continue
         count, part = cells[interval], allowed[interval] * _MARGIN
-        end, cap_end = bends.at(interval, 1.0)
+        end, cap_end = constraints.at(interval, 1.0)
         controllable[-1] = following = min(following, _cap(cap_end, part))
         for place, after in pairwise(reversed(_grid(count))):
-            begin, cap = bends.at(interval, after)
+            begin, cap = constraints.at(interval, after)
             width = 2.0 * (place - after)
             rows, most = _cell_constraints(begin, end, width, part, _cap(cap, part))
             least = _LEAST * min([following, *[limit * width for limit, _ in rows]])
@@ -288,7 +288,7 @@ def _backward_pass(
 
 
 def _forward_pass(
-    bends: CurveConstraints,
+    constraints: CurveConstraints,
     allowed: Sequence[float],
     cells: Sequence[int],
     free: Sequence[bool],
@@ -304,9 +304,9 @@ def _forward_pass(
             squares.append(z)
             continue
         part = allowed[interval] * _MARGIN
-        begin, _ = bends.at(interval, 0.0)
+        begin, _ = constraints.at(interval, 0.0)
         for before, after in pairwise(_grid(count)):
-            end, _ = bends.at(interval, after)
+            end, _ = constraints.at(interval, after)
             width = 2.0 * (after - before)
             rows, _ = _cell_constraints(begin, end, width, part, 1.0)
             place += 1

@@ -125,7 +125,7 @@ class AsyncHttpLink(HttpLinkBase):
         try:
             return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
-            if self._transport.unanswered:
+            if self._transport.closed_without_reply:
                 return b""
             raise self._contact.broken(error, ended=self._transport.ended) from error
         finally:

@@ -51,9 +51,9 @@ class HttpLinkBase(ProcessBound, ABC):
         """Create the HTTP client, and the rest of the state of an idle link."""
 
     @property
-    def tells(self) -> bool | None:
+    def reports_executing(self) -> bool | None:
         """True if the server reports that a call is still executing; ``None`` if that is not known yet."""
-        return self._contact.tells
+        return self._contact.reports_executing
 
     @property
     def patience(self) -> float:
@@ -81,16 +81,16 @@ class HttpLinkBase(ProcessBound, ABC):
         It is already closed if the server has never replied, because then there is no session.
         """
         made = type(self)(self._contact.address, known=self._known)
-        if self.tells is None:
+        if self.reports_executing is None:
             made.close()
         return made
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
         return ()
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link, which no other process can have."""
         self.close()
 

@@ -86,7 +86,7 @@ class _Stream(StreamState, httpcore2.NetworkStream):
 
     def close(self) -> None:
         """Close the connection."""
-        self._transport.part(self._socket)
+        self._transport.close_socket(self._socket)
 
     def get_extra_info(self, info: str) -> Any:
         """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
@@ -160,7 +160,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         with self._changing:
             self._end()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the connection as closed for good in a forked child, and return the descriptor."""
         self.closed = self.halted = True
         self._changing = threading.RLock()
@@ -168,12 +168,12 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         self._left = left
         return () if left is None else (left.fileno(),)
 
-    def let_go(self) -> None:
+    def close_idle(self) -> None:
         """Close the descriptor; the connection must be idle."""
         if self._socket is not None:
-            self.part(self._socket)
+            self.close_socket(self._socket)
 
-    def part(self, connection: socket.socket) -> None:
+    def close_socket(self, connection: socket.socket) -> None:
         """Close a socket, while no other thread uses it."""
         with self._changing:
             connection.close()
@@ -183,7 +183,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         self._connection = None
         with self._changing:
             self._end()
-        self.let_go()
+        self.close_idle()
 
     def _end(self) -> None:
         try:
@@ -224,7 +224,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             prepare(connection, self._known.dead_after)
             connection.connect(place)
         except BaseException:
-            self.part(connection)
+            self.close_socket(connection)
             raise
         return connection
 
@@ -239,7 +239,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             self._take(secure, self.deadline.left)
             secure.do_handshake()
         except BaseException:
-            self.part(secure)
+            self.close_socket(secure)
             raise
         return secure
 

@@ -72,7 +72,7 @@ class HttpLink(HttpLinkBase):
         finally:
             self._busy.release()
             if self._transport.closed:
-                self._let_go()
+                self._close_idle()
 
     def receive(self, seconds: float) -> bytes | None:
         """Post the request, if it is not posted yet, and return the received data.
@@ -100,7 +100,7 @@ class HttpLink(HttpLinkBase):
                 return self._received(seconds)
         finally:
             if self._transport.closed:
-                self._let_go()
+                self._close_idle()
 
     def _received(self, seconds: float) -> bytes | None:
         if self._owner not in (0, threading.get_ident()):
@@ -115,7 +115,7 @@ class HttpLink(HttpLinkBase):
                 return None
             if isinstance(error, OrinError):
                 raise
-            if self._transport.unanswered:
+            if self._transport.closed_without_reply:
                 return b""
             raise self._contact.broken(error, ended=self._transport.ended) from error
         if self._transport.closed:
@@ -167,22 +167,22 @@ class HttpLink(HttpLinkBase):
         self._pieces = iter(())
         self._transport.drop()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
-        super().left_behind()
+        super().after_fork_in_child()
         self._busy = threading.Lock()
-        return self._transport.left_behind()
+        return self._transport.after_fork_in_child()
 
     def close(self) -> None:
         """Close the link; a receive pending in another thread ends at once."""
         self._open = False
         self._transport.close()
-        self._let_go()
+        self._close_idle()
 
-    def _let_go(self) -> None:
+    def _close_idle(self) -> None:
         """Close the descriptor, unless a thread is in :meth:`receive`: its number could be reused before that ends."""
         if self._busy.acquire(blocking=False):
             try:
-                self._transport.let_go()
+                self._transport.close_idle()
             finally:
                 self._busy.release()

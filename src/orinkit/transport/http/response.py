@@ -120,7 +120,7 @@ class HttpServerInfo:
         address: The address of the server.
         most: The largest number of bytes of a reply.
         patience: Time-out of a call, s, for a server that does not report that the call is still executing.
-        tells: True if the server reports that a call is still executing; ``None`` if that is not known yet.
+        reports_executing: True if the server reports that a call is still executing; ``None`` if that is not known yet.
 
     Raises:
         InvalidValue: If the token cannot be sent in a header.
@@ -130,7 +130,7 @@ class HttpServerInfo:
         self.address = address
         self.most = most
         self.patience = PATIENCE
-        self.tells: bool | None = None
+        self.reports_executing: bool | None = None
         self._token = _checked_token(access.token)
         self._session_ended = False
         self._cookies: dict[str, str] = {}
@@ -167,7 +167,7 @@ class HttpServerInfo:
 
     def wait(self, request: bytes, seconds: float) -> float:
         """Return how long to wait for a reply, s, given the time-out of the client, ``seconds``."""
-        if self.tells is False and not _QUICK.match(request):
+        if self.reports_executing is False and not _QUICK.match(request):
             return max(seconds, self.patience)
         return seconds
 
@@ -180,7 +180,7 @@ class HttpServerInfo:
             LimitExceeded: If the body is too long.
         """
         known = [(name, value) for name, value in fields if name in _READ]
-        self.tells = any(name == _EXECUTING.lower() for name, _ in known)
+        self.reports_executing = any(name == _EXECUTING.lower() for name, _ in known)
         replaced = [self._keep(value) for name, value in known if name == "set-cookie"]
         if any(replaced):
             self._session_ended = True  # for good: later replies belong to a new, empty session

@@ -80,7 +80,7 @@ class SingleConnection(ABC, Generic[C, S]):
         return self._stream is not None and self._stream.ended
 
     @property
-    def unanswered(self) -> bool:
+    def closed_without_reply(self) -> bool:
         """True if the server has closed the connection without a byte of a reply."""
         return self._stream is not None and self._stream.ended and not self._stream.begin
 

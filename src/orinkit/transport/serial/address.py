@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from orinkit.core.i18n import tr
-from orinkit.transport.address import LONGEST, PLAIN, bad_address, whole_number, wrong_value
-from orinkit.transport.registry import AddressText
+from orinkit.transport.address import LONGEST, PLAIN, bad_address, invalid_value_message, whole_number
+from orinkit.transport.registry import SplitAddress
 
 _BAUDRATES: Final = range(50, 20_000_001)
 _STOPS: Final = {"1": 1.0, "1.0": 1.0, "1.5": 1.5, "2": 2.0, "2.0": 2.0}
@@ -53,7 +53,7 @@ class PtyAddress:
         return "pty://"
 
 
-def parse_serial(given: AddressText) -> SerialAddress:
+def parse_serial(given: SplitAddress) -> SerialAddress:
     """Parse ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
     from urllib.parse import unquote
 
@@ -71,7 +71,7 @@ def parse_serial(given: AddressText) -> SerialAddress:
     return _port(text, unquote(place, errors="surrogateescape"), settings, "serial")
 
 
-def parse_com(given: AddressText) -> SerialAddress:
+def parse_com(given: SplitAddress) -> SerialAddress:
     """Parse ``1:38400:N:8:1:0``; omitted and empty settings have their defaults."""
     if given.url:
         return parse_serial(given)
@@ -102,28 +102,30 @@ def _port(text: str, path: str, settings: dict[str, str], form: str) -> SerialAd
     baudrate = whole_number(settings.get("baudrate", "38400"))
     if baudrate not in _BAUDRATES:
         raise bad_address(
-            text, wrong_value("baudrate", settings["baudrate"], f"{_BAUDRATES.start}-{_BAUDRATES.stop - 1}"), form
+            text,
+            invalid_value_message("baudrate", settings["baudrate"], f"{_BAUDRATES.start}-{_BAUDRATES.stop - 1}"),
+            form,
         )
     parity = settings.get("parity", "N").upper()
     if len(parity) != 1 or parity not in "NEOMS":
-        raise bad_address(text, wrong_value("parity", settings["parity"], "N, E, O, M, S"), form)
+        raise bad_address(text, invalid_value_message("parity", settings["parity"], "N, E, O, M, S"), form)
     bits = whole_number(settings.get("bits", "8"))
     if bits not in range(5, 9):
-        raise bad_address(text, wrong_value("bits", settings["bits"], "5, 6, 7, 8"), form)
+        raise bad_address(text, invalid_value_message("bits", settings["bits"], "5, 6, 7, 8"), form)
     stop = _STOPS.get(settings.get("stop", "1"))
     if stop is None:
-        raise bad_address(text, wrong_value("stop", settings["stop"], "1, 1.5, 2"), form)
+        raise bad_address(text, invalid_value_message("stop", settings["stop"], "1, 1.5, 2"), form)
     flow = whole_number(settings.get("flow", "0"))
     if flow not in range(3):
         raise bad_address(
             text,
-            wrong_value("flow", settings["flow"], tr("0 none, 1 XON/XOFF, 2 hardware")),
+            invalid_value_message("flow", settings["flow"], tr("0 none, 1 XON/XOFF, 2 hardware")),
             form,
         )
     return SerialAddress(path, baudrate, parity, bits, stop, flow)
 
 
-def parse_pty(given: AddressText) -> PtyAddress:
+def parse_pty(given: SplitAddress) -> PtyAddress:
     """Parse ``pty://``, which has no further parts: the system chooses the terminals."""
     if given.rest:
         raise bad_address(given.text, tr("nothing may follow pty://, got {rest!r:.80}", rest=given.rest), "pty")

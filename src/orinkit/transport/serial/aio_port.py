@@ -130,12 +130,12 @@ class AsyncSerialLink(ProcessBound):
         self._check()
         return self._port.fileno()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the port stays open in the parent."""
         self._open, self._left = False, True
         return () if self._port.closed else (self._port.fileno(),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 

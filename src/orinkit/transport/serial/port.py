@@ -101,14 +101,14 @@ class SerialLink(ProcessBound):
         self.close()
         return gone(reason)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the port and the wake-up pipe stay open in the parent."""
         self._open, self._left = False, True
         self._closing, self._using = threading.Lock(), threading.RLock()
         files = (self._port, self._woken, self._wake)
         return [] if self._port.closed else [file.fileno() for file in files]
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 

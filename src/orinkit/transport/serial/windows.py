@@ -65,7 +65,7 @@ class PortLink:
         self.close()
         return gone(error) if was_open else closed()
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link, as :meth:`close`."""
         self.close()
 

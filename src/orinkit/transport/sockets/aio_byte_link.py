@@ -70,10 +70,10 @@ class AsyncStreamLink(ProcessBound, ABC):
         except OSError as error:
             raise lost(error) from error
 
-    def share(self) -> None:
-        """Do nothing: :meth:`beside` needs no preparation in asyncio."""
+    def enable_concurrent_send(self) -> None:
+        """Do nothing: :meth:`send_concurrently` needs no preparation in asyncio."""
 
-    def beside(self, data: bytes) -> None:
+    def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another task waits in :meth:`receive`; errors are reported to that task."""
         if self._transport is not None and not self._ended:
             self._transport.write(data)
@@ -120,7 +120,7 @@ class AsyncStreamLink(ProcessBound, ABC):
     @abstractmethod
     def _descriptor(self, transport: asyncio.Transport) -> int: ...
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         transport, self._transport = self._transport, None
         if transport is None:
@@ -131,7 +131,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         )  # referenced, so that the child neither closes it nor warns about it
         return (self._descriptor(transport),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()  # asyncio does not shut the connection down
 

@@ -125,12 +125,12 @@ class AsyncUdpLink(ProcessBound):
             raise self._unusable()
         return self._socket.fileno()
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the socket stays open in the parent."""
         self._open, self._left = False, True
         return (self._socket.fileno(),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self.close()
 

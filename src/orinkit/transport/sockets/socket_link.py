@@ -78,8 +78,8 @@ class SocketLink(ProcessBound):
                 raise self._broken(error) from error
             raise
 
-    def share(self) -> None:
-        """Prepare for calls of :meth:`beside`; must not be called during a send."""
+    def enable_concurrent_send(self) -> None:
+        """Prepare for calls of :meth:`send_concurrently`; must not be called during a send."""
         lock = self._sending = threading.Lock()
         whole = self._sendall
 
@@ -89,7 +89,7 @@ class SocketLink(ProcessBound):
 
         self._sendall = sendall
 
-    def beside(self, data: bytes) -> None:
+    def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
 
         Errors are reported to that thread.
@@ -134,12 +134,12 @@ class SocketLink(ProcessBound):
         """Return the exception for an error of the system."""
         return lost(error)
 
-    def left_behind(self) -> Iterable[int]:
+    def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
         return (self._socket.fileno(),)
 
-    def release(self) -> None:
+    def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
         self._socket.close()

@@ -46,7 +46,7 @@ class AxisLimits:
         self.friction = round(parameters.friction * _CODES)
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
-    def step(self, codes: int) -> int:
+    def step_of_current(self, codes: int) -> int:
         """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1, unless the current is 0."""
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
@@ -124,7 +124,7 @@ class MotorAxis:
         """Return the velocity to approach now, and the step per cycle; both are constant until it is reached."""
         velocity, limits = self.velocity, self._limits
         if self.mode is AxisMode.OFF:
-            return 0, limits.step(limits.friction)
+            return 0, limits.step_of_current(limits.friction)
         if self.mode is AxisMode.TORQUE:
             return self._plan_torque()
         goal = self.command if self.mode is AxisMode.SPEED else 0
@@ -140,10 +140,10 @@ class MotorAxis:
         if velocity == 0 and net * direction <= 0:  # the torque does not overcome friction
             return 0, 1
         if net * direction < 0:
-            return 0, abs(limits.step(net))
+            return 0, abs(limits.step_of_current(net))
         if abs(velocity) > limits.fastest:
             return limits.fastest * direction, limits.decelerate
-        return (limits.fastest * direction if net else velocity), abs(limits.step(net)) or 1
+        return (limits.fastest * direction if net else velocity), abs(limits.step_of_current(net)) or 1
 
 
 def _sign(number: int) -> int:

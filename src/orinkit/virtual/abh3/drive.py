@@ -58,14 +58,14 @@ class Drive:
         """Return the velocities of A and B in fine units."""
         return self._of_motors(*(axis.velocity for axis in self.axes.values()))
 
-    def torques(self) -> tuple[float, float]:
+    def currents(self) -> tuple[float, float]:
         """Return the currents of A and B in %."""
         a, b = self._of_motors(*(axis.current for axis in self.axes.values()))
         return a / _CODES, b / _CODES
 
     def loads(self) -> tuple[float, float]:
         """Return the loads of A and B in %, 0 to 255: the absolute values of their currents."""
-        a, b = self.torques()
+        a, b = self.currents()
         return min(abs(a), MOST_LOAD), min(abs(b), MOST_LOAD)
 
     def _of_motors(self, ay: int, bx: int) -> tuple[int, int]:

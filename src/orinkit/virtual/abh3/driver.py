@@ -62,7 +62,7 @@ class DriverModel:
         event = self.watch.next()
         while event is not None and event <= cycle:
             self._run(event)
-            self.watch.at(max(event, self._cycle))
+            self.watch.advance(max(event, self._cycle))
             self._apply()
             event = self.watch.next()
         self._run(cycle)

@@ -61,7 +61,7 @@ class FaultMonitor:
             times.append(self._fed + self._error_timeout)
         return min(times, default=None)
 
-    def at(self, cycle: int) -> None:
+    def advance(self, cycle: int) -> None:
         """Process time-outs and the reset that are due in a cycle."""
         warn = self._is_over(self._command_timeout, cycle)
         fail = self._is_over(self._error_timeout, cycle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from orinkit.abh3.table.signals import V1, Dialect, Logic, Word
+from orinkit.abh3.table.signals import V1, Dialect, TerminalLogic, Word
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
@@ -34,10 +34,10 @@ class Inputs:
     def __init__(self, dialect: Dialect) -> None:
         self._word = dialect.inputs
         self._io = dialect.io
-        masks = {logic: _mask_of(dialect.inputs, logic) for logic in Logic}
-        self._and = masks[Logic.AND]
-        self._not_and = masks[Logic.NOT_AND]
-        self._or = masks[Logic.OR]
+        masks = {logic: _mask_of(dialect.inputs, logic) for logic in TerminalLogic}
+        self._and = masks[TerminalLogic.AND]
+        self._not_and = masks[TerminalLogic.NOT_AND]
+        self._or = masks[TerminalLogic.OR]
         self._selects = {axis: [dialect.inputs.masks[f"{axis}_select_{n}"] for n in range(3)] for axis in ("ay", "bx")}
         self.can = 0
         self.external = self._and | self._not_and
@@ -115,5 +115,5 @@ def of_states(word: Word, states: Mapping[str, bool]) -> int:
     return sum(word.masks.get(name, 0) for name, on in states.items() if on)
 
 
-def _mask_of(word: Word, logic: Logic) -> int:
+def _mask_of(word: Word, logic: TerminalLogic) -> int:
     return sum(1 << bit.number for bit in word.bits if bit.logic is logic)

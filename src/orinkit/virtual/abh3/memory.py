@@ -162,7 +162,7 @@ class ParameterMemory:
         elif address == _INPUTS:
             value = sum(1 << n for n in range(_DIGITAL_INPUTS) if state.io[f"di_{n}"])
         elif address in _TORQUES:
-            value = self._driver.drive.torques()[_TORQUES.index(address)]
+            value = self._driver.drive.currents()[_TORQUES.index(address)]
         else:
             shown = getattr(state, _STATES[address])
             value = int(shown) if isinstance(shown, Flags) else shown

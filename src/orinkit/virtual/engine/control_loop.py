@@ -30,7 +30,7 @@ PERIOD: Final = 0.008
 _MAX_LOCK_TIME: Final = 0.004
 """Real seconds for which a thread runs due cycles before it releases the lock for other threads."""
 
-_MIN_STOPWATCH: Final = 5e-5  # s
+_MIN_TIME_BUDGET: Final = 5e-5  # s
 
 
 class CyclicTask(Protocol):
@@ -71,7 +71,7 @@ class ControlLoop:
         self._driver = clock.drive(self._drive)
 
     @property
-    def seconds(self) -> float:
+    def last_cycle_time(self) -> float:
         """Time of the last cycle, including skipped ones: seconds of the controller's time since it was switched on."""
         return (self.number if self._busy else max(self.number, self._due())) * PERIOD
 
@@ -87,7 +87,7 @@ class ControlLoop:
         return self._busy
 
     @property
-    def late(self) -> float:
+    def overdue(self) -> float:
         """Seconds of the clock since the next cycle was due; negative if it is not due yet."""
         return self.clock.now() - self._base - (self.number + 1) * PERIOD
 
@@ -116,9 +116,9 @@ class ControlLoop:
         """Delay the next cycle and all later ones by some seconds of the clock. Call it inside the lock."""
         self._base += seconds
 
-    def stopwatch(self, part: float) -> Callable[[], bool]:
+    def time_budget(self, part: float) -> Callable[[], bool]:
         """Return a function that returns True once the given fraction of a cycle has passed in real time."""
-        return self.clock.stopwatch(max(_MIN_STOPWATCH, part * PERIOD / self.clock.scale))
+        return self.clock.time_budget(max(_MIN_TIME_BUDGET, part * PERIOD / self.clock.scale))
 
     def require_open(self) -> None:
         """Raise an error if the controller has been switched off: an operation started then would never end.
@@ -156,7 +156,7 @@ class ControlLoop:
                 return None
             if self._waiting:  # another thread usually resumes the cycles; this is the fallback
                 return PERIOD * min(1.0, self.clock.scale)
-            return max(0.0, -self.late)
+            return max(0.0, -self.overdue)
 
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
@@ -164,7 +164,7 @@ class ControlLoop:
             self.stand_still(behind)
         self._stepping = True
         try:
-            time_up = self.clock.stopwatch(_MAX_LOCK_TIME)
+            time_up = self.clock.time_budget(_MAX_LOCK_TIME)
             count = 0
             while self._busy and not time_up():
                 count = count or self._cycles_to_run()

@@ -8,11 +8,11 @@ either of them:
   In mode 1 the arm then stops in place; the set-point is still counted.
 * **The server is late** (due cycles were not run in time): the missed cycles are not caught up. One cycle is run, and the
   controller's time lags from then on. Set-points that have arrived count even if they have not been read yet: before a
-  cycle runs without a set-point, the network input is drained (``drain_input``). Strict time does the same, and grants
+  cycle runs without a set-point, the network input is drained (``when_input_processed``). Strict time does the same, and grants
   one more period to a client that may not have received its reply yet.
 * **A client that is paced by the clock** notices neither, and its next set-point is farther away than one cycle allows.
   In a queue (modes 0 and 2) this does no harm. If only the newest set-point counts (mode 1), as many cycles are run on
-  the way to it as it seems to need (:meth:`PacedSlave.bridge`). If the server was late, the limits are larger in these
+  the way to it as it seems to need (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these
   cycles.
 
 A delay of a cycle or a set-point by less than a quarter of a period leaves the grid of 8 ms unchanged. The delays of a
@@ -43,17 +43,17 @@ _LAG_LIFETIME: Final = 125  # cycles
 _HALF: Final = 0.5  # fraction of a period
 _MAX_CASES: Final = 10_000  # late set-points that are stored individually
 
-DrainInput = Callable[[Callable[[], None]], None]
+WhenInputProcessed = Callable[[Callable[[], None]], None]
 """Invokes a callback once all input received so far has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
 
 
-def waited_in_vain() -> str:
+def timed_out_detail() -> str:
     """Return the detail of the error raised when the wait for a set-point ends without one."""
     milliseconds = round(LONGEST_WAIT * 1e3)
     return tr("no set-point for {milliseconds} ms", milliseconds=milliseconds)
 
 
-def not_waited() -> str:
+def late_detail() -> str:
     """Return the detail of the error raised for a late set-point with strict time."""
     return tr("no set-point for this cycle (strict time: the controller does not wait)")
 
@@ -91,7 +91,7 @@ class PacedSlave(Protocol):
     def starving(self) -> bool:
         """True if the next cycle needs a set-point and there is none."""
 
-    def bridge(self, most: int) -> int:
+    def plan_catch_up(self, most: int) -> int:
         """Plan commands to the newest set-point for at most ``most`` cycles; return their number, 0 without a set-point."""
 
 
@@ -108,11 +108,11 @@ class _Cases:
         count, longest, total = self._all.count, self._all.longest, self._all.total
         self._all = Lateness(count + 1, max(longest, seconds), total + seconds)
 
-    def lateness(self, leave_out: int) -> Lateness:
-        """Return the lateness, without the first ``leave_out`` late set-points."""
-        if leave_out == 0:
+    def lateness(self, skip_first: int) -> Lateness:
+        """Return the lateness, without the first ``skip_first`` late set-points."""
+        if skip_first == 0:
             return self._all
-        count = max(0, self._all.count - leave_out)
+        count = max(0, self._all.count - skip_first)
         known = list(self._seconds)[max(0, len(self._seconds) - count) :]
         return Lateness(count, max(known, default=0.0), sum(known))
 
@@ -123,15 +123,17 @@ class CyclePacer:
     Args:
         cycles: The controller's cycle.
         slave: Slave mode of the arm.
-        drain_input: Drains the input of the client that sends set-points; ``None`` if there is never unread input.
+        when_input_processed: Drains the input of the client that sends set-points; ``None`` if there is never unread input.
         strict: True to not wait for late set-points (strict time).
     """
 
-    def __init__(self, cycles: ControlLoop, slave: PacedSlave, drain_input: DrainInput | None, *, strict: bool) -> None:
+    def __init__(
+        self, cycles: ControlLoop, slave: PacedSlave, when_input_processed: WhenInputProcessed | None, *, strict: bool
+    ) -> None:
         self._cycles = cycles
         self._slave = slave
-        self._drain_input = (
-            None if cycles.clock.manual else drain_input
+        self._when_input_processed = (
+            None if cycles.clock.manual else when_input_processed
         )  # a manual clock moves after all input is handled
         self._strict = strict
         self._longest_wait = LONGEST_WAIT  # of the present wait
@@ -162,7 +164,7 @@ class CyclePacer:
             self._end_wait(self._longest_wait)
             late = self._server_late()
             if self._strict and slave.overwrites and self._missed_due is None:
-                self._missed_due = self._cycles.clock.now() - self._cycles.late
+                self._missed_due = self._cycles.clock.now() - self._cycles.overdue
         count = self._catch_up_cycles(late) if slave.overwrites and not slave.starving else 1
         behind = late - (count - 1) * PERIOD
         if behind > _TOLERANCE or count > due:
@@ -178,9 +180,9 @@ class CyclePacer:
             self._update_wait()
             self._end_wait(math.inf)
 
-    def lateness(self, leave_out: int = 0) -> Lateness:
-        """Return the lateness of the set-points, without the first ``leave_out`` late ones."""
-        return self._cases.lateness(max(0, leave_out))
+    def lateness(self, skip_first: int = 0) -> Lateness:
+        """Return the lateness of the set-points, without the first ``skip_first`` late ones."""
+        return self._cases.lateness(max(0, skip_first))
 
     # --- a late client ------------------------------------------------------------------------------------------
 
@@ -189,7 +191,7 @@ class CyclePacer:
         if self._waited is not None:
             self._update_wait()
             return self._waited < self._longest_wait
-        clock, late = self._cycles.clock, self._cycles.late
+        clock, late = self._cycles.clock, self._cycles.overdue
         self._longest_wait = LONGEST_WAIT
         if self._strict:
             self._longest_wait = PERIOD / clock.scale if self._cycles.number <= self._late_until else 0.0
@@ -213,7 +215,7 @@ class CyclePacer:
         if self._waited is None:
             return
         waited, self._waited = min(self._waited, limit), None
-        clock, late = self._cycles.clock, self._cycles.late
+        clock, late = self._cycles.clock, self._cycles.overdue
         if waited * clock.scale <= _TOLERANCE and waited < LONGEST_WAIT:
             return
         if not self._strict:
@@ -227,16 +229,16 @@ class CyclePacer:
 
     def _input_drained(self) -> bool:
         """Request that the input be drained, unless that is pending; return True once it has been drained."""
-        if self._drain_input is None:
+        if self._when_input_processed is None:
             return True
         clock = self._cycles.clock
         if self._drain_request is None:
             self._drain_request = request = object()
             self._drain_requested_at, self._drained = clock.now(), False
-            self._drain_input(lambda: self._on_drained(request))
+            self._when_input_processed(lambda: self._on_drained(request))
         if not self._drained and (clock.now() - self._drain_requested_at) / clock.scale > _DRAIN_TIMEOUT:
-            self._drain_input, self._late_until = None, self._cycles.number + _GRACE_CYCLES
-        return self._drained or self._drain_input is None
+            self._when_input_processed, self._late_until = None, self._cycles.number + _GRACE_CYCLES
+        return self._drained or self._when_input_processed is None
 
     def _on_drained(self, request: object) -> None:
         if request is self._drain_request:
@@ -248,7 +250,7 @@ class CyclePacer:
 
     def _server_late(self) -> float:
         """Return by how many seconds of the clock the next cycle is late; always 0 with a manual clock."""
-        return 0.0 if self._cycles.clock.manual else self._cycles.late
+        return 0.0 if self._cycles.clock.manual else self._cycles.overdue
 
     def _add_lag(self, seconds: float, *, by_server: bool = False) -> None:
         """Increase the lag of the controller's time.
@@ -267,7 +269,7 @@ class CyclePacer:
         if self._cycles.number > self._lag_expires_at:
             self._lag = self._server_lag = 0.0
         limit = 1 + int((self._lag + late) / PERIOD + _HALF)
-        count = self._slave.bridge(limit) if limit > 1 else 1
+        count = self._slave.plan_catch_up(limit) if limit > 1 else 1
         if count > 1 and self._server_lag + late > _HALF * PERIOD:
             self._slave.lenient = count + _EXTRA_LENIENT_CYCLES
         return max(1, count)

@@ -19,7 +19,7 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.catch_up import gentlest
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import CyclePacer, DrainInput
+from orinkit.virtual.engine.elastic_time import CyclePacer, WhenInputProcessed
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 
@@ -156,7 +156,7 @@ class SetPointBuffer(ABC):
         self._cycles.wake()
         return make_reply()
 
-    def bridge(self, most: int) -> int:
+    def plan_catch_up(self, most: int) -> int:
         """Plan commands to the newest set-point in at most ``most`` cycles.
 
         Returns:
@@ -165,23 +165,23 @@ class SetPointBuffer(ABC):
         if not self._buffer:
             return 0
         goal, queue = self._buffer[-1], self._arm.queue
-        if self.limit_violation(queue.before, queue.joints, goal.joints, lenient=False) is None:
+        if self.limit_violation(queue.previous_joints, queue.joints, goal.joints, lenient=False) is None:
             return 1  # no set-points were lost, or the loss does not matter
-        *path, _ = gentlest(self._arm.model, queue.before, queue.joints, goal.joints, most)
+        *path, _ = gentlest(self._arm.model, queue.previous_joints, queue.joints, goal.joints, most)
         self._buffer = deque([*map(PlannedSetPoint, path), goal])
         return len(self._buffer)
 
     # --- for the subclasses -------------------------------------------------------------------------------------
 
-    def _open(self, drain_input: DrainInput | None, *, strict: bool) -> None:
+    def _open(self, when_input_processed: WhenInputProcessed | None, *, strict: bool) -> None:
         """Begin a stream: from now on its set-points pace the control loop.
 
         Args:
-            drain_input: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
             strict: True to not wait for late set-points.
         """
         self.lenient = 0
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, drain_input, strict=strict)
+        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
 
     def _close(self) -> list[Deferred[Value]]:
         """End the stream and clear the buffer; return the replies that still wait."""
@@ -215,7 +215,7 @@ class SetPointBuffer(ABC):
             True if the limits allow the command position.
         """
         queue = self._arm.queue
-        fault = self.limit_violation(queue.before, queue.joints, joints, lenient=self.lenient > 0)
+        fault = self.limit_violation(queue.previous_joints, queue.joints, joints, lenient=self.lenient > 0)
         if fault is not None:
             self.fail(fault.code, "; ".join(filter(None, (why, fault.detail))))
             return False

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
-from orinkit.virtual.engine.elastic_time import DrainInput
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot.slave_mode.formats import Formats
 from orinkit.virtual.rc8.state import Origin, RC8State
@@ -21,14 +21,14 @@ class ClientContext:
         state: The controller.
         origin: Name and address of the client, for the logs.
         access: Access rights of the client.
-        drain_input: The callback of its connection (:class:`orinkit.cao.provider.ClientInfo`).
+        when_input_processed: The callback of its connection (:class:`orinkit.cao.provider.ClientInfo`).
         formats: Formats of the arguments and results of its slvMove calls.
     """
 
     state: RC8State
     origin: Origin
     access: AccessRight
-    drain_input: DrainInput | None = None
+    when_input_processed: WhenInputProcessed | None = None
     formats: Formats = field(default_factory=Formats)
 
     def require_read(self) -> None:
@@ -65,11 +65,11 @@ class ClientContext:
         """Always False: a client is not a program of the controller."""
         return False
 
-    def right(self) -> int:
+    def write_refusal(self) -> int:
         """Return the error code of a refused write, or 0 if the client may write."""
         return 0 if self.access & AccessRight.WRITE else hresult.NO_WRITE_RIGHT
 
-    def token(self, switches: Switches) -> int:
+    def token_refusal(self, switches: Switches) -> int:
         """Return the error code of a refused start, or 0 if the client has the executable token (RC8 2.1)."""
         return switches.token.refusal(self.origin.address)
 

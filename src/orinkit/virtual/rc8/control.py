@@ -151,7 +151,7 @@ class ControlPanel(ControllerObject):
 def _mode(rc8: VirtualRC8, parameter: Variant) -> None:
     given = parameters.elements(parameter)
     text = given[0].value if given else None
-    named = MODE_NAMES.get(parameters.short(text).strip().lower()) if isinstance(text, str) else None
+    named = MODE_NAMES.get(parameters.check_length(text).strip().lower()) if isinstance(text, str) else None
     rc8.pendant.mode(parameters.whole_numbers(parameter, None)[0] if named is None else named)
 
 

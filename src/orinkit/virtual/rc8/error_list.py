@@ -67,18 +67,18 @@ class ErrorList:
     def message(self) -> str:
         """The text of the newest current error; the text of success if there is none."""
         newest = self.current.newest
-        return newest.message if newest else self.describe(hresult.S_OK)
+        return newest.message if newest else self.text_of(hresult.S_OK)
 
-    def describe(self, code: int) -> str:
+    def text_of(self, code: int) -> str:
         """Return the text of a code; an unknown code has the text of an undefined error."""
         info = hresult.CODES.get(hresult.unsigned(code)) or hresult.CODES[hresult.UNDEFINED_ERROR]
-        return self._text_of(info)
+        return self._in_language(info)
 
-    def text(self, code: int) -> str:
+    def raised_text(self, code: int) -> str:
         """Return the text with which a code is raised; for an unknown code, the text of its range."""
-        return self._text_of(hresult.lookup(code))
+        return self._in_language(hresult.lookup(code))
 
-    def _text_of(self, info: ReturnCode) -> str:
+    def _in_language(self, info: ReturnCode) -> str:
         if self._language is None:
             return info.text
         return info.ja if self._language == "ja" else info.en

@@ -56,7 +56,7 @@ class Pendant:
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
             if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
-                self._state.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
+                self._state.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
 
     def motor(self, on: bool = True) -> None:
         """Switch the motor on or off, which takes about a second.
@@ -108,7 +108,7 @@ class Pendant:
             limits = arm.model.axes[axis - 1]
             if not limits.lower <= end[axis - 1] <= limits.upper:
                 raise error_for(hresult.MANUAL_SOFT_LIMIT_AXIS1 + axis - 1)
-            return arm.begin(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
+            return arm.enqueue(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
 
     def teach(self, kind: str, index: int, values: Sequence[float]) -> None:
         """Write a pose into a global variable: P (7 numbers), J (8), T (10) or V (3).

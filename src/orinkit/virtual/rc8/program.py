@@ -54,19 +54,19 @@ class TaskHost:
         self._variables = variables
         self._seconds = seconds
         self._show = show
-        self._paused = False  # pause() has stopped the arm
+        self._paused = False  # pause_motion() has stopped the arm
         self._holding = False  # the program has executed Hold
 
     # --- suspend, continue, end ---------------------------------------------------------------------------------
 
-    def pause(self) -> None:
+    def pause_motion(self) -> None:
         """Bring the arm to standstill on its path if this program holds it."""
         if self._arm.holder is self._operator and self._arm.busy and not self._arm.held:
             self._paused = True
             self._arm.hold()
 
-    def go_on(self) -> None:
-        """Continue the motion paused by :meth:`pause`."""
+    def resume_motion(self) -> None:
+        """Continue the motion paused by :meth:`pause_motion`."""
         if self._paused and self._arm.holder is self._operator:
             self._arm.unhold()
         self._paused = self._holding = False

@@ -50,7 +50,7 @@ class VirtualRC8(Provider):
         slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
         strict_time: If True, a late set-point ends slave mode at once, as on a real controller (0x84201482; in mode 1
             the arm stops in place). Otherwise the controller's time stands still until the set-point arrives, for up to
-            250 ms, and :attr:`lateness` counts it.
+            250 ms, and :attr:`set_point_lateness` counts it.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: Also accept ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
@@ -149,7 +149,7 @@ class VirtualRC8(Provider):
         """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
         return RC8Controller(
-            ClientContext(self.state, Origin(name, client.address), access, client.drain_input), option
+            ClientContext(self.state, Origin(name, client.address), access, client.when_input_processed), option
         )
 
     def close(self) -> None:
@@ -183,7 +183,7 @@ class VirtualRC8(Provider):
         self.state.clear_errors()
 
     @property
-    def lateness(self) -> Lateness:
+    def set_point_lateness(self) -> Lateness:
         """The lateness of the set-points of the current stream in slave mode, or of the last one."""
         with self.guard:
             return self.state.arm.slave.lateness(0)

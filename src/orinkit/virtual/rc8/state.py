@@ -148,7 +148,7 @@ class RC8State:
         self.cycles = ControlLoop(clock)
         self.files = FileStore(files, self.calendar.now)
         self.arm = RC8Arm(
-            model, self.cycles, self.switches, self.faults, self.variables, lambda: self.cycle_seconds,
+            model, self.cycles, self.switches, self.faults, self.variables, lambda: self.last_cycle_time,
             self._motion_fault,
         )  # fmt: skip
         self.hand = Hand(self.cycles, self.switches)
@@ -156,7 +156,7 @@ class RC8State:
         self.moves = Moves(self.arm, self.variables, self._motion_fault)
         self.tasks = Tasks(
             self.cycles, self.arm, self.moves, self.variables, self.files,
-            lambda: self.cycle_seconds, self._program_fault, self._show,
+            lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
         self.cycles.add(self.tasks, self.arm, self.hand, self.timers, failed=self._crashed)
 
@@ -166,12 +166,12 @@ class RC8State:
         return self.cycles.now
 
     @property
-    def cycle_seconds(self) -> float:
+    def last_cycle_time(self) -> float:
         """Seconds from switching the controller on to its last cycle, in which the joint position was last read."""
-        return self.cycles.seconds
+        return self.cycles.last_cycle_time
 
     @property
-    def programs_running(self) -> int:
+    def running_programs(self) -> int:
         """Number of running program tasks."""
         return self.tasks.running
 
@@ -208,7 +208,7 @@ class RC8State:
             ValueError: If the code has more than 32 bits.
         """
         code = hresult.unsigned(code)
-        text = self.faults.text(code) if message is None else message
+        text = self.faults.raised_text(code) if message is None else message
         moment = self.calendar.now()
         original = hresult.unsigned(original)
         record = ErrorRecord(
@@ -226,7 +226,7 @@ class RC8State:
             return
         motion = hresult.family(code) in (CodeFamily.MOTION, CodeFamily.SERVO)
         if level >= _CUTTING_LEVEL or (motion and level >= _CUTTING_MOTION_LEVEL):
-            self.arm.cut(code)
+            self.arm.stop_and_power_off(code)
         else:
             self.arm.stop(code)
         self.tasks.stop_all()
@@ -246,7 +246,7 @@ class RC8State:
     def restart(self) -> None:
         """Reset errors, motor, motions and programs, as switching off and on does; clients stay connected."""
         with self.cycles:
-            self.arm.cut(hresult.STOPPED_DURING_PC_MOTION)
+            self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.stop_all()
             self.arm.give()
             self.hand.stop()
@@ -328,7 +328,7 @@ class RC8State:
             self.log(Operation.MACHINE_LOCK, text, origin)
 
     def _halt_all(self, code: int) -> None:
-        self.arm.cut(code)
+        self.arm.stop_and_power_off(code)
         self.tasks.stop_all()
 
     def start_task(self, task: Task, mode: TaskMode, origin: Origin) -> None:
@@ -350,7 +350,7 @@ class RC8State:
             raise
 
     def _motion_fault(self, code: int, detail: str) -> None:
-        text = self.faults.text(code)
+        text = self.faults.raised_text(code)
         self.raise_error(code, f"{text}: {detail}" if detail else text)
 
     def _show(self, program: str, kind: str, text: str) -> None:
@@ -363,7 +363,7 @@ class RC8State:
             self.events.publish(EventKind.MESSAGE, 0, f"{program}: {text}", self.calendar.now())
 
     def _program_fault(self, code: int, detail: str, program: str, line: int) -> None:
-        text = self.faults.text(code)
+        text = self.faults.raised_text(code)
         self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line)
 
     def _crashed(self, error: Exception) -> None:

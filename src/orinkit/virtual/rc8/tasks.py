@@ -12,7 +12,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
-from orinkit.virtual.rc8.pacscript.errors import PacScriptError, ProgramFault
+from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -62,11 +62,11 @@ class Task:
     def __str__(self) -> str:
         return self.name
 
-    def right(self) -> int:
+    def write_refusal(self) -> int:
         """Return 0: the rights were checked when it was started."""
         return 0
 
-    def token(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
+    def token_refusal(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
         """Return 0: the client that started it had the token."""
         return 0
 
@@ -101,7 +101,7 @@ class Task:
         self._mode, self._ending = mode, StopMode.DEFAULT
         self._started = self._seconds()
         self.status = TaskStatus.RUNNING
-        self.world.go_on()
+        self.world.resume_motion()
 
     def stop(self, mode: StopMode) -> None:
         """Stop the task; a task that is not running is not changed, except by INITIALIZE."""
@@ -112,7 +112,7 @@ class Task:
                 self._ending = mode
             else:
                 self.status = TaskStatus.SUSPENDED
-                self.world.pause()
+                self.world.pause_motion()
 
     def suspend(self) -> None:
         """Suspend the task at its own request (Hold); a start continues it."""
@@ -215,7 +215,7 @@ class Tasks:
             exists = False
         if not exists:
             raise not_found(name)
-        return self.named(self._files.path(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+        return self.named(self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
 
     def named(self, path: str) -> Task:
         """Return the task of a path, even if the program does not exist."""
@@ -278,7 +278,7 @@ class Tasks:
         if not running:
             return False
         self._first = (self._first + 1) % len(running)  # round-robin, in case the time does not suffice for all
-        expired = self._cycles.stopwatch(_PART_OF_CYCLE)
+        expired = self._cycles.time_budget(_PART_OF_CYCLE)
         for task in running[self._first :] + running[: self._first]:
             if task.running:  # the fault of another task may have stopped it
                 self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)
@@ -319,7 +319,7 @@ class Tasks:
 def _compiled(source: bytes, file: str) -> Program | CallError:
     try:
         return compile_program(_text(source), file)
-    except PacScriptError as error:
+    except ProgramLoadError as error:
         return error_for(error.code, str(error))
 
 

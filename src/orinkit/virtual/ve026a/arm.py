@@ -191,7 +191,7 @@ class VE026AArm:
         self._cycles.wake()
         return change.done
 
-    def move(self, operator: Operator, read: Callable[[], Joints]) -> Value | Deferred[Value]:
+    def put_set_point(self, operator: Operator, read: Callable[[], Joints]) -> Value | Deferred[Value]:
         """Accept a set-point of slave mode; the reply is :meth:`angles`.
 
         Args:
@@ -277,14 +277,14 @@ class VE026AArm:
         self.queue.step()
         self._following = self.servo.step(self.queue.joints)
         if self.slave.on:
-            self.slave.settle()
+            self.slave.accept_waiting()
         if self.standing:
             self._apply_motor_off()
             self._step_operation()
         if self._change is not None:
             self._leave_if_empty()
             self._step_change(self._change)
-        return not self.standing or self._operation is not None or self._change is not None or self.slave.pending
+        return not self.standing or self._operation is not None or self._change is not None or self.slave.has_work
 
     def _apply_motor_off(self) -> None:
         if self._motor_off_pending:
@@ -374,7 +374,7 @@ class VE026AArm:
 
     def _finish(self, change: _Change) -> None:
         if change.mode != OFF:
-            self.slave.begin(change.operator, change.mode, change.operator.drain_input)
+            self.slave.begin(change.operator, change.mode, change.operator.when_input_processed)
 
     def _fail_change(self, code: int) -> None:
         change, self._change = self._change, None

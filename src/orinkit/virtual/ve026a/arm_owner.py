@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from orinkit.virtual.engine.elastic_time import DrainInput
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed
 
 
 class Operator:
     """A client that can move the arm.
 
     Args:
-        drain_input: Drains the input of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
+        when_input_processed: Drains the input of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
 
     Attributes:
-        drain_input: Drains the input of its connection.
+        when_input_processed: Drains the input of its connection.
         robots: Number of its Robot objects; when it drops to 0, the client counts as disconnected.
     """
 
-    def __init__(self, drain_input: DrainInput | None) -> None:
-        self.drain_input = drain_input
+    def __init__(self, when_input_processed: WhenInputProcessed | None) -> None:
+        self.when_input_processed = when_input_processed
         self.robots = 0

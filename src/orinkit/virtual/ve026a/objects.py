@@ -165,11 +165,11 @@ def _change_mode(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
 
 
 def _move(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:
-    return arm.move(operator, lambda: parameters.joints(parameter))
+    return arm.put_set_point(operator, lambda: parameters.joints(parameter))
 
 
 def _lateness(arm: VE026AArm, _: Operator, parameter: Variant) -> Variant:
-    return build_lateness(arm.slave.lateness(parameters.left_out(parameter)))
+    return build_lateness(arm.slave.lateness(parameters.skip_first_count(parameter)))
 
 
 _ROBOT_COMMANDS: Final[dict[str, Callable[[VE026AArm, Operator, Variant], Any]]] = {  # table 5-3

@@ -53,7 +53,7 @@ def mode(parameter: Variant) -> int:
     Raises:
         CallError: E_INVALIDARG if there is no such mode; E_INVALIDARGTYPE if it is not a number.
     """
-    parameter = coerce.single(parameter)
+    parameter = coerce.unwrap_single(parameter)
     found = _HEXADECIMAL.fullmatch(parameter.value) if isinstance(parameter.value, str) else None
     number = int(found[1], 16) if found else coerce.to_integer(parameter)
     if number not in MODES:
@@ -64,13 +64,13 @@ def mode(parameter: Variant) -> int:
     return number
 
 
-def left_out(parameter: Variant) -> int:
+def skip_first_count(parameter: Variant) -> int:
     """Return the parameter of slvGetLateness, the number of late set-points to leave out; 0 by default.
 
     Raises:
         CallError: E_INVALIDARGTYPE if it is not a number.
     """
-    parameter = coerce.single(parameter)
+    parameter = coerce.unwrap_single(parameter)
     return 0 if parameter.type in EMPTIES or parameter.value == "" else coerce.to_integer(parameter)
 
 
@@ -80,7 +80,7 @@ def error_code(parameter: Variant) -> int:
     Raises:
         CallError: E_INVALIDARG if it is not a whole number of 32 bits; E_INVALIDARGTYPE if it is not a number.
     """
-    parameter = coerce.single(parameter)
+    parameter = coerce.unwrap_single(parameter)
     if parameter.type in EMPTIES or parameter.value == "":
         return 0
     number = coerce.to_real(parameter)

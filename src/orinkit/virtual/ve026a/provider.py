@@ -34,8 +34,8 @@ class VirtualVE026A(Provider):
         clear_seconds: Duration of the command ClearError, s; about 1 according to the document.
         model: An arm of seven axes with other frames or limits; the published model by default.
         strict_time: If True, a cycle without a set-point in synchronous slave mode is an error at once, as on a real VE026A.
-            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and :attr:`lateness`
-            counts it.
+            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and
+            :attr:`set_point_lateness` counts it.
 
     Raises:
         ValueError: If the joints are out of range, a duration is not 0 to 3600 s, or the model does not have seven axes.
@@ -77,7 +77,7 @@ class VirtualVE026A(Provider):
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:  # noqa: ARG002
         """Return the controller object for one client; machine and option are not used (VE026A 5.2.1)."""
-        return VE026AController(self._arm, Operator(client.drain_input), name)
+        return VE026AController(self._arm, Operator(client.when_input_processed), name)
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the handle of an object, the same for every client.
@@ -120,7 +120,7 @@ class VirtualVE026A(Provider):
             return self._arm.slave.mode
 
     @property
-    def lateness(self) -> Lateness:
+    def set_point_lateness(self) -> Lateness:
         """Lateness of the set-points of the present or last stream in slave mode."""
         with self.guard:
             return self._arm.slave.lateness(0)

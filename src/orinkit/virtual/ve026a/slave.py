@@ -22,7 +22,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
-from orinkit.virtual.engine.elastic_time import DrainInput, left_late, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     LENIENCY,
@@ -56,7 +56,7 @@ class VE026ASlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off. For a late server see :mod:`orinkit.virtual.engine.elastic_time`.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end` when it is
+        arm: The arm; it calls :meth:`step` and :meth:`accept_waiting` in each cycle while the mode is on, and :meth:`end` when it is
             stopped.
         cycles: The controller's cycle.
         strict_time: True to not wait for late set-points.
@@ -93,7 +93,7 @@ class VE026ASlaveMode(SetPointBuffer):
         return self.mode == SYNCHRONOUS and self._started
 
     @property
-    def pending(self) -> bool:
+    def has_work(self) -> bool:
         """True if the next cycle has something to do, even if the arm does not move."""
         return bool(self._buffer) or self.watched
 
@@ -109,17 +109,17 @@ class VE026ASlaveMode(SetPointBuffer):
 
     # --- commands of clients ------------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: int, drain_input: DrainInput | None) -> None:
+    def begin(self, owner: Operator, mode: int, when_input_processed: WhenInputProcessed | None) -> None:
         """Turn slave mode on; the arm must stand still, and the caller must have checked all preconditions.
 
         Args:
             owner: The client.
             mode: 0x002 or 0x102.
-            drain_input: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self.mode, self.owner = mode, owner
         self._started = False
-        self._open(drain_input, strict=self._strict)
+        self._open(when_input_processed, strict=self._strict)
 
     def put(self, joints: Joints) -> Value | Deferred[Value]:
         """Accept a set-point; return the reply, or a deferred reply if the buffer is full in synchronous mode."""
@@ -148,12 +148,12 @@ class VE026ASlaveMode(SetPointBuffer):
         if self._buffer:
             self._lead_to(self._buffer.popleft().joints)
         elif self.watched:
-            self.fail(SET_POINT_MISSED, "" if self._strict else waited_in_vain())
+            self.fail(SET_POINT_MISSED, "" if self._strict else timed_out_detail())
         elif self.moving:
             queue.follow(queue.joints)
         self._end_cycle()
 
-    def settle(self) -> None:
+    def accept_waiting(self) -> None:
         """Accept and answer a slvMove that waits for room; call it at the end of a cycle."""
         self._refill()
 

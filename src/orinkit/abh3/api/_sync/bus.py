@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from orinkit.abh3.api._sync.driver import Driver
 from orinkit.abh3.api._sync.shared import SharedBus
-from orinkit.abh3.api.common import BusSettings, HostSettings, Settings, bus_settings, check_names, host_of
+from orinkit.abh3.api.common import BusSettings, HostSettings, Settings, bus_settings, check_names, make_host
 from orinkit.abh3.table.records import BR1, BR1V2, DP0R, DP0RV2
 from orinkit.abh3.table.signals import Dialect
 from orinkit.core.errors import InvalidValue
@@ -43,7 +43,7 @@ class MotorBus(SharedBus):
                 know what the other one has commanded.
         """
         check_names(settings, HostSettings, "dialect")
-        host = host_of(dialect, settings)
+        host = make_host(dialect, settings)
         if self.has(host):
             raise InvalidValue(
                 tr(
@@ -120,7 +120,7 @@ def connect(
         MissingExtra: If a package is missing.
     """
     check_names(settings, Settings, "dialect", "init")
-    host = host_of(dialect, settings)
+    host = make_host(dialect, settings)
     driver: Driver[Any, Any] = Driver(MotorBus.open(at, **bus_settings(settings)), host, owner=True)
     if init:
         try:

@@ -14,7 +14,7 @@ from orinkit.abh3.api._sync.shared import SharedBus
 from orinkit.abh3.api.keepalive_runner import PeriodicCall
 from orinkit.abh3.session import parameter_value, telabh3
 from orinkit.abh3.session.host import Host
-from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, watched
+from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, report_commands
 from orinkit.abh3.session.parameter_value import ParameterValue
 from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
@@ -58,7 +58,7 @@ class Driver(Closing, Generic[F, S]):
         self._owner = owner
         self._port: CanReceiver = bus.enter(self)
         self._lock = threading.RLock()
-        self._heart: KeepAliveTimer | None = None
+        self._keep_alive_timer: KeepAliveTimer | None = None
         self._keep_alive_call: PeriodicCall | None = None
         self._ended: DriverTimeout | None = None
 
@@ -287,7 +287,7 @@ class Driver(Closing, Generic[F, S]):
 
         Raises:
             InvalidValue: If the address is out of range.
-            DriverRefused: If the driver refuses the request.
+            ParameterRefused: If the driver refuses the request.
             ProtocolError: If the driver aborted the transfer, or its reply cannot be read.
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
@@ -304,7 +304,7 @@ class Driver(Closing, Generic[F, S]):
 
         Raises:
             InvalidValue: If the value or the address is not valid; nothing was sent.
-            DriverRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
+            ParameterRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
         """
         word = parameter_value.word_of(address, value, raw=raw)
         (self._ask(telabh3.write_parameter(address, word))).confirmed()
@@ -347,7 +347,7 @@ class Driver(Closing, Generic[F, S]):
         timer = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
         self.end_keep_alive()
-        self._heart = timer
+        self._keep_alive_timer = timer
         self._keep_alive_call = PeriodicCall(self._send_if_due, self._keep_alive_lost, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
@@ -358,30 +358,30 @@ class Driver(Closing, Generic[F, S]):
             periodic_call.join()
 
     def _stop_keep_alive(self) -> PeriodicCall | None:
-        periodic_call, self._keep_alive_call, self._heart = self._keep_alive_call, None, None
+        periodic_call, self._keep_alive_call, self._keep_alive_timer = self._keep_alive_call, None, None
         if periodic_call is not None:
             periodic_call.stop()
         return periodic_call
 
     def _keep_alive_lost(self) -> None:
         """Handle the end of a keep-alive whose thread or task has ended, or that an exception has ended."""
-        if self._heart is not None:
-            self._heart = None
+        if self._keep_alive_timer is not None:
+            self._keep_alive_timer = None
             self.host.reset_commands()
 
     @property
     def kept_alive(self) -> bool:
         """True while a keep-alive is active."""
-        return self._heart is not None
+        return self._keep_alive_timer is not None
 
     def _send_if_due(self) -> float | None:
         """Repeat the command if it is due; return the seconds until the next time, ``None`` if the keep-alive has ended."""
         with self._lock:
-            timer = self._heart
+            timer = self._keep_alive_timer
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.too_late(now)  # first: a driver that stopped on its own must not start again
+            end = timer.end_if_delayed(now)  # first: a driver that stopped on its own must not start again
             if end is None and timer.due <= now:
                 self._repeat_command(timer)
             end = end or timer.end(monotonic())
@@ -393,13 +393,13 @@ class Driver(Closing, Generic[F, S]):
     def _repeat_command(self, timer: KeepAliveTimer) -> None:
         sent_at = monotonic()
         try:
-            answered = self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
+            replied = self.bus.run(self.host.repeat(timer.period), self._port, revive=False)
         except OrinError:
-            answered = False
-        timer.sent(sent_at, answered=answered)
+            replied = False
+        timer.sent(sent_at, replied=replied)
 
     def _end_timer(self, end: KeepAliveEnd, timer: KeepAliveTimer) -> None:
-        self._heart = None
+        self._keep_alive_timer = None
         if end is KeepAliveEnd.SILENT:
             self._ended = DriverTimeout("keep_alive", timer.patience, self.address)
         self._stop_motion()
@@ -441,10 +441,10 @@ class Driver(Closing, Generic[F, S]):
         except OrinError:
             self.host.reset_commands()
 
-    def abandon(self) -> None:
+    def relinquish(self) -> None:
         """End the keep-alive and reset commands and inputs without sending them, as another host now commands the driver."""
         self._stop_keep_alive()
-        self.host.abandon()
+        self.host.relinquish()
 
     @property
     def closed(self) -> bool:
@@ -457,7 +457,7 @@ class Driver(Closing, Generic[F, S]):
 
     def feed(self) -> None:
         """Restart the idle time of the keep-alive, as every call does."""
-        timer = self._heart
+        timer = self._keep_alive_timer
         if timer is not None:
             timer.called(monotonic())
 
@@ -475,7 +475,7 @@ class Driver(Closing, Generic[F, S]):
                 operation.close()
                 raise ended
             self.feed()
-            timer = self._heart
+            timer = self._keep_alive_timer
             return self.bus.run(
-                operation if timer is None else watched(operation, timer, self.host, monotonic), self._port
+                operation if timer is None else report_commands(operation, timer, self.host, monotonic), self._port
             )

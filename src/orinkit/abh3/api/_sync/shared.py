@@ -119,7 +119,7 @@ class SharedBus(Closing):
         check_seconds("seconds", seconds)
         codec = Codec(dialect_of(dialect).with_load_unit(load_unit))
         ps = ids.broadcast_number(number, ids.check_group(group))
-        port = self._line.port(_is_broadcast)
+        port = self._line.receiver(_is_broadcast)
         try:
             return self.run(broadcasts_of_all(codec, ids.check_address("host", host), ps, seconds, count), port)
         finally:
@@ -149,7 +149,7 @@ class SharedBus(Closing):
         """
         decoder = Decoder(dialect_of(dialect).with_load_unit(load_unit), hosts=hosts)
         end = None if seconds is None else monotonic() + check_seconds("seconds", seconds)
-        port = self._line.port(_is_any, size=_LISTENER_SIZE)
+        port = self._line.receiver(_is_any, size=_LISTENER_SIZE)
         try:
             while True:
                 remaining = _SLICE if end is None else end - monotonic()
@@ -183,7 +183,7 @@ class SharedBus(Closing):
 
     def port_for(self, host: Host[Any]) -> CanReceiver:
         """Return a receiver for the frames of one driver."""
-        return self._line.port(host.accepts)
+        return self._line.receiver(host.accepts)
 
     def has(self, host: Host[Any]) -> bool:
         """Return True if there is already an object for the same driver and host."""

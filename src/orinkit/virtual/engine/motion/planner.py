@@ -109,9 +109,9 @@ class Motion:
         """Return the joints at a time in seconds: exactly ``start`` until 0, exactly ``end`` from ``duration`` on."""
         return self.path.at(self.profile.at(time))
 
-    def sampled(self, times: Array) -> tuple[Array, Array, Array]:
+    def states_at(self, times: Array) -> tuple[Array, Array, Array]:
         """Return joints, velocities and accelerations, of shape (N, axes), at ``times`` of shape (N,)."""
-        s, rate, acceleration = self.profile.sampled(times)
+        s, rate, acceleration = self.profile.states_at(times)
         joints, first, second = self.path.sampled(s)
         rate, acceleration = rate[:, None], acceleration[:, None]
         return joints, first * rate, second * rate**2 + first * acceleration
@@ -320,7 +320,7 @@ def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: R
     # Stretching the time by k divides velocities by k and accelerations by k^2, so k follows directly.
     motion = Motion(path, profile, rates, AT_TARGET, None)
     times = np.concatenate((np.linspace(0, profile.duration, _SAMPLES), profile.moments(path.probes)))
-    _, velocity, acceleration = motion.sampled(times)
+    _, velocity, acceleration = motion.states_at(times)
     fast = np.abs(velocity).max(0) / ([axis.velocity * rates.speed for axis in model.axes])
     hard = np.abs(acceleration).max(0) / ([axis.acceleration * max(rates.accel, rates.decel) for axis in model.axes])
     stretch = max(float(fast.max()), math.sqrt(float(hard.max()))) * _MARGIN
@@ -334,7 +334,7 @@ def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: R
 def _hopeless(model: ArmModel, rows: Array, profile: MotionProfile, rates: Rates) -> bool:
     # Between two rows the largest velocity of a joint is at least its average velocity.
     steps = len(rows) - 1
-    pace = profile.sampled(profile.moments((np.arange(steps) + 0.5) / steps))[1]
+    pace = profile.states_at(profile.moments((np.arange(steps) + 0.5) / steps))[1]
     fast = np.abs(np.diff(rows, axis=0)) * steps * pace[:, None]
     limit = np.array([axis.velocity for axis in model.axes[:6]]) * rates.speed
     return _too_slow(float((fast / limit).max()), profile)
@@ -365,7 +365,7 @@ def _timed(
 
 def _time_within(kinematics: Kinematics, motion: Motion, radius: float, tool: Array | None) -> float:
     times = np.linspace(motion.duration / 2, motion.duration, _SAMPLES)
-    flanges = kinematics.forward(motion.sampled(times)[0])
+    flanges = kinematics.forward(motion.states_at(times)[0])
     tips = (flanges if tool is None else flanges @ tool)[:, :3, 3]
     outside = np.flatnonzero(np.linalg.norm(tips - tips[-1], axis=1) > radius)
     return float(times[outside[-1] + 1]) if len(outside) else float(times[0])

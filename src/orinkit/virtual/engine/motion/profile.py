@@ -126,7 +126,7 @@ class MotionProfile:
         t = time - start
         return v + t * (a + t * (j / 2))
 
-    def sampled(self, times: Array) -> tuple[Array, Array, Array]:
+    def states_at(self, times: Array) -> tuple[Array, Array, Array]:
         """Return s, its rate (1/s) and its acceleration (1/s^2) at ``times``, each of the same shape."""
         inside = (times > 0) & (times < self.duration)
         if not self.knots:
@@ -143,7 +143,7 @@ class MotionProfile:
     def moments(self, positions: Array) -> Array:
         """Return the times in seconds at which s reaches ``positions``, to a fraction of 1/4096 of the duration."""
         times = np.union1d(np.linspace(0.0, self.duration, _SAMPLES), [*self._times, self.duration])
-        moments: Array = np.interp(positions, self.sampled(times)[0], times)
+        moments: Array = np.interp(positions, self.states_at(times)[0], times)
         return moments
 
 

@@ -143,7 +143,7 @@ class MotionQueue:
         return all(abs(a - b) <= _STILL for a, b in zip(self.joints, self._before, strict=True))
 
     @property
-    def before(self) -> Joints:
+    def previous_joints(self) -> Joints:
         """The command one cycle ago."""
         return self._before
 
@@ -170,7 +170,7 @@ class MotionQueue:
         """Joints at the end of the running motion; the command if none runs."""
         return self._active[-1].motion.end if self._active else self.joints
 
-    def speed(self) -> tuple[Joints, Joints]:
+    def velocity_and_acceleration(self) -> tuple[Joints, Joints]:
         """Return velocity (deg/s) and acceleration (deg/s^2) of each joint in the last cycle; in mm for linear axes."""
         cycle = self._cycle
         samples = list(zip(self._earlier, self._before, self.joints, strict=True))
@@ -254,14 +254,6 @@ class MotionQueue:
         elif self.state is not QueueState.IDLE:
             self.state = QueueState.STOPPING
             self._begin_at = None
-
-    def abort(self) -> None:
-        """Halt because of an emergency stop or a lost connection, within the same limits."""
-        self.halt()
-
-    def skip(self) -> None:
-        """Cancel the running motion and, because they start from its end, all later ones; equivalent to :meth:`halt`."""
-        self.halt()
 
     def hold(self) -> None:
         """Bring the arm to rest on its path and keep the motions; without motions, do nothing."""
@@ -424,7 +416,7 @@ class MotionQueue:
         count = min(_MAX_SAMPLES, math.ceil((end - begin) / _SAMPLE) + 1)
         knots = [knot.time for knot in first.profile.knots] + [begin + knot.time for knot in follower.profile.knots]
         times = np.array([*np.linspace(begin, end, count), *(time for time in knots if begin < time < end)])
-        (q1, v1, a1), (q2, v2, a2) = first.sampled(times), follower.sampled(times - begin)
+        (q1, v1, a1), (q2, v2, a2) = first.states_at(times), follower.states_at(times - begin)
         joints = q1 + q2 - np.array(first.end)
         rates = (first.rates, follower.rates)
         fraction = max(max(rate.accel, rate.decel) for rate in rates) * _ROUNDING

@@ -68,7 +68,7 @@ def listing(folder: Path) -> list[tuple[str, bool, str]]:
     return sorted(found.values(), key=lambda each: (part_key(each[0]), each[0]))
 
 
-def survey(root: Path, *, clean: bool = False) -> int:
+def count_entries(root: Path, *, clean: bool = False) -> int:
     """Return the number of entries in a folder and all below it; with ``clean``, remove temporary files."""
     count, folders = 0, [root]
     while folders:

@@ -15,7 +15,7 @@ logger = logging.getLogger("orinkit.virtual.rc8")
 
 
 @contextmanager
-def reported(name: FileName) -> Iterator[None]:
+def map_os_errors(name: FileName) -> Iterator[None]:
     """Convert errors of the system to return codes, and log their text.
 
     Raises:
@@ -75,7 +75,7 @@ def root_stays() -> CallError:
     )
 
 
-def in_the_way(name: FileName) -> CallError:
+def special_file(name: FileName) -> CallError:
     """Return the exception for a change at the place of a link or special file, which is never followed."""
     return error_for(
         hresult.E_ACCESSDENIED,

@@ -33,7 +33,7 @@ from typing import Final, TypeAlias
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.files import disk, errors
-from orinkit.virtual.rc8.files.errors import reported
+from orinkit.virtual.rc8.files.errors import map_os_errors
 from orinkit.virtual.rc8.files.names import (
     MOST_CHARACTERS,
     MOST_PARTS,
@@ -124,7 +124,7 @@ class FileStore:
         try:
             root.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.root = root.resolve()
-            self._entries = disk.survey(self.root, clean=True)
+            self._entries = disk.count_entries(self.root, clean=True)
         except OSError as error:
             raise StateError(
                 tr(
@@ -143,7 +143,7 @@ class FileStore:
             CallError: E_INVALIDARG; E_FAIL.
         """
         wanted = read_name(name)
-        with reported(wanted):
+        with map_os_errors(wanted):
             return self._locate(wanted).status is not None
 
     def is_folder(self, name: str) -> bool:
@@ -153,10 +153,10 @@ class FileStore:
             CallError: E_INVALIDARG; E_FAIL.
         """
         wanted = read_name(name)
-        with reported(wanted):
+        with map_os_errors(wanted):
             return self._locate(wanted).is_folder
 
-    def path(self, name: str) -> str:
+    def full_name(self, name: str) -> str:
         r"""Return the full name as it was created, ``dir\Pro1.pcs``; the root folder is ``\``.
 
         Raises:
@@ -174,7 +174,7 @@ class FileStore:
         place = self._existing(wanted)
         if not place.is_folder:
             raise errors.not_found(wanted)
-        with reported(wanted):
+        with map_os_errors(wanted):
             found = disk.listing(place.path)
         return [name + SEPARATOR if is_folder else name for name, is_folder, _ in found]
 
@@ -184,7 +184,7 @@ class FileStore:
         Raises:
             CallError: E_FAIL.
         """
-        with reported(_ROOT):
+        with map_os_errors(_ROOT):
             names = map(join, _files(_Place(_ROOT, self.root, None)))
             return [name[: -len(PROGRAM) - 1] for name in names if extension(name) == PROGRAM]
 
@@ -234,7 +234,7 @@ class FileStore:
         wanted = read_name(name)
         if len(data) > MOST_BYTES:
             raise errors.too_large(wanted, MOST_BYTES)
-        with reported(wanted):
+        with map_os_errors(wanted):
             return Staged(disk.write_temporary(self.root, data))
 
     def write(self, name: str, data: bytes | Staged) -> None:
@@ -250,7 +250,7 @@ class FileStore:
         """
         with _consumed(data):
             wanted = read_name(name)
-            with reported(wanted):
+            with map_os_errors(wanted):
                 place = self._locate(wanted, change=True)
                 if place.is_folder:
                     raise errors.no_content(wanted)
@@ -265,7 +265,7 @@ class FileStore:
                 E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
         place = _for_file(self._free(read_name(name)))
-        with reported(place.name):
+        with map_os_errors(place.name):
             self._put(place, b"")
         self._notify([str(place.name)])
 
@@ -277,7 +277,7 @@ class FileStore:
                 E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
         place = self._free(read_name(name))
-        with reported(place.name):
+        with map_os_errors(place.name):
             self._check_room()
             place.path.mkdir(mode=0o700)
             self._note_new(place)
@@ -294,7 +294,7 @@ class FileStore:
         """
         place = self._existing(read_name(name))
         _check_not_root(place)
-        with reported(place.name):
+        with map_os_errors(place.name):
             if not place.is_folder:
                 place.path.unlink()
                 self._entries -= 1
@@ -326,7 +326,7 @@ class FileStore:
             source = self._content(read_name(name))
             place = _for_file(self._free(read_name(new)))
             content = _read(source) if data is None else data
-            with reported(place.name):
+            with map_os_errors(place.name):
                 self._put(place, content)
         self._notify([str(place.name)])
 
@@ -341,7 +341,7 @@ class FileStore:
         """
         place, target = self._existing(read_name(name)), read_name(new)
         _check_not_root(place)
-        with reported(place.name):
+        with map_os_errors(place.name):
             entries = list(_below(place.path, place.name.parts)) if place.is_folder else [(place.name.parts, False)]
         goal = self._goal(place, target)
         goal = goal if place.is_folder else _for_file(goal)
@@ -350,7 +350,7 @@ class FileStore:
             moved_to = join((*goal.name.parts, *parts[depth:]))
             read_name(moved_to)  # the new name may be too long or too deep
             moved += [] if is_folder else [join(parts), moved_to]
-        with reported(goal.name):
+        with map_os_errors(goal.name):
             place.path.rename(goal.path)
         self._note_moved(place, goal)
         self._notify(moved)
@@ -370,7 +370,7 @@ class FileStore:
             status = disk.status_of(path)
             if status is not None and not (disk.is_folder(status) or disk.is_file(status)):
                 if change:
-                    raise errors.in_the_way(FileName(tuple(parts)))
+                    raise errors.special_file(FileName(tuple(parts)))
                 status = None
         name = FileName(tuple(parts), wanted.folder)
         if wanted.folder and status is not None and not disk.is_folder(status):
@@ -380,7 +380,7 @@ class FileStore:
         return _Place(name, path, status)
 
     def _existing(self, wanted: FileName) -> _Place:
-        with reported(wanted):
+        with map_os_errors(wanted):
             place = self._locate(wanted)
         if place.status is None:
             raise errors.not_found(wanted)
@@ -393,7 +393,7 @@ class FileStore:
         return place
 
     def _free(self, wanted: FileName) -> _Place:
-        with reported(wanted):
+        with map_os_errors(wanted):
             place = self._locate(wanted, change=True)
         if place.status is not None:
             raise errors.taken(wanted)
@@ -407,7 +407,7 @@ class FileStore:
             return self._free(target)
         last = target.parts[-1]
         goal = _Place(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
-        with reported(target):
+        with map_os_errors(target):
             existing = disk.status_of(goal.path)
         if existing is not None and place.status is not None and not os.path.samestat(existing, place.status):
             raise errors.taken(target)
@@ -433,7 +433,7 @@ class FileStore:
             shutil.rmtree(place.path)  # follows no link
         finally:  # a part may be deleted even if it fails
             self._notify(map(join, entries))
-            self._entries = disk.survey(self.root)
+            self._entries = disk.count_entries(self.root)
 
     def _note_new(self, place: _Place) -> None:
         self._entries += 1
@@ -459,7 +459,7 @@ class FileStore:
 
     def _check_room(self) -> None:
         if self._entries >= MOST_ENTRIES:
-            self._entries = disk.survey(self.root)  # entries may have been deleted on the disk
+            self._entries = disk.count_entries(self.root)  # entries may have been deleted on the disk
         if self._entries >= MOST_ENTRIES:
             raise errors.too_many(self._entries, MOST_ENTRIES)
 
@@ -498,7 +498,7 @@ def _consumed(data: bytes | Staged | None) -> Iterator[None]:
 
 
 def _read(place: _Place) -> bytes:
-    with reported(place.name):
+    with map_os_errors(place.name):
         data = disk.read_file(place.path, MOST_BYTES)
     if len(data) > MOST_BYTES:
         raise errors.too_large(place.name, MOST_BYTES)

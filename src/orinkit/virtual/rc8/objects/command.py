@@ -231,7 +231,7 @@ def _route(name: str) -> CommandRoute:
 
 def _stop_arm(caller: ClientContext, code: int) -> bool:
     arm = caller.state.arm
-    if arm.holder is not caller or not (arm.busy or arm.slave.pending):
+    if arm.holder is not caller or not (arm.busy or arm.slave.has_work):
         return False
     arm.stop(code)
     return True

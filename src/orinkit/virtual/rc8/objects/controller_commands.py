@@ -66,7 +66,7 @@ def _error_description(caller: ClientContext, parameter: Variant) -> Value:
     code = conversion.whole(parameter)
     if not -(2**31) <= code < 2**32:
         raise error_for(hresult.E_INVALIDARG, tr("{code} exceeds 32 bits", code=code))
-    return caller.state.faults.describe(code)
+    return caller.state.faults.text_of(code)
 
 
 def _current_error_count(caller: ClientContext, _: Variant) -> Value:
@@ -109,7 +109,7 @@ def system_state(state: RC8State) -> int:
     """Return the 32 bits of SysState; bits of features that are not simulated are 0."""
     switches = state.switches
     bits = {
-        0: state.programs_running > 0,
+        0: state.running_programs > 0,
         1: state.faults.code != 0,
         2: state.arm.motor.on,
         3: True,  # initialised: clients connect only after the start

@@ -101,9 +101,11 @@ def _options(parameter: Variant) -> tuple[list[Variant], bool]:
     """Return the elements of a parameter without a trailing ``NEXT``, and True if there was one."""
     given = parameters.elements(parameter)
     if len(given) == 1 and isinstance(given[0].value, str):  # all elements in one string
-        given = [Variant(VarType.BSTR, part) for part in parameters.short(given[0].value).split(",", _MAX_PARAMETERS)]
+        given = [
+            Variant(VarType.BSTR, part) for part in parameters.check_length(given[0].value).split(",", _MAX_PARAMETERS)
+        ]
     last = given[-1].value if given else None
-    at_once = isinstance(last, str) and parameters.short(last).strip().lower() == _NEXT
+    at_once = isinstance(last, str) and parameters.check_length(last).strip().lower() == _NEXT
     return (given[:-1] if at_once else given), at_once
 
 

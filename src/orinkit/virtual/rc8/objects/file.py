@@ -69,7 +69,7 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
             store.make_folder(name)
         else:
             store.create(name)
-    return RC8File(caller, store, store.path(name), run)
+    return RC8File(caller, store, store.full_name(name), run)
 
 
 class RC8File(FileObject):
@@ -180,7 +180,7 @@ class RC8File(FileObject):
         self._caller.require_write()
         target = self._target(name)
         self._store.move(self._path, target)
-        self._path = self._store.path(target)
+        self._path = self._store.full_name(target)
         self.name = _last_part(self._path)
 
     def run(self, option: str) -> str | BlockingCall:
@@ -220,7 +220,7 @@ class RC8File(FileObject):
     def get_path(self) -> str:
         r"""Return the path from the root folder, ``dir\Pro1.pcs``, as used by Controller_GetFile; the root is ``\``."""
         self._caller.require_read()
-        return self._store.path(self._path)
+        return self._store.full_name(self._path)
 
     def get_size(self) -> int:
         """Return the size of the file in bytes, 0 for a folder."""
@@ -279,7 +279,7 @@ class RC8File(FileObject):
 
     def _is_folder(self) -> bool:
         self._caller.require_read()
-        self._store.path(self._path)  # raises FILE_NOT_FOUND if it no longer exists
+        self._store.full_name(self._path)  # raises FILE_NOT_FOUND if it no longer exists
         return self._store.is_folder(self._path)
 
     def _target(self, name: str) -> str:

@@ -44,7 +44,7 @@ class RC8Robot(RobotObject):
         self._state = caller.state
         self._arm = caller.state.arm
         self._moves = caller.state.moves
-        self._arm.enter(caller)
+        self._arm.add_robot_object(caller)
 
     # --- motion -------------------------------------------------------------------------------------------------
 
@@ -132,7 +132,7 @@ class RC8Robot(RobotObject):
 
     def release(self) -> None:
         """Release the object; with the client's last Robot object its motions are stopped and the arm is released."""
-        self._arm.leave(self._caller)
+        self._arm.remove_robot_object(self._caller)
 
     # --- helpers ------------------------------------------------------------------------------------------------
 

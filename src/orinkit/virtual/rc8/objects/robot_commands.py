@@ -157,7 +157,7 @@ def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Defe
         else:
             pairs = [each for each in given if each.type & ARRAY]
             rest = [each for each in given if not each.type & ARRAY]
-        mark, values = parameters.axis_values(pairs)
+        mark, values = parameters.mark_and_axis_values(pairs)
         options = _options(rest)
         return _completion(caller, caller.state.moves.drive(values, absolute, mark, options), options)
 

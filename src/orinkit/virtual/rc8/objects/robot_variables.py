@@ -69,7 +69,7 @@ def _external(caller: ClientContext, given: Variant) -> None:
     caller.state.arm.speeds.set_external(conversion.double(given))
 
 
-def _poses(prefix: str, source: Callable[[RC8Arm], state_report.Source], text: str) -> tuple[RobotVariable, ...]:
+def _poses(prefix: str, source: Callable[[RC8Arm], state_report.ArmPosition], text: str) -> tuple[RobotVariable, ...]:
     return (
         RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, kind="P"),
         RobotVariable(f"@{prefix}_ANGLE", _R8_ARRAY, lambda arm: source(arm).angles(), text, kind="J"),

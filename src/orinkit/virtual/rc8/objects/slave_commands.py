@@ -23,7 +23,7 @@ from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.slave_feedback import answer_of, require_sources
+from orinkit.virtual.rc8.robot.slave_feedback import reply_of, require_sources
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
 from orinkit.virtual.rc8.robot.target import Joints
@@ -41,7 +41,7 @@ def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | N
     arm = caller.state.arm
     require("slvChangeMode off" if mode is None else "slvChangeMode on", arm, caller)
     if mode is not None:
-        arm.slave.begin(caller, mode, caller.drain_input)
+        arm.slave.begin(caller, mode, caller.when_input_processed)
     return arm.slave.leave() if mode is None and arm.slave.on else None
 
 
@@ -53,8 +53,8 @@ def get_mode(caller: ClientContext, _: Variant) -> int:
 
 def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
     """Return the lateness of the current stream, or of the last one (see :mod:`orinkit.rc8.slave_lateness`)."""
-    (leave_out,) = parameters.whole_numbers(parameter, 0)
-    return build_lateness(caller.state.arm.slave.lateness(leave_out))
+    (skip_first,) = parameters.whole_numbers(parameter, 0)
+    return build_lateness(caller.state.arm.slave.lateness(skip_first))
 
 
 def set_send_format(caller: ClientContext, parameter: Variant) -> None:
@@ -102,7 +102,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
         io.require_window(state.variables, point.window)
     slave.require_room()
     command = PlannedSetPoint(_joints(caller, slave.mode, point), partial(io.set_outputs, state.variables, outputs))
-    return slave.put(command, partial(answer_of, arm, state.variables, formats.receive, point.window))
+    return slave.put(command, partial(reply_of, arm, state.variables, formats.receive, point.window))
 
 
 def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:

@@ -99,7 +99,7 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
                        N_("Protective stop is on")),
         SystemVariable("@LOCK", VarType.BOOL, lambda s: s.switches.machine_lock,
                        N_("Machine lock: motions are executed, but the arm does not move"), _set_lock),
-        SystemVariable("@BUSY_STATUS", VarType.BOOL, lambda s: s.programs_running > 0,
+        SystemVariable("@BUSY_STATUS", VarType.BOOL, lambda s: s.running_programs > 0,
                        N_("A program task is running")),
         SystemVariable("@NORMAL_STATUS", VarType.BOOL, lambda s: s.faults.code == 0,
                        N_("No error is active")),

@@ -16,7 +16,7 @@ from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import as_target, store
 from orinkit.virtual.rc8.pacscript.scope import check_count
-from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetPoint, TakeArm
+from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetOutput, TakeArm
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, truth, whole
 
 _TRUE: Final = CONSTANTS["true"]
@@ -51,7 +51,7 @@ def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
     simple(expressions, lambda f: f[WORLD].take_arm(whole(group(f)), truth(keep(f))))
 
 
-def compile_set_point(expressions: Expressions, node: SetPoint) -> None:
+def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
     """Emit Set or Reset.
 
     Raises:
@@ -177,12 +177,12 @@ def _give_arm(world: Any) -> None:
 
 
 def _print_debug(world: Any, *parts: AnyValue) -> None:
-    world.show("dbg", values.bounded(" ".join(map(values.text, parts))))
+    world.show("dbg", values.check_length(" ".join(map(values.text, parts))))
 
 
 def _print_message(world: Any, text: AnyValue, style: AnyValue = 0, title: AnyValue = "") -> None:
     whole(style)  # the icon of the message is not displayed; the argument is only checked
-    world.show("msg", values.bounded(values.text(text)), values.string(title))
+    world.show("msg", values.check_length(values.text(text)), values.string(title))
 
 
 def _motor(expressions: Expressions, node: Command) -> None:

@@ -14,10 +14,10 @@ from orinkit.virtual.rc8.pacscript.code import DONE, Code, Frame, Linked, Op
 from orinkit.virtual.rc8.pacscript.commands import (
     compile_command,
     compile_let_part,
-    compile_set_point,
+    compile_set_reset,
     compile_take_arm,
 )
-from orinkit.virtual.rc8.pacscript.errors import CompileError, PacScriptError
+from orinkit.virtual.rc8.pacscript.errors import CompileError, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.expressions import Expressions, whole_at
 from orinkit.virtual.rc8.pacscript.flow import FlowCompiler
 from orinkit.virtual.rc8.pacscript.lvalues import store
@@ -60,7 +60,7 @@ def compile_program(source: str, file: str) -> Program:
         file: Name of the file, for errors.
 
     Raises:
-        PacScriptError: If the source has an error; with its position.
+        ProgramLoadError: If the source has an error; with its position.
     """
     statements = parse(source, file)
     compiler = _Compiler()
@@ -68,7 +68,7 @@ def compile_program(source: str, file: str) -> Program:
         linked = compiler.compile(statements)
         main = compiler.main()
     except CompileError as error:
-        raise PacScriptError(error.message, file, *error.at) from None
+        raise ProgramLoadError(error.message, file, *error.at) from None
     lines = sorted({line for line, starts in zip(linked.lines, linked.starts, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
     return Program(file, tuple(lines), subs, linked, main.entry.pc, main.elements, main.framer())
@@ -110,7 +110,7 @@ class _Compiler:
         for statement in statements:
             if isinstance(statement, tree.Routine):
                 inside = True
-            elif isinstance(statement, tree.Marker) and statement.word in ("End Sub", "End Function"):
+            elif isinstance(statement, tree.KeywordStatement) and statement.word in ("End Sub", "End Function"):
                 inside = False
             elif isinstance(statement, tree.Constants) and not inside:
                 self._constants(statement)
@@ -138,7 +138,7 @@ class _Compiler:
         match node:
             case tree.Routine():
                 self.scope.routine = self.flow.open_routine(node)
-            case tree.Marker():
+            case tree.KeywordStatement():
                 self._marker(node)
             case tree.Label():
                 self.flow.label(node)
@@ -160,7 +160,7 @@ class _Compiler:
             case _:
                 self._command(node)
 
-    def _command(self, node: tree.Motion | tree.Command | tree.TakeArm | tree.SetPoint | tree.LetPart) -> None:
+    def _command(self, node: tree.Motion | tree.Command | tree.TakeArm | tree.SetOutput | tree.LetPart) -> None:
         match node:
             case tree.Motion():
                 compile_motion(self.expressions, node)
@@ -168,8 +168,8 @@ class _Compiler:
                 compile_command(self.expressions, node)
             case tree.TakeArm():
                 compile_take_arm(self.expressions, node)
-            case tree.SetPoint():
-                compile_set_point(self.expressions, node)
+            case tree.SetOutput():
+                compile_set_reset(self.expressions, node)
             case tree.LetPart():
                 compile_let_part(self.expressions, node)
 
@@ -191,7 +191,7 @@ class _Compiler:
             case tree.Case():
                 self.flow.case(node)
 
-    def _marker(self, node: tree.Marker) -> None:
+    def _marker(self, node: tree.KeywordStatement) -> None:
         word, at = node.word, node.at
         match word:
             case "End Sub" | "End Function":
@@ -220,7 +220,7 @@ class _Compiler:
         block = self.flow.blocks[-1] if self.flow.blocks else None
         if not isinstance(block, SelectBlock) or block.begun or isinstance(node, tree.Case):
             return
-        if isinstance(node, tree.Marker) and node.word in ("Case Else", "End Select"):
+        if isinstance(node, tree.KeywordStatement) and node.word in ("Case Else", "End Select"):
             return
         raise CompileError(
             tr("the Select Case in line {line} must begin with a Case", line=block.at.line),

@@ -1,4 +1,4 @@
-"""Errors of programs: :class:`PacScriptError` at load, :class:`ProgramFault` at run time."""
+"""Errors of programs: :class:`ProgramLoadError` at load, :class:`ProgramFault` at run time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 
 
-class PacScriptError(ValueError):
+class ProgramLoadError(ValueError):
     """A program cannot be loaded.
 
     Attributes:
@@ -58,7 +58,7 @@ class ProgramFault(Exception):
 
 
 class CompileError(Exception):
-    """An error at a position of the source; loading converts it to a :class:`PacScriptError`."""
+    """An error at a position of the source; loading converts it to a :class:`ProgramLoadError`."""
 
     def __init__(self, message: str, at: tuple[int, int]) -> None:
         super().__init__(message, at)

@@ -24,5 +24,5 @@ class ExpressionCompiler(Protocol):
     def value(self, node: Expression) -> Evaluate:
         """Return a function that evaluates an expression."""
 
-    def element(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
+    def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
         """Return a function that evaluates the offset of an array element."""

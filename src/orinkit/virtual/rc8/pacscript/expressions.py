@@ -25,11 +25,21 @@ from orinkit.virtual.rc8.pacscript.scope import (
     Scope,
     Variable,
     check_count,
-    known_class,
+    global_class,
     split_number,
     unknown,
 )
-from orinkit.virtual.rc8.pacscript.tree import Apply, Binary, Expression, Index, Listed, Literal, Name, Place, Unary
+from orinkit.virtual.rc8.pacscript.tree import (
+    Apply,
+    Binary,
+    Expression,
+    GlobalRef,
+    JointValue,
+    Literal,
+    Name,
+    Place,
+    Unary,
+)
 from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
 
 _OPERATORS: Final[Mapping[str, Callable[[AnyValue, AnyValue], AnyValue]]] = {
@@ -101,7 +111,7 @@ class Expressions:
                 return constant(node.value)
             case Name():
                 return self._name(node)
-            case Index():
+            case GlobalRef():
                 return self._index(node)
             case Apply():
                 return self._apply(node)
@@ -109,7 +119,7 @@ class Expressions:
                 return self._unary(node)
             case Binary():
                 return self._binary(node)
-            case Listed():
+            case JointValue():
                 raise CompileError(tr("a list in parentheses is not allowed here"), node.at)
 
     def value(self, node: Expression) -> Evaluate:
@@ -148,7 +158,7 @@ class Expressions:
             )
         return emit_call(self, routine, at, arguments, result=result)
 
-    def element(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
+    def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
         """Return a function that evaluates the offset of an array element."""
         check_count(node.name, len(node.arguments), len(variable.sizes), len(variable.sizes))
         indices = [self.value(argument) for argument in node.arguments]
@@ -157,7 +167,7 @@ class Expressions:
 
             def offset(f: Frame) -> int:
                 index = whole(only(f))
-                return index if 0 <= index < size else bad_index(variable, index)
+                return index if 0 <= index < size else raise_bad_index(variable, index)
 
             return offset
         pairs = tuple(zip(indices, variable.sizes, strict=True))
@@ -166,7 +176,7 @@ class Expressions:
             place = 0
             for run, size in pairs:
                 index = whole(run(f))
-                place = place * size + (index if 0 <= index < size else bad_index(variable, index))
+                place = place * size + (index if 0 <= index < size else raise_bad_index(variable, index))
             return place
 
         return offset_of_many
@@ -206,8 +216,8 @@ class Expressions:
 
         return Compiled(run)
 
-    def _index(self, node: Index) -> Compiled:
-        kind = known_class(node.name)
+    def _index(self, node: GlobalRef) -> Compiled:
+        kind = global_class(node.name)
         index = self.compile(node.index)
         if index.constant is not None:
             return read_global(kind, whole_at(index.constant, node.index.at))
@@ -217,7 +227,7 @@ class Expressions:
         key = node.name.key
         variable = self.scope.variable(key)
         if variable is not None and variable.sizes:
-            slot, offset = variable.slot, self.element(variable, node)
+            slot, offset = variable.slot, self.element_offset(variable, node)
             return Compiled(lambda f: f[slot][offset(f)])
         function = functions.POSES.get(key) or functions.FUNCTIONS.get(key)
         if function is not None:
@@ -333,7 +343,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
         raise CompileError(error.detail, at) from None
 
 
-def bad_index(variable: Variable, index: int) -> int:
+def raise_bad_index(variable: Variable, index: int) -> int:
     """Raise the error for an index outside of an array.
 
     Raises:

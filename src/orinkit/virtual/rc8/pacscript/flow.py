@@ -444,6 +444,6 @@ def _not_closed(block: Block, at: Place, word: str) -> CompileError:
 def _written(target: tree.Target) -> str:
     if isinstance(target, tree.Name):
         return target.text.lower()
-    if isinstance(target, tree.Index) and isinstance(target.index, tree.Literal):
+    if isinstance(target, tree.GlobalRef) and isinstance(target.index, tree.Literal):
         return f"{target.name.key}{target.index.value}"
     return target.name.key

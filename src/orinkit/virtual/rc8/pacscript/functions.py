@@ -162,7 +162,7 @@ def _digits(form: str) -> Callable[[AnyValue], str]:
 
 
 def _of_text(change: Callable[[str], str]) -> Callable[[AnyValue], str]:
-    return lambda text: values.bounded(change(string(text)))
+    return lambda text: values.check_length(change(string(text)))
 
 
 # --- poses ------------------------------------------------------------------------------------------------------------

@@ -10,8 +10,8 @@ from orinkit.virtual.rc8.pacscript.code import WORLD, Frame
 from orinkit.virtual.rc8.pacscript.errors import CompileError
 from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
 from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
-from orinkit.virtual.rc8.pacscript.scope import BY_CLASS, TypeOf, known_class, split_number, unknown
-from orinkit.virtual.rc8.pacscript.tree import Apply, Expression, Index, Name, Target
+from orinkit.virtual.rc8.pacscript.scope import BY_CLASS, TypeOf, global_class, split_number, unknown
+from orinkit.virtual.rc8.pacscript.tree import Apply, Expression, GlobalRef, Name, Target
 from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
 
 Store: TypeAlias = Callable[[Frame, AnyValue], None]
@@ -43,7 +43,7 @@ def as_target(node: Expression) -> Target:
     Raises:
         CompileError: If it is not a variable.
     """
-    if isinstance(node, Name | Apply | Index):
+    if isinstance(node, Name | Apply | GlobalRef):
         return node
     raise CompileError(tr("expected a variable"), node.at)
 
@@ -77,7 +77,7 @@ def store(expressions: ExpressionCompiler, target: Target) -> Store:
 
 def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf, Refer] | None:
     """Return the type of a variable and a function that locates it; None if it cannot be passed by reference."""
-    if not isinstance(node, Name | Apply | Index):
+    if not isinstance(node, Name | Apply | GlobalRef):
         return None
     local = _local(expressions, node, strict=False)
     if local is not None:
@@ -91,7 +91,7 @@ def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf
 
 def _local(expressions: ExpressionCompiler, target: Target, *, strict: bool = True) -> tuple[TypeOf, Refer] | None:
     name = _name_of(target)
-    if isinstance(target, Index):
+    if isinstance(target, GlobalRef):
         return None
     variable = expressions.scope.variable(name.key)
     if variable is None:
@@ -107,7 +107,7 @@ def _local(expressions: ExpressionCompiler, target: Target, *, strict: bool = Tr
             if strict:
                 raise CompileError(tr("{name} is not an array", name=name.text), name.at)
             return None
-        offset = expressions.element(variable, target)
+        offset = expressions.element_offset(variable, target)
         return variable.type, lambda f: (f[slot], offset(f))
     if variable.sizes:
         raise CompileError(
@@ -145,8 +145,8 @@ def _store_point(kind: str, index: Callable[[Frame], int]) -> Store:
 
 
 def _global_of(expressions: ExpressionCompiler, target: Target) -> tuple[str, Callable[[Frame], int]] | None:
-    if isinstance(target, Index):
-        kind = known_class(target.name)
+    if isinstance(target, GlobalRef):
+        kind = global_class(target.name)
         value = expressions.value(target.index)
         return kind, lambda f: whole(value(f))
     numbered = split_number(target.key) if isinstance(target, Name) else None

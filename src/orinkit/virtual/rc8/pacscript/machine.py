@@ -80,7 +80,7 @@ class Machine:
         self._seed = _SEED
         self._state = MachineState.RUNNING
 
-    def interrupt(self) -> None:
+    def cancel_wait(self) -> None:
         """Discard the wait in progress; its statement is executed again when the program continues."""
         self._wait = None
         if self._state is MachineState.WAITING:

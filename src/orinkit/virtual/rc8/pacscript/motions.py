@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.commands import percent, waiting
 from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.functions import joint_index
-from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, Listed, Mark, Motion, Name, Place
+from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, JointValue, Motion, Name, PassMarkNode, Place
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, whole
 
 _INTERPOLATIONS: Final = {"p": 1, "ptp": 1, "l": 2, "c": 3, "s": 4}
@@ -199,7 +199,7 @@ def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _
 
 def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tuple[tuple[int, float], ...]]:
     first = items[0].value
-    if len(items) == 1 and first is not None and not isinstance(first, Listed):
+    if len(items) == 1 and first is not None and not isinstance(first, JointValue):
         joints, take = expressions.value(first), values.pose("J")
         return lambda f: tuple(enumerate(take(joints(f)), 1))
     runs = [_pair(expressions, item.value, item.at) for item in items]
@@ -207,7 +207,7 @@ def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tup
 
 
 def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
-    if not isinstance(node, Listed) or len(node.items) != 2:
+    if not isinstance(node, JointValue) or len(node.items) != 2:
         raise CompileError(tr("expected a joint and a value, for example (1, 10)"), at)
     joint, value = (expressions.value(item) for item in node.items)
 
@@ -226,7 +226,7 @@ def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame]
 def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
     _require(node, items, 2, 3, tr("a plane, an angle and optionally a pivot"))
     plane = items[0].value
-    if isinstance(plane, Listed):
+    if isinstance(plane, JointValue):
         raise not_supported(tr("Rotate about three points"), plane.at)
     name = plane.text.upper() if isinstance(plane, Name) else ""
     if name not in _PLANES:
@@ -287,7 +287,7 @@ def _amount(expressions: Expressions, item: Item) -> tuple[Evaluate, Callable[[F
     return _pose(expressions, item), _mark(expressions, item.mark)
 
 
-def _mark(expressions: Expressions, node: Mark | None) -> Callable[[Frame], PassMark | None]:
+def _mark(expressions: Expressions, node: PassMarkNode | None) -> Callable[[Frame], PassMark | None]:
     if node is None:
         return lambda _: None
     if node.radius is None:
@@ -309,10 +309,10 @@ def _extra(expressions: Expressions, node: ExtraJoints | None) -> Callable[[Fram
         return lambda _: None
     absolute = node.absolute
     items = node.items
-    if len(items) == 1 and not isinstance(items[0], Listed):
+    if len(items) == 1 and not isinstance(items[0], JointValue):
         joints, take = expressions.value(items[0]), values.pose("J")
         return lambda f: Extra(absolute, tuple((n, take(joints(f))[n - 1]) for n in _EXTRA_JOINTS))
-    pairs = items if isinstance(items[0], Listed) else (Listed(node.at, items, 1),)
+    pairs = items if isinstance(items[0], JointValue) else (JointValue(node.at, items, 1),)
     runs = [_pair(expressions, pair, node.at) for pair in pairs]
 
     def run(f: Frame) -> Extra:

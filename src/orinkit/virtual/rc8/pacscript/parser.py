@@ -11,7 +11,7 @@ from lark.exceptions import UnexpectedToken
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
-from orinkit.virtual.rc8.pacscript.errors import CompileError, PacScriptError
+from orinkit.virtual.rc8.pacscript.errors import CompileError, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.grammar import GRAMMAR
 from orinkit.virtual.rc8.pacscript.keywords import canonical
 from orinkit.virtual.rc8.pacscript.lexer import PacScriptLexer
@@ -35,15 +35,15 @@ def parse(source: str, file: str) -> tuple[Statement, ...]:
         file: Name of the file, for errors.
 
     Raises:
-        PacScriptError: If the source has a syntax error or an unsupported statement.
+        ProgramLoadError: If the source has a syntax error or an unsupported statement.
     """
     try:
         return cast("tuple[Statement, ...]", _lark().parse(source))
     except UnexpectedToken as error:
         line, column = _place(error.token)
-        raise PacScriptError(_unexpected(error), file, line, column) from None
+        raise ProgramLoadError(_unexpected(error), file, line, column) from None
     except CompileError as error:
-        raise PacScriptError(error.message, file, *error.at) from None
+        raise ProgramLoadError(error.message, file, *error.at) from None
 
 
 @cache
@@ -114,8 +114,10 @@ class _Builder(Transformer[Token, Any]):
 
     # --- flow
 
-    def marker(self, word: Token) -> tree.Marker:
-        return tree.Marker(_place(word), str(word) if " " in word else _MARKERS.get(word.type, canonical(word)))
+    def marker(self, word: Token) -> tree.KeywordStatement:
+        return tree.KeywordStatement(
+            _place(word), str(word) if " " in word else _MARKERS.get(word.type, canonical(word))
+        )
 
     lone = marker
     leave = marker
@@ -194,21 +196,21 @@ class _Builder(Transformer[Token, Any]):
     def motion(self, word: Token, *items: tree.Item) -> tree.Motion:
         return tree.Motion(_place(word), canonical(word), items)
 
-    def item(self, mark: tree.Mark | None, value: Expression, extra: tree.ExtraJoints | None) -> tree.Item:
+    def item(self, mark: tree.PassMarkNode | None, value: Expression, extra: tree.ExtraJoints | None) -> tree.Item:
         return tree.Item(mark.at if mark else value.at, mark, value, extra)
 
     def item_next(self, word: Token) -> tree.Item:
         return tree.Item(_place(word), None, None, None)
 
-    def mark(self, what: Any) -> tree.Mark:
+    def mark(self, what: Any) -> tree.PassMarkNode:
         if isinstance(what, Token):
             at = _place(what)
             if what.type == "NUMBER":
-                return tree.Mark(at, "n", tree.Literal(at, _number(what)))
+                return tree.PassMarkNode(at, "n", tree.Literal(at, _number(what)))
             if what.upper() in ("P", "E"):
-                return tree.Mark(at, what.upper(), None)
-        elif not isinstance(what, tree.Listed):
-            return tree.Mark(what.at, "n", what)
+                return tree.PassMarkNode(at, what.upper(), None)
+        elif not isinstance(what, tree.JointValue):
+            return tree.PassMarkNode(what.at, "n", what)
         raise CompileError(
             tr("a pass mark must be @0, @P, @E or @ with a radius in mm"),
             _place(what) if isinstance(what, Token) else what.at,
@@ -226,8 +228,8 @@ class _Builder(Transformer[Token, Any]):
     def keep(self, _: Token, __: Token, value: Expression) -> Expression:
         return value
 
-    def point(self, word: Token, target: tree.Target) -> tree.SetPoint:
-        return tree.SetPoint(_place(word), word.lower() == "set", target)
+    def point(self, word: Token, target: tree.Target) -> tree.SetOutput:
+        return tree.SetOutput(_place(word), word.lower() == "set", target)
 
     def letpart(self, word: Token, target: tree.Target, _: Token, value: Expression) -> tree.LetPart:
         return tree.LetPart(_place(word), canonical(word), None, target, value)
@@ -243,8 +245,8 @@ class _Builder(Transformer[Token, Any]):
     def apply(self, word: Token, values: tuple[Expression, ...] | None) -> tree.Apply:
         return tree.Apply(_name(word), values or (), depth_over(_place(word), *(values or ())))
 
-    def index(self, word: Token, value: Expression) -> tree.Index:
-        return tree.Index(_name(word), value, depth_over(_place(word), value))
+    def index(self, word: Token, value: Expression) -> tree.GlobalRef:
+        return tree.GlobalRef(_name(word), value, depth_over(_place(word), value))
 
     def values(self, *items: Expression) -> tuple[Expression, ...]:
         return items
@@ -259,8 +261,8 @@ class _Builder(Transformer[Token, Any]):
     def group(self, value: Expression) -> Expression:
         return value
 
-    def listed(self, *items: Expression) -> tree.Listed:
-        return tree.Listed(items[0].at, items, depth_over(items[0].at, *items))
+    def listed(self, *items: Expression) -> tree.JointValue:
+        return tree.JointValue(items[0].at, items, depth_over(items[0].at, *items))
 
     def number(self, token: Token) -> tree.Literal:
         return tree.Literal(_place(token), _number(token))

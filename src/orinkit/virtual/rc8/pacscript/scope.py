@@ -252,7 +252,7 @@ def split_number(key: str) -> tuple[str, int] | None:
     return (found[1].upper(), int(found[2])) if found else None
 
 
-def known_class(name: Name) -> str:
+def global_class(name: Name) -> str:
     """Return the class of ``P[...]`` or ``IO[...]``.
 
     Raises:

@@ -66,7 +66,7 @@ class Apply(_Named):
 
 
 @dataclass(frozen=True, slots=True)
-class Index(_Named):
+class GlobalRef(_Named):
     """``name[...]``: a global variable or an I/O point."""
 
     index: Expression
@@ -95,7 +95,7 @@ class Binary:
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class JointValue:
     """``(x, y)``: a joint and its value, as an argument of a motion."""
 
     at: Place
@@ -103,9 +103,9 @@ class Listed:
     depth: int
 
 
-Expression: TypeAlias = Literal | Name | Apply | Index | Unary | Binary | Listed
+Expression: TypeAlias = Literal | Name | Apply | GlobalRef | Unary | Binary | JointValue
 """An expression that has a value."""
-Target: TypeAlias = Name | Apply | Index
+Target: TypeAlias = Name | Apply | GlobalRef
 """An expression with the form of an assignment target; the compiler checks that it is assignable."""
 
 
@@ -145,7 +145,7 @@ class Routine:
 
 
 @dataclass(frozen=True, slots=True)
-class Marker:
+class KeywordStatement:
     """A statement that consists only of a keyword: ``End Sub``, ``Else``, ``Exit For``, ``Return`` ..."""
 
     at: Place
@@ -223,7 +223,7 @@ class Jump:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class PassMarkNode:
     """A pass mark: ``@P``, ``@E``, ``@0`` or ``@10``; ``radius`` in mm if the mode is ``"n"``, otherwise ``None``."""
 
     at: Place
@@ -245,7 +245,7 @@ class Item:
     """One comma-separated argument of a motion; ``value`` is None for ``Next``."""
 
     at: Place
-    mark: Mark | None
+    mark: PassMarkNode | None
     value: Expression | None
     extra: ExtraJoints | None
 
@@ -278,7 +278,7 @@ class TakeArm:
 
 
 @dataclass(frozen=True, slots=True)
-class SetPoint:
+class SetOutput:
     """``Set IO[128]`` or ``Reset IO[128]``."""
 
     at: Place
@@ -378,7 +378,7 @@ class Case:
 
 
 Statement: TypeAlias = (
-    Routine | Marker | Label | Declare | Constants | Assign | Call | Jump | Motion | Command | TakeArm | SetPoint
+    Routine | KeywordStatement | Label | Declare | Constants | Assign | Call | Jump | Motion | Command | TakeArm | SetOutput
     | LetPart | If | IfLine | For | Next | Loop | Select | Case
 )  # fmt: skip
 """A statement, or the opening or closing line of a block."""

@@ -165,7 +165,7 @@ def add(left: AnyValue, right: AnyValue) -> AnyValue:
             return result
         raise overflow()
     if isinstance(left, str) and isinstance(right, str):
-        return bounded(left + right)
+        return check_length(left + right)
     if isinstance(left, tuple):
         return _by_element(left, right, 1.0)
     return finite(number(left) + number(right))
@@ -271,7 +271,7 @@ def join(left: AnyValue, right: AnyValue) -> str:
     Raises:
         CallError: STRING_TOO_LONG.
     """
-    return bounded(text(left) + text(right))
+    return check_length(text(left) + text(right))
 
 
 def shift(value: AnyValue, count: AnyValue) -> int:
@@ -328,7 +328,7 @@ def text(value: AnyValue) -> str:
     return _real(value)
 
 
-def bounded(value: str) -> str:
+def check_length(value: str) -> str:
     """Return a string unchanged.
 
     Raises:

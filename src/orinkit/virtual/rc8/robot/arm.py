@@ -140,11 +140,11 @@ class RC8Arm:
         """Release the arm semaphore; running motions are not affected."""
         self.holder = None
 
-    def enter(self, operator: Operator) -> None:
+    def add_robot_object(self, operator: Operator) -> None:
         """Count a Robot object of a client; the client keeps the arm while it has one."""
         self._objects[operator] += 1
 
-    def leave(self, operator: Operator) -> None:
+    def remove_robot_object(self, operator: Operator) -> None:
         """Discount a Robot object of a client; with the last one, stop the client's motions and release the arm."""
         self._objects[operator] -= 1
         if self._objects[operator] <= 0:
@@ -162,7 +162,7 @@ class RC8Arm:
 
     # --- motion -------------------------------------------------------------------------------------------------
 
-    def begin(self, motion: Motion) -> Ticket:
+    def enqueue(self, motion: Motion) -> Ticket:
         """Append a motion to the queue; it starts in the next cycle if no other motion runs."""
         self._cycles.require_open()
         ticket = self.queue.add(motion)
@@ -201,7 +201,7 @@ class RC8Arm:
             self._answer()  # a paused arm is at standstill already
             self._cycles.wake()
 
-    def cut(self, code: int) -> None:
+    def stop_and_power_off(self, code: int) -> None:
         """Stop the arm and then switch its motor off: for an emergency stop or a severe error."""
         self.stop(code)
         if self.busy:
@@ -294,9 +294,9 @@ class RC8Arm:
         )
         self._answer()
         if self.slave.on:
-            self.slave.settle()
+            self.slave.complete_waiting()
         paused = self.queue.state is QueueState.HELD
-        commanding = (self.busy and not paused) or not self.queue.standing or self.slave.pending
+        commanding = (self.busy and not paused) or not self.queue.standing or self.slave.has_work
         return commanding or moving or switching or self.log.running
 
     def _answer(self) -> None:

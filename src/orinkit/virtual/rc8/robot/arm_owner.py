@@ -18,10 +18,10 @@ class Operator(Protocol):
     def program(self) -> bool:
         """True for a program."""
 
-    def right(self) -> int:
+    def write_refusal(self) -> int:
         """Return the error code of a refused write, or 0 if the operator may write."""
 
-    def token(self, switches: Switches) -> int:
+    def token_refusal(self, switches: Switches) -> int:
         """Return the error code of a refused start, or 0 if it has the executable token (RC8 2.1)."""
 
     def __str__(self) -> str: ...

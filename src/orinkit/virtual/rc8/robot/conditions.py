@@ -89,8 +89,8 @@ def _not_slave_elsewhere(arm: RC8Arm, operator: Operator) -> int:
 
 
 _CHECKS: Final[dict[Condition, Check]] = {
-    Condition.WRITE: lambda _, operator: operator.right(),
-    Condition.TOKEN: lambda arm, operator: operator.token(arm.switches),
+    Condition.WRITE: lambda _, operator: operator.write_refusal(),
+    Condition.TOKEN: lambda arm, operator: operator.token_refusal(arm.switches),
     Condition.AUTO: _mode,
     Condition.ENABLED: lambda arm, _: 0 if arm.switches.auto_enable else hresult.AUTO_ENABLE_REQUIRED,
     Condition.NO_EMERGENCY: lambda arm, _: hresult.EMERGENCY_STOP_ON if arm.switches.emergency_stop else 0,

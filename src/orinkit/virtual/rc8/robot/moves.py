@@ -18,7 +18,7 @@ from orinkit.virtual.engine.motion.planner import Motion, Rates
 from orinkit.virtual.engine.motion.queue import ROOM, Ticket
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.speeds import FULL, SpeedSet
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Goal, Joints, check_distance
+from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Goal, Joints, check_reach
 from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
@@ -186,11 +186,15 @@ class Moves:
             values = target.value
             if isinstance(values, int):
                 values = tuple(self._variables.read(CLASSES["V"], values).value)
-            check_distance(*values)
+            check_reach(*values)
             return np.asarray((self._space.works.matrix() @ np.array([*values, 1.0]))[:3])
         start = self._arm.queue.end_joints
         kind, values = self._space.numbers(target, start)
-        frame = self._space.tcp(self._space.joints(target, start)) if kind == "J" else self._space.pose(kind, values)
+        frame = (
+            self._space.tcp(self._space.joints(target, start))
+            if kind == "J"
+            else self._space.frame_in_base(kind, values)
+        )
         return np.asarray(frame[:3, 3])
 
     # --- stored paths -------------------------------------------------------------------------------------------
@@ -263,7 +267,7 @@ class Moves:
         self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, options: MotionOptions,
         start: Joints,
     ) -> Motion:  # fmt: skip
-        check_distance(distance)
+        check_reach(distance)
         back = IDENTITY.copy()
         back[2, 3] = -distance
         end = goal.tcp @ back
@@ -278,7 +282,7 @@ class Moves:
                     interpolation=interpolation,
                 ),
             )
-        self._space.check_path(goal, start)
+        self._space.check_figure(goal, start)
         return self._line(end, goal.extra, mark or options.mark, options, start)
 
     def _begin(self, *plans: _Plan) -> list[Ticket]:
@@ -295,7 +299,7 @@ class Moves:
                 motions.append(make(motions[-1].end if motions else queue.end_joints))
         except CallError as error:
             raise self._report_error(error) from None
-        return [self._arm.begin(motion) for motion in motions]
+        return [self._arm.enqueue(motion) for motion in motions]
 
     def _report_error(self, error: CallError) -> CallError:
         """Return an error of planning, after reporting it to the controller if its level stops the robot.

@@ -48,7 +48,7 @@ def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
     """
     given = elements(parameter)
     if len(given) == 1 and isinstance(given[0].value, str) and len(defaults) > 1:
-        given = [Variant(VarType.BSTR, part) for part in short(given[0].value).split(",")]
+        given = [Variant(VarType.BSTR, part) for part in check_length(given[0].value).split(",")]
     least = sum(1 for default in defaults if default is None)
     if not least <= len(given) <= len(defaults):
         raise _count(len(given), least, len(defaults))
@@ -158,7 +158,7 @@ def marked(given: Variant) -> tuple[PassMark | None, str]:
     Raises:
         CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH.
     """
-    text = short(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
+    text = check_length(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
     found = _MARK.match(text)
     return (pass_mark(found[0]), text[found.end() :].strip()) if found else (None, text)
 
@@ -173,7 +173,7 @@ def marked_number(given: Variant) -> tuple[PassMark | None, float]:
     return mark, conversion.double(Variant(VarType.BSTR, text))
 
 
-def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
+def mark_and_axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
     """Return pass mark and (axis, value) pairs: one string ``"@0 (1,10),(2,20)"``, or arrays of two elements.
 
     Raises:
@@ -196,7 +196,7 @@ def axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[i
     return None, found_pairs
 
 
-def short(text: str) -> str:
+def check_length(text: str) -> str:
     """Return a string after checking its length.
 
     Raises:

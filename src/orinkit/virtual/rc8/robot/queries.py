@@ -18,7 +18,7 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
-from orinkit.virtual.rc8.robot.state_report import Numbers, Source
+from orinkit.virtual.rc8.robot.state_report import ArmPosition, Numbers
 from orinkit.virtual.rc8.robot.target import figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables import conversion
@@ -31,25 +31,25 @@ _COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (6, 7, 8), "T":
 
 Answer = Callable[[RC8Arm, Variant], Variant]
 
-POSES: Final[Mapping[str, Callable[[Source], Numbers]]] = {
-    "Pos": Source.position,
-    "Jnt": Source.angles,
-    "Trn": Source.trans,
+POSES: Final[Mapping[str, Callable[[ArmPosition], Numbers]]] = {
+    "Pos": ArmPosition.position,
+    "Jnt": ArmPosition.angles,
+    "Trn": ArmPosition.trans,
 }
 """The suffix of Cur, HighCur and Dest in a command's name, and the function that reads the pose."""
 
 
-def pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+def pose(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
     """Return a command that returns a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
 
 
-def stamped_pose(source: Callable[[RC8Arm], Source], read: Callable[[Source], Numbers]) -> Answer:
+def stamped_pose(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
     """Return a command that returns the time since power-on, ms, and a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, state_report.stamped(arm.seconds(), read(source(arm))))
 
 
-def figure(source: Callable[[RC8Arm], Source]) -> Answer:
+def figure(source: Callable[[RC8Arm], ArmPosition]) -> Answer:
     """Return a command that returns a figure."""
     return lambda arm, _: Variant(VarType.I4, source(arm).figure())
 
@@ -66,7 +66,7 @@ def convert(given: Kind, wanted: Kind) -> Answer:
             )
         if "J" not in (given, wanted):
             return Variant(_R8_ARRAY, _retyped(arm, target, wanted))
-        source = Source(arm, arm.space.joints(target, arm.servo.command))
+        source = ArmPosition(arm, arm.space.joints(target, arm.servo.command))
         return Variant(_R8_ARRAY, {"J": source.angles, "P": source.position, "T": source.trans}[wanted]())
 
     return run
@@ -75,7 +75,7 @@ def convert(given: Kind, wanted: Kind) -> Answer:
 def _named(parameter: Variant, kind: Kind) -> Target:
     """Return a pose; untyped values have the pose type of the command's name if their number matches."""
     target = parameters.pose(parameter)
-    given = parameters.elements(coerce.single(parameter))
+    given = parameters.elements(coerce.unwrap_single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
     if not untyped or isinstance(target.value, int) or len(target.value) not in _COUNTS[kind]:
         return target
@@ -87,7 +87,7 @@ def _named(parameter: Variant, kind: Kind) -> Target:
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
     """Convert a P to a T or a T to a P in the same frame, even out of reach; the figure is kept as given."""
     kind, values = arm.space.numbers(target, arm.servo.command)
-    frame = arm.space.pose(kind, values, 0)
+    frame = arm.space.frame_in_base(kind, values, 0)
     result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
     return [*map(float, result), float(figure_of(kind, values))]
 
@@ -115,11 +115,11 @@ def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
         joints = arm.space.joints(base, arm.servo.command)
         first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.kinematics.figure(joints))
     else:
-        first, fig = arm.space.pose(kind, values, 0), float(figure_of(kind, values))
+        first, fig = arm.space.frame_in_base(kind, values, 0), float(figure_of(kind, values))
     kind, values = arm.space.numbers(parameters.position(offset), arm.servo.command)
     if kind == "J":
         raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("the offset must be of type P or T"))
-    return first, arm.space.pose(kind, values, 0), fig
+    return first, arm.space.frame_in_base(kind, values, 0), fig
 
 
 def _position(frame: Matrix, fig: float) -> Variant:

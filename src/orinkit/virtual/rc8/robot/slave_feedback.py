@@ -10,7 +10,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.slave_fields import POSE_MASK, POSE_PARTS, RECEIVED, SlaveField
-from orinkit.rc8.slave_formats import ReceiveFormat, SlaveAnswer, UserWindow, build_answer
+from orinkit.rc8.slave_formats import ReceiveFormat, SlaveReply, UserWindow, build_reply
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.robot import state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -22,7 +22,7 @@ _MICRO: Final = 1_000_000
 _LARGEST_TIME: Final = 0x7FFF_FFFF  # wraps to 0 afterwards; in µs after 36 minutes
 
 
-class FeedbackSnapshot(NamedTuple):
+class FeedbackSources(NamedTuple):
     """The sources of the values of a result.
 
     Attributes:
@@ -34,13 +34,13 @@ class FeedbackSnapshot(NamedTuple):
     """
 
     arm: RC8Arm
-    here: state_report.Source
+    here: state_report.ArmPosition
     variables: VariableTable
     receive: ReceiveFormat
     window: UserWindow | None
 
 
-def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
+def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
     """Return the result in a client's format; poses are those of the encoders, like CurPos, CurJnt and CurTrn.
 
     Args:
@@ -49,9 +49,9 @@ def answer_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, win
         receive: The format.
         window: The requested user I/O.
     """
-    snapshot = FeedbackSnapshot(arm, state_report.current(arm), variables, receive, window)
+    sources = FeedbackSources(arm, state_report.current(arm), variables, receive, window)
     rows = _rows_of(receive.number)
-    return build_answer(receive, SlaveAnswer.of({row.name: SOURCES[row.name](snapshot) for row in rows}))
+    return build_reply(receive, SlaveReply.of({row.name: SOURCES[row.name](sources) for row in rows}))
 
 
 def require_sources(receive: ReceiveFormat) -> None:
@@ -71,28 +71,28 @@ def _rows_of(number: int) -> tuple[SlaveField, ...]:
     return tuple(row for row in RECEIVED if row.kind in kinds or row.receive & number)
 
 
-def _timestamp(snapshot: FeedbackSnapshot) -> int:
+def _timestamp(sources: FeedbackSources) -> int:
     """Return the time of the last cycle since power-on, ms or µs."""
-    unit = _MICRO if snapshot.receive.microseconds else _MILLI
-    return round(snapshot.arm.seconds() * unit) & _LARGEST_TIME
+    unit = _MICRO if sources.receive.microseconds else _MILLI
+    return round(sources.arm.seconds() * unit) & _LARGEST_TIME
 
 
-def _user(snapshot: FeedbackSnapshot) -> bytes | None:
-    return None if snapshot.window is None else io.user(snapshot.variables, snapshot.window)
+def _user(sources: FeedbackSources) -> bytes | None:
+    return None if sources.window is None else io.user(sources.variables, sources.window)
 
 
-def _currents(snapshot: FeedbackSnapshot) -> tuple[float, ...]:
-    arm = snapshot.arm
+def _currents(sources: FeedbackSources) -> tuple[float, ...]:
+    arm = sources.arm
     return tuple(state_report.eight(arm.servo.sample(arm.motor.on).current))
 
 
-SOURCES: Final[dict[str, Callable[[FeedbackSnapshot], Any]]] = {
+SOURCES: Final[dict[str, Callable[[FeedbackSources], Any]]] = {
     "time": _timestamp,
-    "joints": lambda snapshot: tuple(snapshot.here.angles()),
-    "position": lambda snapshot: tuple(snapshot.here.position()),
-    "trans": lambda snapshot: tuple(snapshot.here.trans()),
-    "mini": lambda snapshot: io.mini(snapshot.variables),
-    "hand": lambda snapshot: io.hand(snapshot.variables),
+    "joints": lambda sources: tuple(sources.here.angles()),
+    "position": lambda sources: tuple(sources.here.position()),
+    "trans": lambda sources: tuple(sources.here.trans()),
+    "mini": lambda sources: io.mini(sources.variables),
+    "hand": lambda sources: io.hand(sources.variables),
     "user": _user,
     "current": _currents,
 }

@@ -14,7 +14,7 @@ _MILLISECONDS: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ArmPosition:
     """A joint position of the arm as P, J or T, in the current tool and work frames."""
 
     arm: RC8Arm
@@ -37,14 +37,14 @@ class Source:
         return self.arm.space.kinematics.figure(self.joints)
 
 
-def current(arm: RC8Arm) -> Source:
+def current(arm: RC8Arm) -> ArmPosition:
     """Return the position of the encoders."""
-    return Source(arm, arm.servo.encoder)
+    return ArmPosition(arm, arm.servo.encoder)
 
 
-def destination(arm: RC8Arm) -> Source:
+def destination(arm: RC8Arm) -> ArmPosition:
     """Return the end of the running motion, or the command position if the arm is at standstill."""
-    return Source(arm, arm.queue.target)
+    return ArmPosition(arm, arm.queue.target)
 
 
 def eight(joints: Joints) -> Numbers:

@@ -9,7 +9,7 @@ import numpy as np
 
 from orinkit.arms import ArmModel, frames
 from orinkit.arms.kinematics import Kinematics
-from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_straight
+from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_wrist_straight
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -141,7 +141,7 @@ class FrameContext:
             return self.with_extra(
                 target.extra, start, ends[:count] if len(values) > ROBOT_AXES else _robot(ends, start)
             )
-        tcp = self.pose(kind, values, work)
+        tcp = self.frame_in_base(kind, values, work)
         solved = self.solve(tcp, figure_of(kind, values), start, tool)
         return self.with_extra(target.extra, start, (*solved, *start[ROBOT_AXES:]))
 
@@ -155,9 +155,9 @@ class FrameContext:
         if kind == "J":
             joints = self.joints(target, start)
             figure = self.kinematics.figure(joints)
-            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_straight(joints))
+            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_wrist_straight(joints))
         extra = self.with_extra(target.extra, start, start)[ROBOT_AXES:]
-        return Goal(self.pose(kind, values), figure_of(kind, values), extra)
+        return Goal(self.frame_in_base(kind, values), figure_of(kind, values), extra)
 
     def path_goal(self, target: Target, start: Joints) -> Goal:
         """Return the end of a path.
@@ -166,17 +166,17 @@ class FrameContext:
             CallError: FIGURE_MISMATCH if the figure of the pose is not that of the arm; as for :meth:`goal`.
         """
         goal = self.goal(target, start)
-        self.check_path(goal, start)
+        self.check_figure(goal, start)
         return goal
 
-    def check_path(self, goal: Goal, start: Joints) -> None:
+    def check_figure(self, goal: Goal, start: Joints) -> None:
         """Check that a path from a joint position can end with the figure of a pose; DOUBLE bits may change on the way.
 
         Raises:
             CallError: FIGURE_MISMATCH if the figures differ.
         """
         present = self.kinematics.figure(start)
-        kept = POSTURE & ~NONFLIP if goal.straight or is_straight(start) else POSTURE
+        kept = POSTURE & ~NONFLIP if goal.straight or is_wrist_straight(start) else POSTURE
         if goal.figure >= 0 and goal.figure & kept != present & kept:
             raise error_for(
                 hresult.FIGURE_MISMATCH,
@@ -224,18 +224,18 @@ class FrameContext:
             joints[number - 1] = value if extra.absolute else start[number - 1] + value
         return tuple(joints)
 
-    def pose(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
+    def frame_in_base(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
         """Return P or T values of a work frame (-1 for the current one) as a frame in the base.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE beyond the reach of any arm; E_INVALIDARG for invalid vectors of a T.
         """
-        check_distance(*values[:3])
+        check_reach(*values[:3])
         make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
         return np.asarray(self.works.matrix(work) @ make(values[: _FIGURE_AT[kind]]))
 
 
-def check_distance(*lengths: float) -> None:
+def check_reach(*lengths: float) -> None:
     """Raise an exception if a length, mm, is beyond the reach of any arm.
 
     Raises:

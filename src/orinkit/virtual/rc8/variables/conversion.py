@@ -17,7 +17,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.core.validation import rounded_to_single
-from orinkit.values.conversions import plain_date
+from orinkit.values.conversions import to_datetime
 from orinkit.values.types import ARRAY, INTEGERS, NUMERIC, REALS, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Variant
 
@@ -28,7 +28,7 @@ _SHOWN: Final = 10**20  # larger numbers are not printed
 
 def number(given: Variant) -> int | float:
     """Return a number from a numeric VARIANT, VT_BOOL (-1, 0), a string or a one-element array of these."""
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type not in _NUMBERS:
         raise _mismatch(given, tr("a number"))
     try:
@@ -103,7 +103,7 @@ def string(given: Variant) -> str:
     Raises:
         CallError: DISP_E_TYPEMISMATCH; STRING_TOO_LONG.
     """
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type != VarType.BSTR:
         raise _mismatch(given, "VT_BSTR")
     text = str(element.value)
@@ -115,10 +115,10 @@ def string(given: Variant) -> str:
 
 def moment(given: Variant) -> datetime:
     """Return a local date and time from VT_DATE."""
-    element = coerce.single(given)
+    element = coerce.unwrap_single(given)
     if element.type != VarType.DATE:
         raise _mismatch(given, "VT_DATE")
-    value = plain_date(element.value)
+    value = to_datetime(element.value)
     if not isinstance(value, datetime):
         raise error_for(hresult.E_INVALIDARG, tr("{value} days is not a valid date", value=value))
     return value

@@ -44,7 +44,7 @@ def joints_of(space: FrameContext, kind: PoseKind, point: SetPoint, start: Joint
 def _solved(space: FrameContext, kind: PoseKind, values: tuple[float, ...], start: Joints) -> Joints:
     figure = figure_of(kind, values)
     try:
-        flange = space.pose(kind, values) @ frames.inverse_of(space.tools.matrix())
+        flange = space.frame_in_base(kind, values) @ frames.inverse_of(space.tools.matrix())
         if figure < 0:
             found = space.kinematics.follow(flange[None], start)[0]
         else:

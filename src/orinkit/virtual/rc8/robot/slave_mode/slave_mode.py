@@ -12,7 +12,7 @@ from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import DrainInput, left_late, not_waited, waited_in_vain
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, late_detail, left_late, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     FollowingArm,
@@ -52,7 +52,7 @@ class StreamedArm(FollowingArm, Protocol):
     def stop(self, code: int) -> None:
         """Stop within the limits, and fail waiting calls with a code."""
 
-    def cut(self, code: int) -> None:
+    def stop_and_power_off(self, code: int) -> None:
         """Stop and then switch the motor off, and fail waiting calls with a code."""
 
 
@@ -60,7 +60,7 @@ class RC8SlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`settle` in each cycle while the mode is on, and :meth:`end`
+        arm: The arm; it calls :meth:`step` and :meth:`complete_waiting` in each cycle while the mode is on, and :meth:`end`
             when it is stopped.
         cycles: The control loop of the controller.
         fault: Callback invoked with an error of the controller: code and detail.
@@ -111,31 +111,31 @@ class RC8SlaveMode(SetPointBuffer):
         return not self._buffer or (self.overwrites and self._stops_hard(self._buffer[-1].joints))
 
     @property
-    def pending(self) -> bool:
+    def has_work(self) -> bool:
         """True if the next cycle has work to do, even if nothing moves."""
         return bool(self._buffer or self._leaving)
 
     # --- functions of clients -----------------------------------------------------------------------------------
 
-    def begin(self, owner: Operator, mode: SlaveMode, drain_input: DrainInput | None) -> None:
+    def begin(self, owner: Operator, mode: SlaveMode, when_input_processed: WhenInputProcessed | None) -> None:
         """Turn slave mode on; the caller has checked the conditions, and the arm is at standstill.
 
         Args:
             owner: The operator.
             mode: The mode.
-            drain_input: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
         self.newest = self._arm.queue.joints
-        self._open(drain_input, strict=self._arm.switches.strict_time)
+        self._open(when_input_processed, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Deferred[None]:
         """Turn slave mode off once the buffer is empty and the arm at standstill; return a Deferred of that."""
         done = Deferred[None]()
         self._leaving.append(done)
         self._resume()
-        self.settle()
+        self.complete_waiting()
         if not done.done():
             self._cycles.wake()
         return done
@@ -167,14 +167,14 @@ class RC8SlaveMode(SetPointBuffer):
         elif self._leaving:
             queue.halt()
         elif self.moving:
-            late = not_waited() if self._arm.switches.strict_time else waited_in_vain()
+            late = late_detail() if self._arm.switches.strict_time else timed_out_detail()
             if self.overwrites:  # equivalent to a command to stay in place (RC8 table 4-6)
                 self._lead_to(queue.joints, late)
             else:
                 self.fail(hresult.COMMAND_DELAY, late)
         self._end_cycle()
 
-    def settle(self) -> None:
+    def complete_waiting(self) -> None:
         """Refill the buffer and complete waiting calls; call it at the end of a cycle."""
         self._refill()
         if self._leaving and not self._buffer and not self._arm.busy:
@@ -211,12 +211,15 @@ class RC8SlaveMode(SetPointBuffer):
             except Exception as error:  # the arm moves: an error of the outputs must not interrupt the cycle
                 logger.exception("outputs")
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
-                self._arm.cut(hresult.UNDEFINED_ERROR)
+                self._arm.stop_and_power_off(hresult.UNDEFINED_ERROR)
 
     def _stops_hard(self, joints: Joints) -> bool:
         """Return True if repeating this joint position would be a stop beyond the limits."""
         queue = self._arm.queue
-        return joints == queue.joints and self._limits.fault(queue.before, joints, joints, lenient=False) is not None
+        return (
+            joints == queue.joints
+            and self._limits.fault(queue.previous_joints, joints, joints, lenient=False) is not None
+        )
 
     def _turn_off(self) -> list[Deferred[Value]]:
         """Turn slave mode off; return the replies that still wait."""
