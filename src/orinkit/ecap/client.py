@@ -1,8 +1,8 @@
 """The client side of an e-CAP conversation, without I/O.
 
-:meth:`EcapConversation.call` is a generator like that of :class:`orinkit.bcap.client.BcapConversation`: it yields the body
-of a request, and the caller sends back the body of the reply. Line feeds before a reply mean that the call is still
-executing, as S_EXECUTING does in b-CAP. Requests are never repeated.
+:meth:`EcapConversation.call` is a generator like :meth:`orinkit.bcap.client.BcapConversation.call`: it yields the
+body of a request, and the caller sends the body of the reply to the generator. Line feeds before a reply mean that
+the call is still executing, as S_EXECUTING does in b-CAP. Requests are never repeated.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from orinkit.values.variant import Variant, VarType
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
 HTTP: Final = TransportProfile("http", memory=60.0, watched=False)
-"""e-CAP over HTTP. A server ends a session after a configurable period of silence; the default of orinkit is 60 s."""
+"""e-CAP over HTTP. A server ends a session after a configurable idle time; the default of orinkit is 60 s."""
 
 _FAILED: Final = 0x8000_0000
 _STOP_TIMEOUT: Final = 1.0  # s
@@ -35,15 +35,15 @@ class EcapConversation:
     """Requests and replies of one client, one at a time.
 
     Args:
-        limits: bounds on a request and on a reply.
-        trace: callback invoked with every body: ``">"`` and a request, ``"<"`` and a reply.
+        limits: limits on a request and on a reply.
+        trace: callback invoked with ``">"`` and the body of each request, and with ``"<"`` and the body of each reply.
         profile: the transport profile.
         dialect: dialect of the controller; may be set later, when it is known.
-        clock: returns the time, s; for deadlines and the detection of floods.
+        clock: callback that returns the time in s; required for deadlines and for the detection of too many line feeds.
 
     Attributes:
-        stray_replies: always 0: a reply is received over the connection of its request.
-        echoes_reserved: always False: there is no reserved field.
+        stray_replies: always 0, because a reply arrives on the connection of its request.
+        echoes_reserved: always False, because e-CAP has no reserved field.
         serial: unused.
     """
 
@@ -64,7 +64,7 @@ class EcapConversation:
         self.dialect = dialect
         self.serial = 1
         self._limits = limits
-        self._stopped = True  # no Service_Stop is necessary: one has been sent, or no request at all
+        self._stopped = True  # closing requires no Service_Stop: it has been sent, or no request has been sent
 
     def call(
         self,
@@ -78,23 +78,23 @@ class EcapConversation:
         deadline: float | None = None,
     ) -> Operation:
         # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
-        """Call a function; return a generator, see the module's docstring.
+        """Return a generator that calls a function; the module's docstring describes it.
 
         Args:
             function: an entry of the table.
             arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
             seconds: time-out, s; every line feed from the server restarts it.
             exact: return the result as a :class:`~orinkit.values.variant.Variant`.
-            tries: ignored; for unreliable transports of b-CAP.
-            retry_timeout: ignored; for unreliable transports of b-CAP.
+            tries: ignored; only b-CAP over UDP and serial lines uses it.
+            retry_timeout: ignored; only b-CAP over UDP and serial lines uses it.
             deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.
 
         Raises:
             InvalidValue: If an argument does not fit its type; nothing has been sent.
             CallTimeout: If no reply was received in time. A later reply is dropped.
             ConnectionLost: If the peer has closed the connection.
-            ProtocolError: If the received data is not e-CAP or not what the function returns, or if there are too many line
-                feeds.
+            ProtocolError: If the received data is not e-CAP, if the type of the result is wrong, or if there are too many
+                line feeds.
             CallError: If the controller has returned an error code.
         """
         request = write_request(function, arguments)
@@ -122,7 +122,10 @@ class EcapConversation:
         return code, checked(function, result if exact else result.plain, exact=exact)
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
-        """Return the requests to send before a client without a Service_Stop disconnects, with the time to wait for each, s."""
+        """Return the requests to send before the client disconnects, each with its time-out in s.
+
+        The list is empty if no Service_Stop is necessary.
+        """
         if self._stopped:
             return []
         self._stopped = True

@@ -1,10 +1,10 @@
-"""The fields of a request's body, ``Func=3,Arg1=b-CAP``: split first, then decoded (e-CAP 3.2).
+"""The fields of a request's body, such as ``Func=3,Arg1=b-CAP``: they are split first, then decoded (e-CAP 3.2).
 
-* Fields are separated by ``&``, and by ``,`` if the name of a field and ``=`` follow. Any other comma is part of a value:
-  ``Arg1=WDT=400,InvokeTimeout=5000`` is one field.
+* Fields are separated by ``&``. A ``,`` separates fields if it is followed by the name of a field and ``=``. Any other
+  comma is part of a value: ``Arg1=WDT=400,InvokeTimeout=5000`` is one field.
 * Names are ``Func`` and ``Arg1`` to ``Arg5``, in upper or lower case, in any order, possibly surrounded by blanks.
-* Values are form-urlencoded: ``+`` is a blank, ``%2C`` a byte; the bytes are UTF-8, encoded or literal. Encoded characters
-  never separate fields.
+* Values are form-urlencoded: ``+`` represents a blank, and ``%2C`` the byte 2C. The bytes of a value are UTF-8, with or
+  without this encoding. Encoded characters never separate fields.
 * A body that was encoded as a whole, as ``curl --data-urlencode "Func=17,Arg1=3"`` does, is first decoded, then split.
 * Line breaks at the end and a byte order mark at the beginning are ignored.
 
@@ -24,12 +24,12 @@ from orinkit.core.i18n import quoted, tr
 ARGUMENTS: Final = 5
 """Number of arguments of a request."""
 MOST: Final = 32
-"""Limit on the pieces of a body; there are six fields."""
+"""Maximum number of pieces into which a body is split; a valid body has at most six fields."""
 BLANKS: Final = " \t\r\n"
 """Characters allowed around names and numbers."""
 
-_QUOTED: Final = 160  # bytes of a piece to quote in an error, which shows 40 characters of them
-_SLICE: Final = 32 * 1024  # bytes searched at a time: other threads wait meanwhile
+_QUOTED: Final = 160  # bytes of a piece that are decoded for an error message, which shows 40 characters
+_SLICE: Final = 32 * 1024  # bytes searched at a time, because other threads cannot run during a search
 _MARGIN: Final = 256  # bytes by which a match may extend beyond the slice that it begins in
 _BLANK: Final = rb"[ \t\r\n]{0,64}+"
 _NAME: Final = rb"(func|arg[1-5])" + _BLANK + rb"="
@@ -47,7 +47,7 @@ class FormField(NamedTuple):
 
     Attributes:
         text: the decoded text.
-        plus: whether a ``+`` was decoded as a blank, which may be the cause of an error.
+        plus: True if a ``+`` was decoded as a blank, which may be the cause of an error.
     """
 
     text: str
@@ -102,7 +102,7 @@ def _split(body: bytes) -> dict[str, bytes]:
 
 
 def _pieces(body: bytes) -> list[bytes]:
-    """Split a body into pieces, but stop if there are too many."""
+    """Split a body into at most ``MOST + 1`` pieces."""
     pieces: list[bytes] = []
     at = 0
     while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:
@@ -168,12 +168,15 @@ def _slices(value: bytes) -> Iterator[bytes]:
 
 def _unescaped(value: bytes) -> bytes:
     value = value.replace(b"+", b" ")
-    # Ten times as fast as urllib.parse, which takes seconds for the longest bodies: Python decodes \x41 in one pass.
+    # Python decodes all escapes such as \x41 in one pass. This is ten times as fast as urllib.parse, which takes seconds
+    # for the longest bodies.
     return value.replace(b"\\", b"%5C").replace(b"%", b"\\x").decode("unicode_escape").encode("latin-1")
 
 
 def to_text(data: bytes) -> str:
-    """Decode UTF-8; keep lone surrogates, and decode a pair of them, each in three bytes, as one character.
+    """Decode UTF-8 that may contain surrogates, each encoded in three bytes.
+
+    A pair of surrogates is decoded as one character; a single surrogate is kept.
 
     Raises:
         UnicodeDecodeError: If the bytes are not UTF-8.
@@ -203,7 +206,7 @@ def _with_surrogates(data: bytes) -> Iterator[str]:
 
 
 def refused(reason: str) -> CallError:
-    """Return the exception for an invalid request, E_INVALIDARG."""
+    """Return the exception for an invalid request, with the code E_INVALIDARG."""
     return error_for(hresult.E_INVALIDARG, reason)
 
 

@@ -1,13 +1,14 @@
 """Encoding and decoding of e-CAP messages: the bodies of requests and replies (e-CAP 3).
 
-A request is ``Func=9,Arg1=2,Arg2=IO150,Arg3=,Arg4=,Arg5=`` (:mod:`orinkit.ecap.fields`). An argument of type VARIANT is
-written in notation, ``8,Sample`` (e-CAP 3.5, :mod:`orinkit.values.notation`); an empty value is VT_EMPTY. Any other argument
-is plain text: a string literally, a number in decimal or in hexadecimal with ``0x``. A number may be in notation too, because
-that is unambiguous.
+An example of a request is ``Func=9,Arg1=2,Arg2=IO150,Arg3=,Arg4=,Arg5=`` (:mod:`orinkit.ecap.fields`). An argument of
+type VARIANT is written in the notation of e-CAP 3.5, for example ``8,Sample`` (:mod:`orinkit.values.notation`); an
+empty value is VT_EMPTY. Any other argument is plain text. A string is written literally, a number in decimal, or in
+hexadecimal with ``0x``. A number may also be written in the notation, because that is unambiguous.
 
-A reply is ``0x00000000,3,2``: the return code, then a comma and the result in notation, if there is one.
+An example of a reply is ``0x00000000,3,2``. It consists of the return code and, if the function has a result, a comma
+and the result in the notation.
 
-Every VARIANT is transmitted without loss, except NaN: all NaNs are received as Python's ``float("nan")``.
+Every VARIANT is transmitted without loss, except NaN: every NaN is received as Python's ``float("nan")``.
 """
 
 from __future__ import annotations
@@ -33,16 +34,16 @@ from orinkit.values.types import ARRAY, TABLE, VARIANT_ARRAY, VarType, misfit
 from orinkit.values.variant import Variant, trusted, variant
 
 _FAILED: Final = 0x8000_0000
-_DETAIL: Final = 500  # characters
+_DETAIL: Final = 500  # maximum number of characters of an error description
 _EMPTY: Final = FormField("")
 
 
 class EcapRequest(NamedTuple):
-    """A call, for :meth:`orinkit.cao.session.Session.invoke`.
+    """A call to be executed by :meth:`orinkit.cao.session.Session.invoke`.
 
     Attributes:
         function: an entry of the table.
-        arguments: the arguments with their types; empty optional ones at the end are omitted.
+        arguments: the arguments with their types, without empty optional arguments at the end.
     """
 
     function: Function[..., Any]
@@ -97,7 +98,10 @@ def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequ
 
 
 def explain_request(body: bytes) -> str:
-    """Return a one-line summary of a request, even if invalid: ``Controller_GetVariable handle=2 name="IO150" option=""``."""
+    """Return a one-line summary of a request, even of an invalid one.
+
+    Example: ``Controller_GetVariable handle=2 name="IO150" option=""``.
+    """
     try:
         fields = read_fields(body)
     except CallError as error:
@@ -213,7 +217,7 @@ def _read_integer(text: str) -> Variant:
 
 
 def _read_real(text: str) -> Variant:
-    """Return a number in single precision, as a b-CAP client sends it; unchanged if it is too large for that."""
+    """Return a number in single precision, as a b-CAP client sends it; if it is too large for VT_R4, return a VT_R8."""
     word = text.strip(BLANKS)
     if len(word) <= LONGEST and REAL.fullmatch(word):
         number = coerce.to_real(trusted(VarType.R8, float(word)))  # includes "-0", which is not a whole number
@@ -249,7 +253,7 @@ _READERS: Final[dict[VarType, Callable[[str], Variant]]] = {
 
 
 def _read_number(text: str) -> Variant:
-    """Return a number of any type; the caller checks its range, as for b-CAP."""
+    """Return a number of any type; the caller checks its range, as it does for b-CAP."""
     word = text.strip(BLANKS)
     if not word:
         raise refused(tr("expected a number, got an empty value"))
@@ -275,8 +279,8 @@ def _integer(number: int) -> Variant:
 # --- replies ----------------------------------------------------------------------------------------------------------
 
 _BLANK: Final = rb"[ \t\r\n]*+"
-# A code, then a comma or the end. The document prints no comma: a code of eight hexadecimal digits may also be followed
-# by the result itself.
+# A return code, followed by a comma or the end of the body. The document prints no comma between code and result.
+# Therefore a code of eight hexadecimal digits may also be followed immediately by the result.
 _REPLY: Final = re.compile(
     rb"(?:\xef\xbb\xbf)?" + _BLANK + rb"(0x[0-9a-f]{8}(?=" + _BLANK + rb"[1-9][0-9]{0,4}" + _BLANK + rb",)"
     rb"|(?:0x[0-9a-f]{1,8}|[+-]?[0-9]{1,10})(?=" + _BLANK + rb"(?:,|\Z)))" + _BLANK + rb",?",
@@ -285,22 +289,22 @@ _REPLY: Final = re.compile(
 
 
 def write_reply(code: int, result: Variant | None) -> bytes:
-    """Return the body of a reply; VT_EMPTY is omitted, like a missing result.
+    """Return the body of a reply; a result of type VT_EMPTY is omitted, as if there were no result.
 
     Raises:
         InvalidValue: If VARIANT arrays are nested deeper than the notation allows.
     """
     text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result)}"
     text = f"0x{hresult.unsigned(code):08X}{text}"
-    slices = range(0, len(text), _SLICE)  # other threads wait while Python encodes one
+    slices = range(0, len(text), _SLICE)  # other threads cannot run while Python encodes one slice
     return b"".join([text[at : at + _SLICE].encode("utf-8", "surrogatepass") for at in slices])
 
 
 def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
-    """Return the code, unsigned, and the result of a reply.
+    """Return the return code, as an unsigned number, and the result of a reply.
 
-    The code may be hexadecimal with ``0x``, or decimal, signed or unsigned; line feeds may precede it. Data after the code of
-    a failure is ignored.
+    In the body, the code is hexadecimal with ``0x``, or decimal, signed or unsigned. Line feeds may precede it. Data
+    after the code of a failure is ignored.
 
     Raises:
         ProtocolError: If the body is not a reply.
@@ -327,7 +331,7 @@ def read_detail(body: bytes) -> str:
 
 
 def explain_reply(body: bytes) -> str:
-    """Return a one-line summary of a reply, even if invalid: ``S_OK 3,2``."""
+    """Return a one-line summary of a reply, even of an invalid one, for example ``S_OK 3,2``."""
     try:
         code, rest = _split_reply(body)
     except ProtocolError as error:
@@ -373,13 +377,14 @@ def _too_long(length: int, limits: PacketLimits) -> str:
 
 
 _SLICE: Final = 4096  # characters searched at a time
-_MARGIN: Final = 80  # characters, at least the length of the beginning of a VARIANT
+_MARGIN: Final = 80  # characters; at least the longest match of _HEAD
 _FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
 _HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
-# Each element of a slow type counts fully. The elements of VARIANT arrays are counted by their brackets.
+# The types of arrays whose elements are slow to parse. The elements of VARIANT arrays are counted by their brackets.
 _SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_for_one == 1} - {VARIANT_ARRAY}
-# Estimated time to parse each character, in microseconds, and the allowance per permitted element: one second in total by
-# default. Brackets, and commas of slow types, are overestimated: PacketLimits.variants bounds arrays of them after parsing.
+# The costs are the estimated times to parse a character, in microseconds. _ALLOWANCE is the time allowed for each
+# permitted element, also in microseconds; with the default limits, the total is one second. The costs of brackets and of
+# commas of slow types are overestimated: PacketLimits.variants limits such arrays after parsing.
 _BRACKET_COST: Final = 10
 _SLOW_COST: Final = 5
 _QUOTES_FOR_ONE: Final = 8
@@ -387,7 +392,7 @@ _ALLOWANCE: Final = 20
 
 
 def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
-    """Refuse texts that would take too long to parse, by counting characters.
+    """Estimate the time to parse texts by counting characters, and refuse texts that would take too long.
 
     Raises:
         LimitExceeded: If there are too many brackets and commas.
@@ -406,7 +411,7 @@ def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
 def _cost(text: str, left: int) -> int:
     head = _FIRST.match(text)
     if not head or not (int(head[1]) & ARRAY or int(head[1]) == VarType.VARIANT):
-        return 0  # a scalar, or not in notation
+        return 0  # a scalar, or not a VARIANT in the notation
     cost = _BRACKET_COST * _count(text, "(") + _count(text, '"') // _QUOTES_FOR_ONE
     if cost > left:
         return cost
@@ -418,7 +423,7 @@ def _count(text: str, sign: str) -> int:
 
 
 def _has_slow(text: str) -> bool:
-    """Return True if there may be an array of a slow type; also for many blanks, which could hide one."""
+    """Return True if a text may contain an array of a slow type, or many blanks, which could hide its type."""
     for at in range(0, len(text), _SLICE):
         heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))
         if any(head.isspace() or int(head) in _SLOW for head in heads):
@@ -434,7 +439,7 @@ def _parse(text: str, limits: PacketLimits) -> Variant:
         LimitExceeded: If the value exceeds the limits of a b-CAP packet.
     """
     item = parse(text)
-    if item.type & ARRAY and len(text) > limits.variants:  # shorter ones cannot have more elements
+    if item.type & ARRAY and len(text) > limits.variants:  # a shorter text cannot have more elements than the limit
         sizes = PacketLimits(limits.packet, limits.depth, limits.variants)
         codec.decode(codec.encode_variant(item), limits=sizes)
     return item
