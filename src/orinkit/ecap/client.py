@@ -93,8 +93,8 @@ class EcapConversation:
             InvalidValue: If an argument does not fit its type; nothing has been sent.
             CallTimeout: If no reply was received in time. A later reply is dropped.
             ConnectionLost: If the peer has closed the connection.
-            ProtocolError: If the received data is not e-CAP, if the type of the result is wrong, or if there are too many
-                line feeds.
+            ProtocolError: If the received data is not e-CAP, if the type of the result is wrong, or if there are too
+                many line feeds.
             CallError: If the controller has returned an error code.
         """
         request = write_request(function, arguments)

@@ -1,11 +1,11 @@
 """A provider that forwards every call to another controller: :class:`RemoteProvider`.
 
-The methods of its objects are generated from the table of functions, so that each function of the table is forwarded. The
-gateway stores only handles; names, tags and IDs are always read from the controller.
+The methods of the provider's objects are generated from the table of functions, so that each function of the table is
+forwarded. The gateway stores only handles; names, tags and IDs are always read from the controller.
 
-A connection carries one call at a time, as with the controller itself. Concurrent calls of one client (e-CAP) are executed
-one after the other: a Halt waits for a Move of the same client. To stop a motion, send Halt from a second client, which has
-its own connection, as with any controller.
+A connection carries one call at a time, as a direct connection to the controller does. Concurrent calls of one e-CAP
+client are executed one after the other: a Halt waits for a Move of the same client. To stop a motion, send Halt from a
+second client, which has its own connection, as with any controller.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ AnyUpstream: TypeAlias = str | Upstream
 _PUT: Final = "put_"
 _KEPT_BY_CONTROLLER: Final = "put_value"
 _OF_CLIENT: Final = ("get_tag", "get_id")
-_OTHER_FILE: Final = ("move", "delete")  # afterwards, the name belongs to another file or to none
+_OTHER_FILE: Final = ("move", "delete")  # after these calls, the name belongs to another file or to no file
 
 
 class _Origin(NamedTuple):
@@ -54,10 +54,10 @@ class _Origin(NamedTuple):
 
 
 class RemoteObject(CaoObject):
-    """An object of another controller.
+    """An object of the controller to which calls are forwarded.
 
     Args:
-        connection: Connection to that controller.
+        connection: Connection to the controller.
         origin: Call by which the client connected to the object; ``None`` for the controller itself.
         handle: Handle of the object on the controller.
 
@@ -75,7 +75,7 @@ class RemoteObject(CaoObject):
         self.handle = handle
         self.generation = connection.generation
         self._connection = connection
-        self._has_local_state = False  # the client has set something that is lost with the connection
+        self._has_local_state = False  # True if the client has set a state that is lost with the connection
 
     def release(self) -> None:
         """Release the object on the controller; for the controller itself, close the connection."""
@@ -110,11 +110,14 @@ class RemoteObject(CaoObject):
         return self._connection.may_move
 
     def stop_moving(self) -> None:
-        """Close the connection, so that the controller stops the arm. The next call reconnects, without the arm semaphore."""
+        """Close the connection, so that the controller stops the arm.
+
+        The next call opens the connection again, but does not take the arm semaphore again.
+        """
         self._connection.give_up()
 
     def _check_state(self, function: Function[..., Any]) -> None:
-        """Refuse to return the tag and ID of a controller if they were lost with the connection."""
+        """Refuse to return the tag and ID of the controller object if they were lost with the connection."""
         connection = self._connection
         if self.origin is None and self._has_local_state and self.generation != connection.generation:
             if function.method in _OF_CLIENT:
@@ -138,7 +141,7 @@ class RemoteObject(CaoObject):
         """Return the handle; after a reconnection, first connect to the object and its parents again.
 
         Raises:
-            CallError: If the controller refuses; E_HANDLE, if an object cannot be restored from its name.
+            CallError: If the controller refuses the call; E_HANDLE, if an object cannot be restored from its name.
         """
         connection = self._connection
         path: list[tuple[RemoteObject, _Origin]] = []
@@ -159,7 +162,7 @@ class RemoteObject(CaoObject):
             origin: Call by which the client connected to the object.
 
         Raises:
-            CallError: If the controller refuses; E_HANDLE, if the object cannot be restored from its name.
+            CallError: If the controller refuses the call; E_HANDLE, if the object cannot be restored from its name.
         """
         connection = self._connection
         if self._has_local_state or len(origin.arguments) < 2:
@@ -172,7 +175,7 @@ class RemoteObject(CaoObject):
 
 
 def _sets_local_state(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
-    """Return True if, after a call, an object cannot be restored from its name over a new connection."""
+    """Return True if the object of a call cannot be restored from its name over a new connection after the call."""
     method = function.method
     if method.startswith(_PUT):
         return method != _KEPT_BY_CONTROLLER
@@ -189,7 +192,7 @@ def _not_sent(url: str, function: Function[..., Any]) -> str:
 
 
 def _without_create(option: str) -> str:
-    """Return the option of a file without ``@Create``: the client has requested its creation only once."""
+    """Return the option of a file without ``@Create``: a new connection must not create the file a second time."""
     if "@Create" not in Options(option):
         return option
     return ",".join(part for part in option.split(",") if part.partition("=")[0].strip().lower() != "@create")
@@ -235,15 +238,17 @@ _CLASSES: Final[dict[str, Callable[..., Any]]] = {
 class RemoteProvider(Provider):
     """A provider that forwards calls to one or several controllers.
 
-    Each Controller_Connect of a client opens its own connection to the controller, so that handles, the arm semaphore and the
-    end of the client have the same effect as without the gateway. Controller_Connect is forwarded with all its arguments.
+    Each Controller_Connect of a client opens its own connection to the controller. Handles, the arm semaphore and the
+    end of a connection therefore have the same effect as without the gateway. Controller_Connect is forwarded with all
+    its arguments.
 
-    With several controllers, the machine name in Controller_Connect selects one: by its name in ``upstream``, in upper or
-    lower case, or by the host, or host and port, of its address.
+    If there are several controllers, the machine name in Controller_Connect selects one of them. The machine name is
+    the name in ``upstream``, in upper or lower case, or the host of the controller's address, or its host and port.
 
     Args:
-        upstream: URL of a controller, or :class:`~orinkit.gateway.upstream.Upstream`; several as a mapping by name.
-        names: Provider names to forward; by default all names that no other provider of the server has.
+        upstream: URL of a controller, or an :class:`~orinkit.gateway.upstream.Upstream`. For several controllers, a
+            mapping from names to these.
+        names: Provider names to forward. The default is all names that no other provider of the server has.
 
     Raises:
         ValueError: If there is no controller, the names are ambiguous, or the controllers have different dialects.
@@ -265,8 +270,8 @@ class RemoteProvider(Provider):
         """Connect to a controller for one client; return the client's controller object.
 
         Raises:
-            CallError: E_INVALIDARG, if the machine name matches no controller; E_CAO_REMOTE_PROVIDER, if the controller is
-                unreachable; the controller's error code, if it refuses.
+            CallError: E_INVALIDARG, if the machine name matches no controller; E_CAO_REMOTE_PROVIDER, if the controller
+                is unreachable; the controller's error code, if the controller refuses the connection.
         """
         upstream, machine = self._choose(machine)
         wanted = ConnectRequest(name, client.provider, machine, option)
@@ -296,7 +301,7 @@ class RemoteProvider(Provider):
                 return upstream, upstream.machine or LOCAL
         found = [upstream for upstream in self._upstreams.values() if wanted in upstream.machine_names]
         if len(self._upstreams) == 1 and ("" in self._upstreams or wanted in ("", LOCAL)):
-            found = list(self._upstreams.values())  # unambiguous
+            found = list(self._upstreams.values())  # any machine name, or the default one, selects the only controller
         if len(found) == 1:
             return found[0], found[0].machine or machine
         names = ", ".join(self._upstreams)

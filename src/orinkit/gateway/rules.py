@@ -1,8 +1,8 @@
 """Access rules: read-only access, or lists of allowed calls. :class:`RestrictedProvider` applies rules to any provider.
 
-A forbidden call returns E_ACCESSDENIED and does not reach the provider. Lists contain shell patterns (``*``, ``?``, ``[12]``)
-and ignore case. Connecting, disconnecting and releasing are always allowed. A name with non-ASCII letters is allowed only if
-it matches under every case folding that a controller may use.
+A forbidden call returns E_ACCESSDENIED and does not reach the provider. Lists contain shell patterns (``*``, ``?``,
+``[12]``) and ignore case. Calls that connect, disconnect or release objects are always allowed. A name with non-ASCII
+letters is allowed only if it matches under every case folding that a controller may use.
 """
 
 from __future__ import annotations
@@ -38,13 +38,14 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 READING: Final[Mapping[str, frozenset[str]]] = {
     interface: frozenset(name.lower() for name in names.split())
     for interface, names in {
-        # RC8 3.3.6, and commands in use by clients: docs/howto/virtual-rc8.md
+        # RC8 3.3.6, and other commands that clients use (docs/howto/virtual-rc8.md)
         "Controller": """
             GetErrorDescription GetCurErrorCount GetCurErrorInfo GetErrorLogCount GetErrorLog GetOprLogCount GetOprLog
             SysInfo SysState StoState GetAutoMode
             HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandMotorState
         """,
-        # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual controllers; the second half: real controllers only
+        # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual controllers. Only real controllers have the commands of
+        # the second half.
         "Robot": """
             TakeArmState CurSpd CurAcc CurDec CurJSpd CurJAcc CurJDec CurExtSpd CurExtAcc CurExtDec CurTool CurWork
             CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
@@ -60,21 +61,22 @@ READING: Final[Mapping[str, frozenset[str]]] = {
         "File": "",
     }.items()
 }
-"""Commands of Execute that change nothing and require only read permission, by interface, in lower case.
+"""Commands of Execute that only read and are allowed if ``read_only`` is set, by interface, in lower case.
 
-No documented command of a VE026A is included: Motor, slvChangeMode, slvMove and ClearError all have effects (VE026A 5.3).
+No documented command of a VE026A is included: Motor, slvChangeMode, slvMove and ClearError all have effects (VE026A
+5.3).
 """
 
 _COMMAND: Final = "execute"
-_MAX_LENGTH: Final = 1000  # characters of a name that can be allowed
-_ANY: Final = "*"  # in the name of a variable: the client chooses the number later
+_MAX_LENGTH: Final = 1000  # characters; longer names are never allowed
+_ANY: Final = "*"  # in the name of a variable, if the client chooses the number of the variable later
 _LEADING_ZEROS: Final = re.compile(r"([a-z]|io[a-z]?)0+([0-9]+)")
 _LIKE_ASCII: Final = str.maketrans({"\u0130": "i", "\u0131": "i", "\u017f": "s", "\u212a": "k"})
 _FOLDINGS: Final[tuple[Callable[[str], str], ...]] = (
     str.lower,
     str.casefold,
     lambda text: text.upper().lower(),
-    lambda text: text.translate(_LIKE_ASCII).lower(),  # as re.IGNORECASE
+    lambda text: text.translate(_LIKE_ASCII).lower(),  # the case folding of re.IGNORECASE
     lambda text: unicodedata.normalize("NFKC", text).casefold(),
     lambda text: unicodedata.normalize("NFKC", text).translate(_LIKE_ASCII).casefold(),
 )
@@ -83,7 +85,7 @@ _REFERENCE: Final = re.compile(r"(?<![a-z0-9_])(io[bwdf]?|[ifdvpjts])\s*+(?:\[?+
 _TAKING_POSES: Final = frozenset(
     {"p2j", "p2t", "j2p", "j2t", "t2p", "t2j", "dev", "devh", "outrange", "convertposwork"}
     | {"approach", "addpathpoint", "settooldef", "setworkdef", "setbasedef"}
-)  # commands of the robot that interpret [5, "P"] as P5; for other commands, these are two parameters
+)  # commands of the robot that interpret [5, "P"] as the variable P5; other commands interpret it as two parameters
 _TEXTS: Final = VarType.BSTR | ARRAY
 _MOTIONS: Final = ("move", "rotate", "drive")
 _CREATE: Final = "@create"
@@ -99,23 +101,24 @@ _ALWAYS: Final = frozenset(
 class AccessRules:
     """Access rules. Without any restriction, everything is allowed.
 
-    A list of variables restricts the variables that a client names in calls. Programs of the controller are not restricted: a
-    client that may write and start a program can reach all variables. To prevent this, also set ``read_only``, or a list of
-    functions without ``File_*`` and ``Task_*``.
+    A list of variables restricts the variables that a client names in calls. It does not restrict the programs of the
+    controller: a client that may write and start a program can reach all variables. To prevent this, also set
+    ``read_only``, or a list of functions without ``File_*`` and ``Task_*``.
 
     Attributes:
         read_only: Allow only reading: functions named Get..., and the commands of :data:`READING`.
-        functions: Patterns of function names as in the specification: ``Robot_*``.
-        variables: Patterns of variable names, for variables of all objects: ``IO1[0-9]``. Leading zeros of numbers are
-            ignored: ``I015`` is ``I15``. A variable whose name contains ``*``, so that the client chooses the number later, is
-            allowed only by the identical pattern or by ``*``: ``I*`` by ``I*``, not by ``I??*`` or ``I[!0]*``. The rule also
-            applies to variables in any text of the parameters of Execute and Command objects (``"@P P1"``), and in the poses
-            (``[5, "P"]``) and options (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. Because the poses among the
-            parameters of a Command object are unknown, the rule applies to all numbers that may be one.
-        commands: Patterns of commands of Execute and of Command objects, ``CurPos`` or ``Robot.CurPos``.
+        functions: Patterns of function names, for example ``Robot_*``. The names are those of the specification.
+        variables: Patterns of variable names, for example ``IO1[0-9]``. They apply to the variables of all objects.
+            Leading zeros of numbers are ignored: ``I015`` is ``I15``. The name of a variable may contain ``*``; the
+            client then chooses the number later. Such a variable is allowed only by the identical pattern or by ``*``:
+            ``I*`` is allowed by ``I*``, not by ``I??*`` or ``I[!0]*``. The list also applies to variables in any text
+            of the parameters of Execute and Command objects (``"@P P1"``), and in the poses (``[5, "P"]``) and options
+            (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. In the parameters of a Command object, any array
+            that may be a pose is treated as a pose, because its meaning is unknown.
+        commands: Patterns of commands of Execute and of Command objects, for example ``CurPos`` or ``Robot.CurPos``.
 
     Raises:
-        TypeError: If a list of patterns is a single text, or contains something else than texts.
+        TypeError: If a list of patterns is a single text, or contains an element that is not a text.
     """
 
     read_only: bool = False
@@ -139,7 +142,7 @@ class AccessRules:
 
         Args:
             function: Function of CAO.
-            arguments: Arguments of the provider's method, that is, without the handle.
+            arguments: Arguments of the provider's method: those of the function without the handle.
 
         Raises:
             CallError: E_ACCESSDENIED, if the call is forbidden.
@@ -176,7 +179,7 @@ class RestrictedProvider(Provider):
         self.fixed_handles = provider.fixed_handles
 
     def handle_of(self, interface: str, name: str) -> int:
-        """Return the handle of an object of a provider with fixed handles."""
+        """Return the handle of an object, if the provider has fixed handles."""
         return self._provider.handle_of(interface, name)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
@@ -203,11 +206,11 @@ class _RestrictedObject(CaoObject):
         self._served.release()
 
     def is_moving(self) -> bool:
-        """Return True if the restricted controller may be moving."""
+        """Return True if the controller behind the rules may be moving."""
         return isinstance(self._served, ControllerObject) and self._served.is_moving()
 
     def stop_moving(self) -> None:
-        """Stop the motions of the client; always allowed."""
+        """Stop the motions of the client. This is always allowed."""
         if isinstance(self._served, ControllerObject):
             self._served.stop_moving()
 
@@ -236,7 +239,7 @@ _CLASSES: Final[dict[str, Callable[[CaoObject, AccessRules], Any]]] = {
 
 
 def _restricted(interface: str, result: Any, rules: AccessRules) -> Any:
-    """Return the result of a method, immediate or deferred, with rules applied to the object that it contains."""
+    """Return the result of a method, immediate or deferred; if it is an object, apply the rules to the object."""
     if isinstance(result, CaoObject):
         return _CLASSES[interface](result, rules)
     if type(result) is ResultWithCode:
@@ -258,7 +261,7 @@ def _restricted_deferred(interface: str, result: Deferred[Any], rules: AccessRul
     def settle() -> None:
         try:
             deferred.set_result(_restricted(interface, result.result(), rules))
-        except BaseException as error:  # noqa: BLE001 - any exception of the device
+        except BaseException as error:  # noqa: BLE001 - the provider may raise any exception
             deferred.set_exception(error)
 
     result.add_done_callback(settle)
@@ -273,7 +276,10 @@ def _command_of(function: Function[..., Any], arguments: Sequence[Any]) -> str |
 
 
 def _allows(patterns: Sequence[str], function: Function[..., Any], command: str) -> bool:
-    """Return True if a command is on the list; the name of a Command object may contain its owner: ``Robot.Motor``."""
+    """Return True if a command is on the list.
+
+    The name of a Command object may contain its owner: ``Robot.Motor``.
+    """
     return _matches(command, patterns) or (bool(function.creates) and _matches(command.rpartition(".")[2], patterns))
 
 
@@ -286,7 +292,7 @@ def _only_reads(function: Function[..., Any], arguments: Sequence[Any]) -> bool:
 
 
 def _creates_file(option: str) -> bool:
-    """Return True if the option may create a file, under any interpretation by a controller."""
+    """Return True if the option may create a file on any controller."""
     if _CREATE not in option.lower():
         return False
     options = Options(option)
@@ -318,7 +324,7 @@ def _covers_folded(name: str, pattern: str) -> bool:
 
 
 def _without_zeros(name: str) -> str:
-    """Return ``i15`` for ``i015``; names of other forms, and patterns with wildcards, unchanged."""
+    """Return ``i15`` for ``i015``; return names of other forms and patterns with wildcards unchanged."""
     found = _LEADING_ZEROS.fullmatch(name)
     return f"{found[1]}{found[2]}" if found else name
 
@@ -338,12 +344,15 @@ def _variables_in(function: Function[..., Any], arguments: Sequence[Any]) -> Ite
 
 
 def _takes_poses(command: str) -> bool:
-    """Return True if a command may interpret arrays as poses, under any case folding of its name."""
+    """Return True if a command may interpret arrays as poses; for a non-ASCII name, this is always assumed."""
     return not command.isascii() or command.strip().lower() in _TAKING_POSES
 
 
 def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
-    """Yield the names of the variables in an argument, in texts and, with ``arrays``, in arrays such as ``[5, "P"]``."""
+    """Yield the names of the variables in an argument.
+
+    They are found in texts and, if ``arrays`` is True, also in arrays such as ``[5, "P"]``.
+    """
     pending = [argument]
     while pending:
         given = pending.pop()
@@ -358,7 +367,10 @@ def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
 
 
 def _named_in_text(text: str) -> Iterator[str]:
-    """Yield the variables in a text: ``P1``, ``P[1]``, ``@PP 1``; an index that is not a number may be any: ``P*``."""
+    """Yield the names of the variables in a text such as ``P1``, ``P[1]`` or ``@PP 1``.
+
+    If an index is not a number, it may have any value; the name is then ``P*``.
+    """
     for fold in _FOLDINGS[:1] if text.isascii() else (_FOLDINGS[0], _FOLDINGS[-1]):
         for found in _REFERENCE.finditer(_MARK.sub(" ", fold(text))):
             digits = found[2]

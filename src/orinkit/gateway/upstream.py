@@ -1,13 +1,15 @@
 """The client side of a gateway: the address of a controller, and the connection of one client to it.
 
-Error codes of the controller are returned to the client unchanged. Errors between gateway and controller have these codes:
+Error codes of the controller are returned to the client unchanged. Errors between gateway and controller have these
+codes:
 
-* E_CAO_REMOTE_PROVIDER (0x80000209): the controller is unreachable or has forgotten the client; the call was not executed.
-* E_NOT_CONNECTED (0x80000902): the connection was lost during the call; it may or may not have been executed. It is never
-  repeated.
-* E_TIMEOUT (0x80000900): no reply in time; the call may or may not have been executed.
-* E_INVALIDARG: an argument cannot be sent to the controller, for example because it is too long for UDP; the call was not
-  sent.
+* E_CAO_REMOTE_PROVIDER (0x80000209): the controller is unreachable, or it has deleted the client's handles, as after a
+  restart. The call was not executed.
+* E_NOT_CONNECTED (0x80000902): the connection was lost during the call. The call may or may not have been executed; it
+  is never repeated.
+* E_TIMEOUT (0x80000900): the controller did not reply in time. The call may or may not have been executed.
+* E_INVALIDARG: an argument cannot be sent to the controller, for example because it is too long for UDP. The call was
+  not sent.
 * E_TOO_MUCH_DATA, E_FAIL: the call was executed, but the reply exceeds the limits or is invalid.
 """
 
@@ -54,10 +56,10 @@ logger = logging.getLogger("orinkit.gateway")
 LOCAL: Final = "localhost"
 """The default machine name of clients (RC8 3.1.2)."""
 
-_MAX_DELAY: Final = 10  # maximum delay between two attempts, as a multiple of the first
-_CLOSE_TIMEOUT: Final = 1.0  # s for Service_Stop
-_MAX_TIMEOUTS: Final = 2  # successive calls without a reply, after which a connection is considered lost
-_SIGNS: Final = 3  # signs of life within the time after which a controller forgets a client
+_MAX_DELAY: Final = 10  # maximum delay between two attempts to connect, as a multiple of Upstream.retry
+_CLOSE_TIMEOUT: Final = 1.0  # s; time-out of Service_Stop
+_MAX_TIMEOUTS: Final = 2  # number of successive calls without a reply after which a connection is considered lost
+_SIGNS: Final = 3  # number of keep-alives within the time after which a controller ends an idle session
 _MAX_SECONDS: Final = 1e6
 
 
@@ -75,23 +77,24 @@ class Upstream:
     """The address of a controller behind a gateway, and the settings for connecting to it.
 
     Attributes:
-        url: ``tcp://192.168.0.1:5007``, ``udp://...``, ``serial:///dev/ttyUSB0?baudrate=38400``, ``http://...``.
-        timeout: Time-out in s of a call, or of each attempt on UDP and serial lines. The default depends on the
-            transport.
-            S_EXECUTING from the controller restarts it.
+        url: URL of the controller: ``tcp://192.168.0.1:5007``, ``udp://...``,
+            ``serial:///dev/ttyUSB0?baudrate=38400``, ``http://...``.
+        timeout: Time-out of a call in s; on UDP and serial lines, the time-out of each attempt. S_EXECUTING from the
+            controller restarts it. The default depends on the transport.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         service: Option string of Service_Start; the default is that of :func:`orinkit.connect`.
         dialect: ``"rc8"`` or ``"ve026a"``.
-        machine: Machine name to send to the controller. The default is the machine name in the client's Controller_Connect,
-            or ``localhost`` if the gateway selected this upstream by its name.
+        machine: Machine name to send to the controller. The default is the machine name in the client's
+            Controller_Connect, or ``localhost`` if the gateway selected this upstream by its name.
         token: Access token for HTTP.
         cafile: PEM file of CA certificates for verifying an https server.
-        retry: Minimum time in s between two attempts to connect; it doubles after each failure, up to ten times the value.
-        keep_alive: Idle time in s after which a keep-alive (Controller_GetName) is sent, so that the controller does not
-            forget the client; 0 for never. The default is a third of the time after which a controller forgets a client
-            (UDP, HTTP), and never on TCP and serial lines.
-        dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
-            considered lost: 2 to 7,200.
+        retry: Minimum time in s between two attempts to connect; it doubles after each failure, up to ten times the
+            value.
+        keep_alive: Idle time in s after which a keep-alive (Controller_GetName) is sent, so that the controller does
+            not end the client's session; 0 for no keep-alives. The default on UDP and HTTP is a third of the time after
+            which a controller ends an idle session; the default on TCP and serial lines is 0.
+        dead_after: Time in s after which a TCP connection is considered lost if the controller's network stack does not
+            reply: 2 to 7,200.
         limits: Limits on received data.
 
     Raises:
@@ -116,7 +119,7 @@ class Upstream:
     def __post_init__(self) -> None:
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         access_to(address, self.token, self.cafile)
-        resolve(row_of(address).aio_link)  # import HTTP now: it is slow and would delay clients later
+        resolve(row_of(address).aio_link)  # imports HTTP now, because the slow import would delay clients later
         dialect_of(self.dialect, self.url)
         check_range("retry", self.retry, 0, _MAX_SECONDS, "s")
         check_dead_after(self.dead_after)
@@ -125,12 +128,12 @@ class Upstream:
 
     @property
     def spoken(self) -> Dialect:
-        """The dialect as an object."""
+        """The dialect that ``dialect`` names."""
         return DIALECTS[self.dialect.lower()]
 
     @property
     def machine_names(self) -> tuple[str, ...]:
-        """The machine names that select this controller: host, and host with port; none on a serial line."""
+        """The machine names that select this controller: host, and host with port; empty for a serial line."""
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
         if not host:
@@ -139,10 +142,12 @@ class Upstream:
             return host, f"[{host}]", f"{host}:{port}", f"[{host}]:{port}"
         return (
             (f"{host}:{port}",) if host == LOCAL else (host, f"{host}:{port}")
-        )  # localhost is the default machine name
+        )  # localhost alone selects no controller, because it is the default machine name of clients
 
     async def open(self, wanted: ConnectRequest) -> tuple[AsyncClient, int]:
-        """Connect for one client (Service_Start, Controller_Connect); return the connection and the controller's handle.
+        """Connect for one client; return the connection and the handle of the controller object.
+
+        The gateway calls Service_Start and Controller_Connect.
 
         Raises:
             OrinError: As for :func:`orinkit.connect`.
@@ -168,10 +173,10 @@ class Upstream:
 
 
 class UpstreamConnection:
-    """The connection of one client to a controller. After a loss, the next call opens it again.
+    """The connection of one client to a controller. If it is lost, the next call opens it again.
 
-    It belongs to one event loop and carries one call at a time. A caller acquires :attr:`turn`, calls :meth:`ready` once, and
-    then :meth:`ask` as often as required.
+    The connection belongs to one event loop and carries one call at a time. A caller acquires :attr:`turn`, calls
+    :meth:`ready` once, and then :meth:`ask` as often as required.
 
     Args:
         upstream: Address of the controller.
@@ -197,9 +202,9 @@ class UpstreamConnection:
         self._loop = asyncio.get_running_loop()
         self._client: AsyncClient | None = None
         self._closed = False
-        self._lossy = False  # ConnectFailed does not exclude that an earlier attempt arrived
+        self._lossy = False  # True if an earlier attempt may have arrived although a later one raised ConnectFailed
         self.may_move = False
-        self._executing = False  # a call was sent, without a reply or a time-out yet
+        self._executing = False  # True after a call was sent, until its reply or its time-out
         self._timeouts = 0
         self._last_reply = 0.0
         self._next_try = -math.inf
@@ -246,7 +251,7 @@ class UpstreamConnection:
         return reply
 
     def add_reference(self, release: Function[[int], None], handle: int) -> None:
-        """Count one more object with this handle; a controller may return the same handle for several objects."""
+        """Increment the number of objects with this handle; a controller may return one handle for several objects."""
         if self._client is not None:
             self._client.handles.add_reference(release, handle)
 
@@ -262,9 +267,10 @@ class UpstreamConnection:
                 self._spawn(self._send_releases())
 
     def close(self) -> None:
-        """Close the connection in the background, after Service_Stop, with which the controller releases all objects.
+        """Call Service_Stop, so that the controller releases all objects, and close the connection; in the background.
 
-        During a call, Service_Stop is omitted, because a controller accepts no second call; closing has the same effect.
+        During a call, Service_Stop is omitted, because a controller accepts no second call. Closing the connection has
+        the same effect.
         """
         if not self._closed:
             self._closed = True
@@ -311,7 +317,7 @@ class UpstreamConnection:
         if client is None:
             raise ConnectionClosed(self.url)
         patience = client.patience(arguments[0]) if function.method == "execute" and arguments else None
-        self._executing = True  # remains True if this is cancelled: the controller is still executing the call
+        self._executing = True  # if this task is cancelled, it remains True: the controller still executes the call
         try:
             reply = await client.request(function, handle, *arguments, timeout=patience, exact=True)
         except CallError as error:
@@ -335,9 +341,9 @@ class UpstreamConnection:
         return reply
 
     async def _is_forgotten(self, client: AsyncClient) -> bool:
-        """Return True if the controller has forgotten this client, after a restart or a long idle period.
+        """Return True if the controller has deleted this client's handles, after a restart or a long idle period.
 
-        On transports without connections, only invalid handles show this.
+        On transports without connections, only an error for a valid handle shows this.
         """
         if not (client.profile.memory or client.profile.shared):
             return False
@@ -391,7 +397,7 @@ class UpstreamConnection:
                 logger.debug("%s: %s", self.url, error)
                 if self._client is None:
                     raise
-            if self._released:  # a lost connection clears them
+            if self._released:  # a lost connection clears the pending releases
                 self._released.popleft()
 
     async def _send_releases(self) -> None:
@@ -452,7 +458,7 @@ class UpstreamConnection:
 
 def _refusal(url: str, error: OrinError) -> tuple[int, str]:
     """Return the code and the detail for calls that are not sent because there is no connection."""
-    if isinstance(error, CallError) and error.code != hresult.E_HANDLE:  # refused by the controller itself
+    if isinstance(error, CallError) and error.code != hresult.E_HANDLE:  # the controller has refused the connection
         return error.code, error.detail
     return hresult.E_CAO_REMOTE_PROVIDER, _never_sent(url, error)
 
