@@ -1,7 +1,7 @@
 """The clock of a virtual device: real time, scaled time, or time advanced manually by a test.
 
-The clock drives devices that act by themselves (:meth:`Clock.drive`): real and scaled time from a thread, manual time
-from :meth:`ManualClock.advance`.
+The clock also calls devices that act without a request (:meth:`Clock.drive`): from a thread with real and scaled time,
+from :meth:`ManualClock.advance` with manual time.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from orinkit.core.i18n import tr
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
 _SCALES: Final = (1e-6, 1e6)  # outside this range a clock cannot represent the times of a device
 
-_PATIENCE: Final = 0.25
-_MIN_PATIENCE: Final = 0.05  # longer than the cycle of any device, so that a device with a slow clock makes progress
-_MAX_PATIENCE: Final = 20.0  # as much as a device with a fast clock can catch up in a moment
+_PATIENCE: Final = 0.25  # s with real time; multiplied by the scale
+_MIN_PATIENCE: Final = 0.05  # s; longer than the cycle of any device, so that a device with a slow clock makes progress
+_MAX_PATIENCE: Final = 20.0  # s; a device with a fast clock can catch up this delay in a short time
 _SHORTEST_PAUSE: Final = 0.0002  # s; lets other threads access the device
-_JOIN_TIMEOUT: Final = 5.0
+_JOIN_TIMEOUT: Final = 5.0  # s
 
 
 class ClockDriver(ABC):
@@ -34,20 +34,21 @@ class ClockDriver(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Stop driving the device, after the call in progress."""
+        """Stop driving the device after the call in progress has ended."""
 
 
 class Clock:
     """Real time, or a multiple of it.
 
     Args:
-        scale: Seconds of the device per real second, 0.000001 to 1000000; 1 is real time, 10 makes a motion ten times as
-            fast.
+        scale: Seconds of the device per real second, 0.000001 to 1000000; 1 is real time, 10 makes a motion ten times
+            as fast.
 
     Attributes:
         scale: Seconds of the device per real second.
-        patience: Longest delay, in seconds of the device, that a device catches up; after a longer one it lags.
-        manual: True if the clock is moved manually; nothing is ever late then.
+        patience: Longest delay that a device catches up, in seconds of the device; after a longer delay the device lags
+            behind the clock.
+        manual: True if the clock is moved manually; the device itself is then never late.
 
     Raises:
         ValueError: If the scale is out of range.
@@ -82,7 +83,7 @@ class Clock:
         return self._began_wall + timedelta(seconds=self.now())
 
     def time_budget(self, seconds: float) -> Callable[[], bool]:
-        """Return a function that returns True once the given real seconds have passed; it limits how long a device works."""
+        """Return a function that returns True after the given real seconds; it limits the computing time of a device."""
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
 
@@ -90,8 +91,8 @@ class Clock:
         """Drive a device with this clock.
 
         Args:
-            advance: Callback that does what is due. It returns the seconds of the device after which it must be called
-                again, or ``None`` if it has nothing to do until :meth:`ClockDriver.wake`.
+            advance: Callback that performs the due work. It returns the seconds of the device after which it must be
+                called again, or ``None`` if it has nothing to do until :meth:`ClockDriver.wake`.
         """
         return _Thread(advance, self.scale)
 
@@ -162,7 +163,7 @@ class ManualClock(Clock):
         self._driven: list[Callable[[], float | None]] = []
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward and have its devices do what is due.
+        """Move the clock forward, then perform the due work of its devices.
 
         Raises:
             ValueError: If the step is negative or not finite.
@@ -176,7 +177,7 @@ class ManualClock(Clock):
             advance()
 
     def time_budget(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
-        """Return a function that always returns False: with a manual clock, work is never cut short."""
+        """Return a function that always returns False: with a manual clock, computing time is not limited."""
         return lambda: False
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:

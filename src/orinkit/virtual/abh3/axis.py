@@ -1,7 +1,7 @@
 """One axis of a virtual ABH3: its servo and its velocity, in integer arithmetic.
 
-The state changes in cycles of 1 ms. In each cycle the velocity changes by a fixed step towards a goal. Therefore any number
-of cycles can be computed at once, with exactly the same result as one after the other.
+The state changes in cycles of 1 ms. In each cycle the velocity changes by a fixed step towards a goal. Therefore any
+number of cycles can be computed in a single step, with exactly the same result as cycle by cycle.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class AxisLimits:
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
     def step_of_current(self, codes: int) -> int:
-        """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1, unless the current is 0."""
+        """Return the change of velocity that a current (0.01 %) causes in a cycle: 0 without current, else at least 1."""
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
     def current(self, step: int) -> int:
@@ -67,7 +67,7 @@ class MotorAxis:
         servo: True if the servo is on.
         mode: Mode of the axis.
         command: Velocity in fine units in mode SPEED, current in 0.01 % in mode TORQUE, within the limits.
-        load: Current in 0.01 % that is needed to hold an external load; it acts while the servo is on.
+        load: Current in 0.01 % that is needed to hold an external load; the load acts only while the servo is on.
     """
 
     def __init__(self, limits: AxisLimits) -> None:
@@ -86,7 +86,7 @@ class MotorAxis:
         self.command = max(-limit, min(command, limit))
 
     def run(self, cycles: int) -> None:
-        """Run a number of cycles; the computing time does not depend on it."""
+        """Run a number of cycles; the computing time does not depend on the number."""
         while cycles > 0:
             goal, step = self._plan()
             difference = goal - self.velocity
@@ -121,7 +121,10 @@ class MotorAxis:
         return max(-limit, min(self._limits.current(step) * direction + friction + self.load, limit))
 
     def _plan(self) -> tuple[int, int]:
-        """Return the velocity to approach now, and the step per cycle; both are constant until it is reached."""
+        """Return the velocity that the axis approaches now, and the change of velocity per cycle.
+
+        Both are constant until the axis has reached that velocity.
+        """
         velocity, limits = self.velocity, self._limits
         if self.mode is AxisMode.OFF:
             return 0, limits.step_of_current(limits.friction)

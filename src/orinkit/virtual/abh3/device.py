@@ -43,7 +43,8 @@ _MAX_LOAD: Final = 327.67  # %
 class VirtualABH3:
     """A motor driver with two axes. It is not connected to a bus: it receives frames and returns frames.
 
-    Its time is that of its clock. The user must call :meth:`advance` when it is :meth:`due`. All methods are thread-safe.
+    The driver's time is the time of its clock. The program that uses the driver must call :meth:`advance` at the time
+    that :meth:`due` returns. All methods are thread-safe.
 
     Args:
         parameters: Parameters of the driver; by default those of section 1.
@@ -80,14 +81,14 @@ class VirtualABH3:
         return self.parameters.address
 
     def close(self) -> None:
-        """Switch the driver off: it sends nothing any more, and its state does not change."""
+        """Switch the driver off: it sends no more frames, and its state no longer changes."""
         with self._lock:
             self._closed = True
 
     # --- bus ----------------------------------------------------------------------------------------------------
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
-        """Process any frame from the bus.
+        """Process a frame from the bus.
 
         Returns:
             The immediate replies; empty if the frame is not for this driver, or is not valid.
@@ -142,9 +143,10 @@ class VirtualABH3:
         """Switch a terminal on or off.
 
         Args:
-            name: Name of an input bit, ``"ay_servo_on"``, or of both axes, ``"servo_on"``; also ``"di_0"`` to ``"di_19"``,
-                digital inputs without a function, which only appear in the I/O flags.
-            on: True for on. Initially the terminals that are combined with an input by AND are on, the others off.
+            name: Name of an input bit of one axis, for example ``"ay_servo_on"``, or of both axes, for example
+                ``"servo_on"``. ``"di_0"`` to ``"di_19"`` are digital inputs without a function; they only appear in the
+                I/O flags.
+            on: True for on. Initially the terminals that are combined with an input by AND are on; the others are off.
 
         Raises:
             InvalidValue: If there is no such terminal.
@@ -196,11 +198,11 @@ class VirtualABH3:
             self._driver.drive.axes[axis].load = round(percent * CURRENT_CODES)
 
     def inject(self, fault: str, *, stays: bool = False) -> None:
-        """Raise an error like a real one: the motors stop, and the error is latched until it is reset.
+        """Raise an error as a real fault does: the motors stop, and the error is latched until it is reset.
 
         Args:
-            fault: Bit of the error flags, ``"a_overcurrent"``; ``"overcurrent"`` for both motors.
-            stays: True if its cause remains, so that it cannot be reset before :meth:`repair`.
+            fault: Name of a bit of the error flags, for example ``"a_overcurrent"``; ``"overcurrent"`` for both motors.
+            stays: True if the cause of the error remains, so that the error cannot be reset before :meth:`repair`.
 
         Raises:
             InvalidValue: If there is no such fault.
@@ -211,7 +213,14 @@ class VirtualABH3:
             self._driver.fail(mask, stays=stays)
 
     def repair(self, fault: str) -> None:
-        """Remove the cause of an error that :meth:`inject` raised, with the same names; the error remains until it is reset."""
+        """Remove the cause of an error raised by :meth:`inject`; the error remains until it is reset.
+
+        Args:
+            fault: The name that was passed to :meth:`inject`.
+
+        Raises:
+            InvalidValue: If there is no such fault.
+        """
         with self._lock:
             mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()

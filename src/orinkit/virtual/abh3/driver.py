@@ -1,4 +1,7 @@
-"""Model of the driver without frames: commands and terminals in, motors and flags out. Times are in cycles of 1 ms."""
+"""Model of the driver without frames: it computes motors and flags from commands and terminals.
+
+Times are in cycles of 1 ms.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ class DriverModel:
         self._apply()
 
     def run(self, cycle: int) -> None:
-        """Run to a cycle, including time-outs and resets that are due before."""
+        """Run until a cycle; process the time-outs and resets that are due until then."""
         event = self.watch.next()
         while event is not None and event <= cycle:
             self._run(event)

@@ -1,4 +1,7 @@
-"""Flag words of a virtual ABH3, according to the table: control flags from inputs and terminals, and state flags."""
+"""Flag words of a virtual ABH3: control flags, computed from inputs and terminals, and state flags.
+
+:mod:`orinkit.abh3.table.signals` defines their bits.
+"""
 
 from __future__ import annotations
 
@@ -106,7 +109,7 @@ def with_code(word: Word, name: str, faults: int) -> int:
 
 
 def bits_of(word: Word, name: str, code: int) -> int:
-    """Return a code in the four bits of a word with the given name; 0 if it has no such bits."""
+    """Return a code in the four bits of a word with the given name; 0 if the word has no such bits."""
     return sum(word.masks.get(f"{name}_{n}", 0) for n in range(4) if code >> n & 1)
 
 

@@ -1,12 +1,12 @@
 """TelABH3 access to a virtual ABH3: parameters, monitors, identifications.
 
 Unknown addresses are refused. Fixed parameters can only be written with their present value. A written parameter takes
-effect after the reply has been sent, because the driver may then have another address. ``single_mode`` ``None`` is read
-as -1.
+effect after the reply has been sent, because the driver may then have another address. If ``single_mode`` is ``None``,
+its value is read as -1.
 
-The switches for servo, start and data select are the terminals that are combined with the inputs from CAN. The digital
-inputs are bits in the order of their numbers, "input control" contains the control flags and "output control" the I/O
-flags; the document does not specify their layout.
+The switches for servo, start and data select are the terminals that are combined with the inputs from CAN. The monitor
+of the digital inputs has one bit for each input, in the order of their numbers. The monitor "input control" contains
+the control flags, and the monitor "output control" contains the I/O flags. The document does not specify these layouts.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _FIELDS: Final = {
 }
 _ENABLED: Final = 2  # the CAN function
 _FIXED: Final = {_FUNCTION: _ENABLED, **dict.fromkeys(_RECEPTIONS, 0), 0x4119: 0, 0x411A: 0, 0x6180: SINGLE}
-_TIMES: Final = {0x5020: "acceleration_time", 0x5040: "deceleration_time"}  # of the first data set of A/Y
+_TIMES: Final = {0x5020: "acceleration_time", 0x5040: "deceleration_time"}  # addresses for the first data set of A/Y
 _S_CURVES: Final = (0x5030, 0x5050)
-_BX_TIMES: Final = 0x60  # offset of the times of B/X
+_BX_TIMES: Final = 0x60  # offset of the addresses for B/X
 _SOURCES: Final = {"internal": 0, "can": 2}
 _OUTPUT: Final = 0x5180
 _CLOSED: Final = 0xFFFFFFFF
@@ -56,7 +56,7 @@ _SWITCHES: Final = {0: "servo_on", 1: "start", 7: "select_0", 8: "select_1", 9: 
 
 
 def _sets() -> dict[int, tuple[str, int, str]]:
-    """Return by address: the field with the data sets, the number of the set, and the name of the value."""
+    """Return for each address the field with the data sets, the number of the set, and the name of the value."""
     firsts = {
         "velocity": (0x5000, 0x5008),
         "current": (0x5010, 0x5018),
@@ -79,7 +79,7 @@ def _terminals() -> dict[int, str]:
 
 
 def _times() -> dict[int, str]:
-    """Return by address the field of a time of a data set; ``""`` for S-curves, which are 0."""
+    """Return for each address of a time the field with its value; ``""`` for the S-curve times, which are always 0."""
     rows = {**_TIMES, **dict.fromkeys(_S_CURVES, "")}
     return {
         first + bx + number: name for first, name in rows.items() for bx in (0, _BX_TIMES) for number in range(SETS)

@@ -57,7 +57,7 @@ def _unusable(name: str, value: object, known: str) -> InvalidValue:
 
 @dataclass(frozen=True, slots=True)
 class DataSet:
-    """A data set: the source of the command of an axis while its select bits choose this set.
+    """A data set: the source of the command of an axis while the select bits of the axis choose this set.
 
     Attributes:
         source: ``"can"`` or ``"internal"``.
@@ -86,28 +86,29 @@ class Parameters:
     """Parameters of a driver; the defaults are those of section 1.
 
     Attributes:
-        dialect: ``"v1"`` (the document) or ``"v2"`` (of 2023).
+        dialect: ``"v1"`` (drivers as in the document) or ``"v2"`` (drivers of 2023 and later).
         address: Address of the driver, 0 to 253.
         host: Address of its host, 0 to 253; ``None`` to answer every host.
         group: Group of its broadcasts, 0 to 31.
         single_priority: Priority of single packets, 0 (highest) to 7.
         multi_priority: Priority of multi-packet messages, 0 (highest) to 7.
         broadcast_priority: Priority of broadcasts, 0 (highest) to 7.
-        single_mode: Answering mode of single packets: -1 or 0: on request; 1 to 1000: also with this period in ms, to a fixed
-            host only; ``None``: never.
-        broadcast_modes: Answering modes of broadcasts 0 to 7: 0: on request; 1 to 1000: also with this period in ms.
+        single_mode: Answering mode of single packets: -1 or 0: on request; 1 to 1000: on request, and periodically with
+            this period in ms (requires ``host``); ``None``: never.
+        broadcast_modes: Answering modes of broadcasts 0 to 7: 0: on request; 1 to 1000: on request, and periodically
+            with this period in ms.
         command_timeout: Time without a command after which start is off, ms; 0 for never.
         error_timeout: Time without a command after which an error is raised, ms; 0 for never.
         load_unit: Unit of loads on CAN: 1 or 0.1 %.
-        model: ``"motor"``: commands are for A and B; ``"travel"``: commands are for Y, which moves, and X, which turns:
-            A = Y + X and B = Y - X.
+        model: ``"motor"``: the commands are for the motors A and B; ``"travel"``: the commands are for Y (travel) and X
+            (turn), with A = Y + X and B = Y - X.
         rated_speed: Rated speed, min^-1.
         acceleration_time: Time from 0 to the rated speed, s.
         deceleration_time: Time from the rated speed to 0, s.
         speed_limit: Speed limit of each commanded axis, min^-1.
         current_limit: Current limit, % of the rated current.
         pulses_per_revolution: Resolution of the pulse counts.
-        inertia: Time in which the rated current accelerates from 0 to the rated speed, s.
+        inertia: Time in which the rated current accelerates a motor from 0 to the rated speed, s.
         friction: Current that keeps a motor turning, % of the rated current.
         ay_sets: The eight data sets of A/Y.
         bx_sets: The eight data sets of B/X.
