@@ -1,4 +1,4 @@
-"""Classifies calls by whether a motion may continue after their reply, as far as the call itself shows it."""
+"""Determines from a call if a motion may continue after its reply."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ MOVING: Final = frozenset(
     each.id
     for each in (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home, f.robot_execute, f.command_execute)
 )
-"""Functions with which a client begins motions or acquires what motions require."""
+"""Functions with which a client begins motions or takes the arm."""
 
 _MOTIONS: Final = (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home)
-_AT_REST: Final = ("givearm",)  # waits for the end of the motion
+_AT_REST: Final = ("givearm",)  # GiveArm waits for the end of the motion
 
 
 def leaves_moving(function: Function[..., Any], arguments: Sequence[Any]) -> bool | None:
-    """Return True if an arm may move after the reply to a call; ``None`` if the call does not affect that.
+    """Return True if the arm may still move after the reply to a call, False if it is at standstill.
+
+    ``None`` means that the call neither begins nor ends a motion.
 
     Args:
         function: Entry of the function table.

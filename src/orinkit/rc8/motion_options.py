@@ -6,14 +6,14 @@ option                               meaning
 ``SPEED=n``, ``S=n``                 speed in percent, above 0, at most 100
 ``ACCEL=n``, ``DECEL=n``             acceleration and deceleration in percent, above 0, at most 100
 ``TIME=n``                           duration of the motion in ms, above 0, at most 3,600,000
-``NEXT``                             the call returns at once
+``NEXT``                             the call returns before the motion ends
 ``@0``, ``@E``, ``@P``, ``@n``       pass mark of functions without a pose: Rotate, Drive
-``Pose=1``, ``Pose=2``               for Rotate
+``Pose=1``, ``Pose=2``               for Rotate, 1: the tool turns about the axis too; 2: it keeps its orientation
 ===================================  ================================================================================
 
-A variable may replace a number: ``SPEED=F2`` (I, F or D, also ``F[2]``). Case, blanks and empty parts, such as one
-after a leading comma, are ignored. If an option is repeated, the last one counts. IF and UNTIL belong to PacScript and
-are refused, as are all other options.
+A variable of class I, F or D may replace a number: ``SPEED=F2`` or ``SPEED=F[2]``. Case, blanks and empty parts are
+ignored; a leading comma, for example, is allowed. If an option is repeated, the last one counts. IF and UNTIL belong to
+PacScript and are refused, as are all other options.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class VariableRef:
     Attributes:
         kind: Class of the variable: I, F or D.
         index: Index of the variable, from 0.
-        most: Largest value accepted from it, MAX_PERCENT or MAX_TIME.
+        most: Largest value that the variable may have, MAX_PERCENT or MAX_TIME.
     """
 
     kind: VariableKind
@@ -65,7 +65,7 @@ class VariableRef:
 
 
 Amount: TypeAlias = float | VariableRef
-"""A number, or a variable with the number."""
+"""A number, or a variable that holds the number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +77,9 @@ class MotionOptions:
         accel: Acceleration, percent.
         decel: Deceleration, percent.
         time: Duration, ms.
-        next: True if the call returns at once.
+        next: True if the call returns before the motion ends.
         mark: Pass mark.
-        pose: 1 or 2, for Rotate.
+        pose: For Rotate, 1 if the tool turns about the axis too, 2 if it keeps its orientation.
     """
 
     speed: Amount | None = None
@@ -122,7 +122,7 @@ def resolve(amount: Amount, read: Callable[[VariableKind, int], float]) -> float
         read: Callback that returns the value of a variable for its class and index.
 
     Raises:
-        CallError: VALUE_OUT_OF_RANGE if the variable's value is out of range; exceptions of ``read``.
+        CallError: VALUE_OUT_OF_RANGE if the variable's value is out of range. Exceptions of ``read`` are passed on.
     """
     if not isinstance(amount, VariableRef):
         return amount

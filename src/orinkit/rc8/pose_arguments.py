@@ -7,22 +7,24 @@ argument                                     read as
 ``["P1", "@E P2"]``                          such strings in sequence
 ``[value, type, pass, extra]``               one target; everything after the value may be omitted or VT_EMPTY
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    targets of any of these forms
-numbers                                      by their count: 7 a P, 8 a J, 9 or 10 a T, 3 a V; for 6 the pose type (J
-                                             or P) is unknown
+numbers                                      one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
+                                             3 is V; with 6 numbers, the function decides between J and P
 ===========================================  ====================================================================
 
 =====  ===============================================================================================================
-part   forms
+part   meaning
 =====  ===============================================================================================================
-value  a number: that variable, of class P if there is no type. An array of numbers of any numeric type, or a VARIANT
-       array of them: the values; without a type, the type that matches their count
+value  a number: the index of a variable, of class P if the type is omitted. An array of numbers of any numeric type,
+       or a VARIANT array of numbers: the values of the pose; if the type is omitted, the count selects it as above
 type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: the function decides how to interpret the values
 pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or a string, ``"@E"``
-extra  ``[mode, [joint, value], ...]``: mode 1 or ``"EX"`` relative, 2 or ``"EXA"`` absolute, with the numbers of
-       DENSO's ROS driver; 0: none
+extra  extended joints, ``[mode, [joint, value], ...]``. Mode 1 or ``"EX"`` is relative, 2 or ``"EXA"`` is absolute, 0
+       means no extended joints. The numbers of the modes are those of DENSO's ROS driver
+=====  ===============================================================================================================
 
-So ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. Up to three numbers of which the
-first is of an integer type are value, type, pass: clients send ``[1, 0, -1]`` as a VT_I4 array.
+Therefore ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
+numbers is interpreted as value, type and pass if its first number is of an integer type, because clients send
+``[1, 0, -1]`` as a VT_I4 array.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ MAX_TARGETS: Final = 16
 _BSTR_ARRAY: Final = VarType.BSTR | ARRAY
 _MOST_NUMBERS: Final = 10
 _MOST_PARTS: Final = 4
-_MOST_OF_ONE_TYPE: Final = 3  # value, type, pass; extra is an array
+_MOST_OF_ONE_TYPE: Final = 3  # value, type and pass may all be numbers; extra is an array
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
 _TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
@@ -68,14 +70,17 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
 
 
 def _are_targets(elements: Sequence[Variant]) -> bool:
-    """Distinguish targets from value, type, pass: they begin with a string, or with an array before another target."""
+    """Return True if the elements are targets, False if they are the parts of one target.
+
+    Targets begin with a string, or with an array that is the only element or is followed by another target.
+    """
     if not elements or elements[0].type == VarType.BSTR:
         return bool(elements)
     if not elements[0].type & ARRAY:
         return False
     if len(elements) == 1 or elements[1].type & ARRAY:
         return True
-    return elements[1].type == VarType.BSTR and len(elements[1].value.strip()) > 1  # longer than the letter of a type
+    return elements[1].type == VarType.BSTR and len(elements[1].value.strip()) > 1  # a pose type has only one letter
 
 
 def _several(elements: Sequence[Variant]) -> tuple[Target, ...]:
@@ -100,7 +105,7 @@ def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
 
 
 def _one(given: Variant) -> tuple[Target, ...]:
-    """Read a string, which may have several targets, or one target as an array."""
+    """Read a string, which may contain several targets, or an array, which is one target."""
     try:
         return parse_targets(given.value) if given.type == VarType.BSTR else (_from_array(given),)
     except (NotationError, InvalidValue) as error:

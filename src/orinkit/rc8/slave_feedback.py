@@ -33,10 +33,10 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Varian
 
 @dataclass(frozen=True, slots=True)
 class ReceiveFormat:
-    """A format of slvRecvFormat; use :func:`receive_format` to make one from its numbers.
+    """A format of slvRecvFormat; :func:`receive_format` creates one from its numbers.
 
     Attributes:
-        number: Flags of :class:`ReceiveBits` and a number of POSE_PARTS.
+        number: Flags of :class:`ReceiveBits`, plus a number that POSE_PARTS lists.
         microseconds: True if timestamps are in µs, False for ms.
     """
 
@@ -62,14 +62,14 @@ _RECEIVE_BITS: Final = POSE_MASK | sum(RECEIVE_BITS)
 
 
 def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
-    """Return the format for numbers of slvRecvFormat.
+    """Return the format for the one or two numbers of slvRecvFormat's parameter.
 
     Args:
-        number: Flags and the number of the pose.
+        number: Flags, plus the number that selects the poses.
         unit: Unit of timestamps, 0 for ms, 1 for µs.
 
     Raises:
-        CallError: E_INVALIDARG if the pose, a flag or the unit does not exist.
+        CallError: E_INVALIDARG if the number of the poses, a flag or the unit does not exist.
     """
     if number & ~_RECEIVE_BITS or number & POSE_MASK not in POSE_PARTS:
         raise invalid(
@@ -91,11 +91,11 @@ _RECEIVE_NUMBERS: Final = ("format", "unit")
 
 
 def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
-    """Parse slvRecvFormat's parameter: a number, an array of one or two, or a string such as ``"0x11,1"``.
+    """Parse slvRecvFormat's parameter: a number, an array of one or two numbers, or a string such as ``"0x11,1"``.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG for a wrong number of values or a fraction,
-            and as for :func:`receive_format`.
+        CallError: DISP_E_TYPEMISMATCH if a value is not a number; E_INVALIDARG for a wrong number of values or a
+            fraction, and in the cases of :func:`receive_format`.
     """
     given = coerce.unwrap_single(parameter)
     most = len(_RECEIVE_NUMBERS)
@@ -118,19 +118,19 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
 
 @dataclass(frozen=True, slots=True)
 class SlaveReply:
-    """The result of slvMove; a field that the format does not have is ``None``.
+    """The result of slvMove; a field that is not in the format is ``None``.
 
     Attributes:
-        joints: Joint position of the arm, joints 1 to 8, deg.
+        joints: Joint position of the arm, joints 1 to 8, deg (mm for linear axes).
         position: The same pose as x, y, z in mm, rx, ry, rz in deg, fig.
-        trans: The same pose as x, y, z, ox, oy, oz, ax, ay, az, fig.
-        timestamp: The controller's time in ms, or in µs if the format says so. It is a VT_I4 and wraps around to
-            -2147483648, in µs after 36 minutes.
+        trans: The same pose as x, y, z in mm, ox, oy, oz, ax, ay, az, fig.
+        timestamp: The controller's time in ms, or in µs if :attr:`ReceiveFormat.microseconds` is True. It is a VT_I4
+            and wraps around to -2147483648. In µs, this happens after 36 minutes.
         mini: States of the mini I/O as bits.
         hand: States of the hand I/O as bits.
         user: States of the requested user I/O.
-        current: Currents of the motors.
-        more: Fields without an attribute here, by name.
+        current: Currents of the motors, A.
+        more: Fields for which this class has no attribute, by name.
     """
 
     joints: tuple[float, ...] | None = None
@@ -150,7 +150,7 @@ class SlaveReply:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> SlaveReply:
-        """Return a result with these values of fields, by name."""
+        """Return a result with these values; ``values`` contains them by the names of their fields."""
         own = {name: values[each] for each, name in _ATTRIBUTES.items() if name and each in values}
         return cls(**own, more={each: value for each, value in values.items() if not _ATTRIBUTES[each]})
 
@@ -166,10 +166,10 @@ _own: Final[Callable[[SlaveReply], tuple[Any, ...]]] = operator.attrgetter(*filt
 
 
 def build_reply(format: ReceiveFormat, reply: SlaveReply) -> Variant:  # noqa: A002 - the document's word
-    """Return slvMove's result (server side); fields that the format does not have are left out.
+    """Return slvMove's result (server side); fields that are not in the format are omitted.
 
     Raises:
-        InvalidValue: If a field of the format is missing, or has another length.
+        InvalidValue: If a field of the format is missing or has a wrong length.
     """
     pose: list[float] = []
     for kind in POSE_PARTS[format.number & POSE_MASK]:
@@ -219,8 +219,8 @@ def read_reply(format: ReceiveFormat, value: Value) -> SlaveReply:  # noqa: A002
 
 
 _REALS: Final = frozenset({float, int})
-_IS_FINITE: Final = (1e300).__gt__  # of an absolute value; larger than any number of a result
-_SHOWN: Final = 10  # elements of an invalid result quoted in a message
+_IS_FINITE: Final = (1e300).__gt__  # for an absolute value; no number of a result is as large as 1e300
+_SHOWN: Final = 10  # number of elements of an invalid result that a message quotes
 _I4: Final = int(VarType.I4)
 _Numbers: TypeAlias = tuple[float, ...] | None
 _Reader: TypeAlias = Callable[[ReceiveFormat, SlaveField, Any], Any]
@@ -229,7 +229,10 @@ _Writer: TypeAlias = Callable[[Any], Variant]
 
 @lru_cache(maxsize=256)
 def _plan_of_reply(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
-    """Return the place of the pose in a result (table 4-3); place, row, attribute, reader, writer of other fields."""
+    """Return the index of the pose in a result (table 4-3), and the plan of the other fields.
+
+    The plan contains the index, the row, the attribute, the reader and the writer of each field.
+    """
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)
     places = ((place + (place >= pose_at), row) for place, row in enumerate(has))

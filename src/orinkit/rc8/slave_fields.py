@@ -1,7 +1,7 @@
 """THE TABLE of the fields of slave mode: the arguments and results of slvMove (RC8 4.2, tables 4-1 to 4-3).
 
-One row of :data:`FIELDS` describes one field. The rows are in the order in which programs see the fields (``Sample``,
-files); ``place`` has their order in slvMove. Derived from the rows:
+One row of :data:`FIELDS` describes one field. The rows are in the order of the fields in ``Sample`` and in files;
+``place`` is their order in slvMove. The rows are used for:
 
 =====================================  ================================================================================
 use                                    columns
@@ -16,9 +16,10 @@ parameters of ``slave_mode()``         ``name``; the parameters themselves are w
 I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot``: ``slave_mode/io.py``, ``slave_feedback.py``
 =====================================  ================================================================================
 
-A received field requires one row here, and for the virtual RC8 one entry in ``SOURCES`` of ``slave_feedback.py``. Its
-value is then in ``Sample.more`` under its name, unless ``Sample`` has an attribute of that name. A sent field also
-requires an attribute of ``SetPoint`` and ``Outputs``, and a parameter of the client's methods, because these are typed.
+A new received field requires one row here. For the virtual RC8, it also requires one entry in ``SOURCES`` of
+``virtual/rc8/robot/slave_feedback.py``. Its value is then in ``Sample.more`` under its name, unless ``Sample`` has an
+attribute of that name. A new sent field also requires an attribute of ``SetPoint`` and of ``Outputs``, and a parameter
+of the client's methods, because these have static types.
 
 A new type of value requires a member of :class:`FieldType`, and an entry in the table of each module that handles
 values: ``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/record_layout.py``,
@@ -48,17 +49,20 @@ class FieldType(Enum):
     REAL = "real"
     """One number, VT_R8. Received only."""
     STAMP = "stamp"
-    """The controller's time, a VT_I4 that wraps around; seconds for programs. Received only."""
+    """The controller's time, a VT_I4 that wraps around; programs receive it in seconds. Received only."""
     BITS = "bits"
     """32 I/O states, VT_I4."""
     BYTES = "bytes"
-    """I/O states, a VT_UI1 array. To send, preceded by the number of the first point and the byte count, two VT_I4."""
+    """I/O states, a VT_UI1 array.
+
+    In slvMove's parameter, two VT_I4 precede the array: the number of the first I/O point and the number of bytes.
+    """
     WINDOW = "window"
-    """Number of the first point and number of bytes requested for the result, two VT_I4. Sent only."""
+    """The I/O points requested for the result, two VT_I4: number of the first point, number of bytes. Sent only."""
 
 
 class ReceiveBits(IntFlag):
-    """The fields of slvMove's result beside the pose; the pose itself is a number in POSE_MASK."""
+    """The fields of slvMove's result except the poses; a number in the bits of POSE_MASK selects the poses."""
 
     TIME = 0x10
     HAND = 0x20
@@ -68,7 +72,7 @@ class ReceiveBits(IntFlag):
 
 
 class SendBits(IntFlag):
-    """The fields of slvMove's parameter beside the pose."""
+    """The fields of slvMove's parameter except the pose."""
 
     HAND = 0x20
     MINI = 0x100
@@ -84,16 +88,17 @@ class SlaveField:
         label: Name in messages.
         text: Description for users; empty if no file contains the field.
         form: Type of the value.
-        place: Place in slvMove; fields with the same place are in the order of the rows.
-        count: Largest number of values; 1 unless it is an array of numbers.
-        kind: Pose type, for a pose.
+        place: Position in slvMove's parameter and result; fields with the same position are in the order of the rows.
+        count: Maximum number of values; 1 if the field is not an array of numbers.
+        kind: Pose type; ``None`` if the field is not a pose.
         mode: Number of the pose type in slvChangeMode (low byte).
-        receive: Bit in slvRecvFormat. If it is set, a window is in the parameter, any other field in the result.
+        receive: Bit in slvRecvFormat. If it is set, the result contains the field; a field of type WINDOW is in the
+            parameter instead.
         send: Bit in slvSendFormat.
         by_word: True if ``recv=`` accepts the name.
-        column: Name of its columns in a CSV file; ``""`` for the field's name.
-        answer_label: Name in messages about a result; ``""`` for ``label``.
-        offset_label, size_label: Names of the bounds of user I/O in messages.
+        column: Name of the field's columns in a CSV file; if it is ``""``, ``name`` is used.
+        answer_label: Name in messages about a result; if it is ``""``, ``label`` is used.
+        offset_label, size_label: Names of the offset and the size of user I/O in messages.
     """
 
     name: str
@@ -140,16 +145,16 @@ EXCLUSIVE: Final = (("mini", "user"),)
 """Fields that cannot be sent together (table 4-1)."""
 
 MOST_USER_BYTES: Final = 64
-"""Largest number of bytes of user I/O in one slvMove and in its result (RC8 4.2, note 3: many bytes delay it)."""
+"""Largest number of bytes of user I/O in one slvMove and in its result (RC8 4.2, note 3: many bytes delay slvMove)."""
 
-# --- slvRecvFormat's number of poses (table 4-1) ----------------------------------------------------------------------
+# --- the number in slvRecvFormat that selects the poses (table 4-1) ---------------------------------------------------
 
 POSE_MASK: Final = 0x0F
 """The bits of a receive format that select the pose."""
 POSE_PARTS: Final[dict[int, tuple[PoseKind, ...]]] = {
     0: ("J",), 1: ("P",), 2: ("J",), 3: ("T",), 4: ("P", "J"), 5: ("T", "J"),
 }  # fmt: skip
-"""The pose types for each number in POSE_MASK; 0 is the default before any slvRecvFormat (RC8 4.6.3)."""
+"""The pose types for each number in the bits of POSE_MASK; before any slvRecvFormat, the number is 0 (RC8 4.6.3)."""
 
 # --- derived from the rows --------------------------------------------------------------------------------------------
 
@@ -162,7 +167,7 @@ POSE_SIZES: Final[dict[PoseKind, int]] = {kind: field.count for kind, field in P
 PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is FieldType.WINDOW)
 """The fields that may follow the pose in slvMove's parameter, in its order (table 4-2)."""
 OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
-"""The fields with states that are sent."""
+"""The fields with I/O states that the client sends."""
 RECEIVED: Final = tuple(field for field in FIELDS if field.form is not FieldType.WINDOW)
 """The fields of a result: poses and all others."""
 WORDS: Final = tuple(field for field in RECEIVED if field.by_word)

@@ -1,14 +1,14 @@
 """Slave mode in numbers: modes, formats, the parameter and the result of slvMove (RC8 4.2, tables 4-1 to 4-5).
 
-Server and client both parse and build with this module. slvMove's parameter and its result consist of parts; those in
-brackets are present if a format has their bit. A pose alone is a bare array of VT_R8, otherwise all parts are elements
-of a VARIANT array::
+Both the server and the client use this module. slvMove's parameter and its result consist of parts; those in brackets
+are present if a format has their bit. If the pose is the only part, it is sent as a VT_R8 array. Otherwise all parts
+are elements of a VARIANT array::
 
     parameter   pose, [mini I/O], [user I/O to send: offset, size, bytes], [user I/O to receive: offset, size],
                 [hand I/O]
     result      [timestamp], pose, [mini I/O], [user I/O], [hand I/O], [motor currents]
 
-Two poses of one result, P and J or T and J, are one array.
+If a result has two poses (P and J, or T and J), they are in one array.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class SlaveMode:
     Attributes:
         number: Number for slvChangeMode, 0x001 to 0x203.
         kind: Pose type of the set-points.
-        buffering: 0 a queue that replies at once, 1 one set-point that is overwritten, 2 a queue that replies when it
-            has room.
+        buffering: 0: set-points are queued, and slvMove returns immediately. 1: a set-point overwrites the previous
+            one. 2: set-points are queued, and slvMove returns when the queue has room.
     """
 
     number: int
@@ -132,10 +132,10 @@ class SetPoint:
     """The parameter of one slvMove.
 
     Attributes:
-        pose: P: x, y, z in mm, rx, ry, rz in deg, fig. J: joints 1 to 8 in deg. T: x, y, z, ox, oy, oz, ax, ay,
-            az, fig.
-        extra: Extended joints and their values, 7 before 8. For a J they are also values of the pose; if the two
-            differ, the value here is sent.
+        pose: P: x, y, z in mm, rx, ry, rz in deg, fig. J: joints 1 to 8 in deg (mm for linear axes). T: x, y, z in mm,
+            ox, oy, oz, ax, ay, az, fig.
+        extra: Extended joints and their values, 7 before 8. In a pose of type J, the values are also elements of
+            ``pose``; if they differ, the values of ``extra`` are sent.
         mini: States of the mini I/O as bits.
         hand: States of the hand I/O as bits.
         user: Number of the first user I/O, a multiple of USER_STEP, and the bytes to set.
@@ -174,8 +174,9 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: R
 def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat) -> SetPoint:
     """Return the set-point of slvMove's parameter (server side).
 
-    Numbers may be of any numeric type, and a pose may be an array of any numeric type. A J may end after joint 6; a P or
-    T may end before the figure. After a complete pose there may be flags and extended joints (table 4-5), or zeros.
+    Numbers may be of any numeric type, and a pose may be an array of any numeric type. A pose of type J may end after
+    joint 6; a pose of type P or T may end before the figure. A complete pose may be followed by flags and extended
+    joints (table 4-5), or by zeros.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH if an array or a number is expected; E_INVALIDARG if a count is wrong, flags are
@@ -207,7 +208,7 @@ def _parts_of_set_point(send: int, window_bits: int) -> tuple[str, ...]:
 def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:
     """Return the elements of a parameter, the pose first."""
     wanted = 1 + sum(PARTS[part].span for part in parts)
-    given: Sequence[Variant] = [parameter]  # a pose alone, even if its numbers are VARIANTs
+    given: Sequence[Variant] = [parameter]  # the pose is the only part; it may be a VARIANT array of numbers
     if parameter.type == VARIANT_ARRAY and parameter.value:
         begins_with_array = parameter.value[0].type & ARRAY
         given = parameter.value if begins_with_array or len(parameter.value) == wanted > 1 else given
@@ -221,7 +222,7 @@ def _split(parameter: Variant, parts: Sequence[str]) -> Sequence[Variant]:
                 names=names,
             ),
         )
-    return given  # anything else than an array is refused as a pose
+    return given  # if the parameter is not an array, read_numbers refuses it
 
 
 def _not_as_formats(part: str, is_required: bool) -> InvalidValue:

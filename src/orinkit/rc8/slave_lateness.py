@@ -14,7 +14,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import R8_ARRAY, Value, Variant
 
 COMMAND: Final = "slvGetLateness"
-"""A command of Robot_Execute. Its parameter is the number of first late set-points to leave out, default 0."""
+"""A command of Robot_Execute. Its parameter is the number of late set-points to ignore at the beginning; default 0."""
 
 _NUMBERS: Final = 3
 

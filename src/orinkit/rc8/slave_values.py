@@ -49,8 +49,8 @@ def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
     """Return the numbers of an array of any numeric type, or of a VARIANT array of such numbers.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH if it is not such an array; E_INVALIDARG if it is longer than any pose of this
-            type.
+        CallError: DISP_E_TYPEMISMATCH if the argument is not such an array; E_INVALIDARG if the array is longer than
+            any pose of this type.
     """
     if not given.type & ARRAY:
         raise _mismatch(given)
@@ -64,7 +64,7 @@ def read_numbers(kind: PoseKind, given: Variant) -> list[float]:
 
 
 def read_pose(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ...], ExtraAxes]:
-    """Return the complete pose of numbers, including the omitted ones, and its extended joints.
+    """Return the complete pose, with default values for omitted numbers, and its extended joints.
 
     Raises:
         CallError: E_INVALIDARG if the count is wrong, flags are not valid or do not match the values after them, or a
@@ -158,13 +158,13 @@ def _checked(kind: PoseKind, numbers: list[float], extra: ExtraAxes) -> list[flo
 
 
 def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
-    """Return the error in the numbers of a complete pose, an empty string if there is none."""
+    """Return the message about an invalid number of a complete pose, or an empty string."""
     if not extra and all(map(_IS_WITHIN, map(abs, pose))) and (kind == "J" or pose[-1].is_integer()):
         return ""  # the most frequent case
     named = [*zip(FIELDS[kind], pose, strict=True), *((f"J{axis}", value) for axis, value in extra)]
     for place, (name, value) in enumerate(named, start=1):
         if not _IS_WITHIN(abs(value)):
-            at = place + (place > len(pose))  # the flags are in between
+            at = place + (place > len(pose))  # the flags are between the pose and the extended joints
             return tr(
                 "{name} (value {place}) of a {kind} is {value}; expected a finite number of at most {largest:.0f}",
                 name=name,
@@ -205,7 +205,7 @@ def _mismatch(given: Variant) -> CallError:
 # --- the other parts --------------------------------------------------------------------------------------------------
 
 USER_STEP: Final = 8
-"""User I/O is sent and requested in bytes: the number of the first one is a multiple of this."""
+"""User I/O is sent and requested in bytes: the number of the first I/O point is a multiple of this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +213,7 @@ class UserWindow:
     """The user I/O requested for a result.
 
     Attributes:
-        offset: Number of the first one, a multiple of USER_STEP.
+        offset: Number of the first I/O point, a multiple of USER_STEP.
         size: Number of bytes, 1 to MOST_USER_BYTES.
     """
 
@@ -284,7 +284,7 @@ def _write_user(part: str, user: tuple[int, bytes]) -> list[Variant]:
 
 
 def _window_fault(part: str, offset: int, size: int) -> str:
-    """Return the error in the bounds of user I/O, an empty string if there is none."""
+    """Return the message about an invalid offset or size of user I/O, or an empty string."""
     if offset < 0 or offset % USER_STEP:
         name = called(f"{part} offset")
         return tr("{name} is {offset}, expected a multiple of {step}", name=name, offset=offset, step=USER_STEP)
@@ -304,9 +304,9 @@ class PartCodec:
     """The converter of a part after the pose (table 4-2).
 
     Attributes:
-        span: Number of elements of the parameter.
-        read: Returns its value for its name and its elements.
-        write: Returns its elements for its name and its value.
+        span: Number of elements of slvMove's parameter that the part consists of.
+        read: Callback that returns the value of a part for its name and its elements.
+        write: Callback that returns the elements of a part for its name and its value.
     """
 
     span: int
