@@ -1,1 +1,1 @@
-"""CAO: the object model that every ORiN protocol carries: its functions, what a device serves, one client's session."""
+"""The CAO object model, common to all ORiN protocols: functions, base classes of devices, and sessions of clients."""

@@ -12,9 +12,9 @@ Clock: TypeAlias = Callable[[], float]
 """Returns the time in seconds, from an arbitrary origin."""
 
 PER_SECOND: Final = 1000
-"""Limit on packets per second that are not the reply, such as S_EXECUTING."""
+"""Limit on the packets per second that are not the reply to the call, for example S_EXECUTING packets."""
 AT_ONCE: Final = 10_000
-"""Number of such packets allowed in a burst, for example after the client's program was suspended."""
+"""Limit on the number of such packets in a burst, for example after the client's program was suspended."""
 
 
 def no_clock() -> float:
@@ -43,7 +43,11 @@ class CallTimer:
         self._bounded = False
 
     def bound(self, seconds: float | None) -> float | None:
-        """Return a waiting time reduced to the rest of the call's limit, s; ``None`` continues the current wait."""
+        """Return a waiting time, s, reduced to the time that remains until the limit of the call.
+
+        Args:
+            seconds: the waiting time, s; ``None`` continues the current wait and is returned unchanged.
+        """
         if seconds is None or self._seconds is None:
             return seconds
         left = max(0.0, self._begun + self._seconds - self._clock())
@@ -58,7 +62,8 @@ class CallTimer:
             executing: whether one of them reports that the call is executing.
 
         Raises:
-            ProtocolError: If there are too many. The error is fatal, because the flood would continue.
+            ProtocolError: If there are too many such packets. The connection must then be closed, because the flood
+                would continue.
         """
         now = self._clock()
         self._executing = self._executing or executing

@@ -1,7 +1,7 @@
-"""Conversion of arguments, as real clients send them, to the required types (argument forms: docs/protocol.md).
+"""Conversion of the arguments that real clients send to the required types (docs/protocol.md lists the argument forms).
 
-Clients send whole numbers as VT_I2, VT_I4, VT_R4, VT_R8 or text, one-element arrays for scalars, VT_EMPTY for an empty
-string, and single-precision poses. All of these are converted in this module only.
+Clients send the same argument in several forms: a whole number as VT_I2, VT_I4, VT_R4, VT_R8 or text, a scalar as an
+array of one element, an empty string as VT_EMPTY, and a pose in single precision. Only this module converts them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from orinkit.values.variant import Variant
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 _NUMBERS: Final = frozenset(
     int(row.code) for row in TABLE if row.number
-)  # includes VT_ERROR: a code is sent as a number
+)  # includes VT_ERROR, because a return code is a number
 _HANDLES: Final = frozenset(vt for vt in INTEGERS if SIZES[vt] in (2, 4))
-_LONGEST: Final = 4400  # characters of a number: Python reads no more than 4,300 digits
+_LONGEST: Final = 4400  # limit on the characters of a number; int() reads at most 4,300 digits
 
 
 def wrong_type(given: Variant, wanted: str) -> CallError:
@@ -70,7 +70,7 @@ def _number_in(text: str) -> float | int:
         return int(text, 10)
     except ValueError:
         if text.lstrip("+-").isdecimal():
-            raise  # more digits than Python reads
+            raise  # the number has more digits than int() reads
         return float(text)
 
 
@@ -89,7 +89,7 @@ def to_integer(given: Variant) -> int:
 
 
 def to_handle(given: Variant) -> int:
-    """Return a handle: a whole number of 4 or 2 bytes, because clients differ."""
+    """Return a handle, which some clients send as a whole number of 4 bytes and others as one of 2 bytes."""
     if given.type in _HANDLES:
         return int(given.value)
     raise wrong_type(given, "VT_I4")

@@ -15,20 +15,21 @@ class Dialect:
 
     Attributes:
         name: name of the dialect, ``"rc8"``.
-        echoes_reserved: whether a reply has the reserved field of its request; otherwise 0.
-        empty_result: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise none.
+        echoes_reserved: whether a reply repeats the reserved field of its request; otherwise the field is 0.
+        empty_result: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise it has no
+            argument.
         vt_error_size: size of a VT_ERROR, bytes.
-        drops_client: whether a malformed packet closes the client's connection, after E_INVALIDRCVPACKET.
+        drops_client: whether the server disconnects a client after replying E_INVALIDRCVPACKET to a malformed packet.
         takes_options: whether Service_Start may have an argument.
         codes: return codes that the dialect does not have, and their replacements.
         takes_arm: whether TakeArm, GiveArm and Halt exist; otherwise only slave mode moves the arm.
         short_numbers: whether the state of Motor and the code of ClearError are a single VT_I2.
         slave_formats: whether slvSendFormat and slvRecvFormat exist; otherwise slvMove accepts and returns joints only.
-        slave_mode: default mode of slave mode: 0, 1 or 2.
-        busy: return code for a repeated request whose first attempt is still executing (VE026A table 3-5: "wait for a
-            while"); 0 if there is none, because the controller sends S_EXECUTING.
-        patience: time-outs of long-running commands, s, by their names in lower case.
-        variables: missing commands, and the robot's variable that replaces each.
+        slave_mode: the slave mode that is used by default: 0, 1 or 2.
+        busy: return code for a repeated request if the first attempt is still executing (VE026A table 3-5: "wait for a
+            while"); 0 if the controller sends S_EXECUTING instead.
+        patience: time-outs of long-running commands, s, by the names of the commands in lower case.
+        variables: commands that the dialect does not have, and the variable of the robot that replaces each of them.
     """
 
     name: str
@@ -57,7 +58,7 @@ VE026A: Final = Dialect(
     vt_error_size=2,
     drops_client=True,
     takes_options=False,
-    codes={  # table 3-5 has none of these
+    codes={  # table 3-5 has none of the codes on the left
         hresult.E_BUSY_PROC: hresult.E_ROBOTISBUSY,
         hresult.E_TIMEOUT: hresult.E_ABORT,
         hresult.E_MAX_CONNECT: hresult.E_ACCESSDENIED,
@@ -69,13 +70,13 @@ VE026A: Final = Dialect(
     takes_arm=False,
     short_numbers=True,
     slave_formats=False,
-    slave_mode=1,  # 38,400 bit/s is too slow for mode 2, a set-point in every cycle of 8 ms
+    slave_mode=1,  # mode 2 requires a set-point every 8 ms, for which 38,400 bit/s is too slow
     busy=hresult.E_ROBOTISBUSY,
     patience={
         "motor": 6.0,
         "clearerror": 3.0,
         "slvchangemode": 2.0,
-    },  # about 3, 1 and 0.5 s (VE026A 5.2.4, 5.3.4, 2.2.1)
+    },  # the commands take about 3, 1 and 0.5 s (VE026A 5.2.4, 5.3.4, 2.2.1)
     variables={"CurJnt": "@CURRENT_ANGLE"},
 )
 """The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""

@@ -1,4 +1,4 @@
-"""The command GetErrorDescription, which devices implement themselves."""
+"""The command GetErrorDescription, common to the devices that implement it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 
 
 def describe_error(reason: Callable[[int], str], parameter: Variant) -> str:
-    """Return the result of GetErrorDescription: the client's last error with this code, otherwise the text of the code.
+    """Return the result of GetErrorDescription.
+
+    The result is the description of the client's last error with the code, or the text of the code if there was no such
+    error.
 
     Args:
         reason: the client's :attr:`ClientInfo.reason`.

@@ -1,16 +1,18 @@
 """The function table: all functions of CAO, common to b-CAP and e-CAP (RC8 appendix A, e-CAP 3.3).
 
-An entry is a typed signature decorated with :func:`function`: the id, the name in the documents, the CAO interface name, the
-section of the documents, the interface of a returned handle and the function that releases it, and a description in both
-languages. Arguments with a default may be omitted from the packet; one with the default ``None`` is not sent unless it is
-given. Encoders, client methods, server dispatch, the ``orinkit functions`` listing and the tests use this table; a new
-function requires only an entry.
+An entry is a typed signature decorated with :func:`function`. The decorator specifies the id, the name in the
+documents, the CAO interface name, the section of the documents, and a description in both languages. If the function
+returns a handle, the decorator also specifies the interface of the object and the function that releases the handle.
+
+An argument with a default may be omitted from the packet. If the default is ``None`` and the type is not VARIANT, the
+client omits the argument unless the caller gives a value. Encoders, client methods, server dispatch, the
+``orinkit functions`` listing and the tests use this table; a new function requires only an entry.
 
     >>> robot_move.id, robot_move.name, [str(a.vt) for a in robot_move.arguments]
     (72, 'Robot_Move', ['3', '3', '12', '8'])
 """
 
-# No "from __future__ import annotations" here: the annotations are the table's argument types.
+# No "from __future__ import annotations" here, because the table reads its argument types from the annotations.
 
 from collections.abc import Mapping
 from types import MappingProxyType

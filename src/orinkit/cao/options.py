@@ -1,4 +1,4 @@
-"""Option strings: ``"WDT=400,InvokeTimeout=180000"``, ``"@IfNotMember"`` (RC8 table 3-1 and 5-1).
+"""Option strings: ``"WDT=400,InvokeTimeout=180000"``, ``"@IfNotMember"`` (RC8 tables 3-1 and 5-1).
 
 Pairs are separated by commas. A value may contain commas inside brackets or quotes. Names are case-insensitive. Empty
 parts, such as before the leading comma that some clients send, are ignored. A name without a value means ``True``.

@@ -2,9 +2,9 @@
 
 The name of a method is the Python name of the function (``Variable_GetValue`` is :meth:`VariableObject.get_value`). A method
 receives the arguments as Python values (a VARIANT as :class:`~orinkit.values.variant.Variant` with its exact type) and
-returns the result. It may
+returns the result. A method may
 
-* return the result directly: it then runs on the server's thread and must not block;
+* return the result directly: the method then runs on the server's thread and must not block;
 * be ``async def``: it may ``await``, and is cancelled when its client disconnects;
 * return :class:`BlockingCall` with a function to run in a worker thread;
 * return :class:`Deferred`, and set its result later, from any thread.
@@ -29,7 +29,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import Value, Variant, VarType
 
 
-def _no_reason(code: int) -> str:  # noqa: ARG001 - as every reason
+def _no_reason(code: int) -> str:  # noqa: ARG001 - the signature of ClientInfo.reason
     return ""
 
 
@@ -46,9 +46,9 @@ class ClientInfo(NamedTuple):
         address: host address of the client, ``"127.0.0.1"``; on a serial line the path of the port.
         transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
         port: the client's port number, 0 if there is none.
-        when_input_processed: invokes a callback after all data received from this client so far has been processed; returns
-            immediately and may be called from any thread. ``None`` if received data is always processed at once. For
-            real-time devices, because the server may read late.
+        when_input_processed: function that invokes a callback after the server has processed all data received from
+            this client so far. It returns immediately and may be called from any thread. ``None`` if received data is
+            always processed immediately. Real-time devices use this function, because the server may read data late.
         provider: the provider name that the client has requested, as sent.
         reason: returns the description of the client's last error with a given return code; ``""`` if unknown.
     """
@@ -77,7 +77,7 @@ class CaoObject:
     One instance belongs to one handle of one client, so the tag and the ID belong to that client.
     """
 
-    def __init__(self, name: str = "", *, attribute: int = 0, help: str = "") -> None:  # noqa: A002 - the documents' word
+    def __init__(self, name: str = "", *, attribute: int = 0, help: str = "") -> None:  # noqa: A002 - the name in the documents
         self.name = name
         self.attribute = attribute
         self.help = help
@@ -109,7 +109,7 @@ class CaoObject:
         """Return the ID that the client has set."""
         return self.id
 
-    def put_id(self, id: Variant) -> Result[None]:  # noqa: A002 - the documents' word
+    def put_id(self, id: Variant) -> Result[None]:  # noqa: A002 - the name in the documents
         """Set the ID."""
         self.id = id
         return None
@@ -139,7 +139,7 @@ class VariableObject(CaoObject):
 
 
 class OwnerObject(CaoObject):
-    """An object with variables and extended commands: all interfaces but variables, commands and messages."""
+    """An object with variables and extended commands; all interfaces except variables, commands and messages."""
 
     def get_variable(self, name: str, option: str) -> Result[VariableObject]:
         """Connect to a variable below this object."""
@@ -370,11 +370,17 @@ class ControllerObject(OwnerObject):
     """A controller: the root of a client's objects."""
 
     def is_moving(self) -> bool:
-        """Return True if an arm executes, or may start, a motion of this client; called while the client is silent."""
+        """Return True if an arm executes a motion of this client, or may start one.
+
+        The server calls this method while it receives no requests from the client.
+        """
         return False
 
     def stop_moving(self) -> None:
-        """Stop the motions of this client, which is silent; keep its objects and semaphores until it disconnects."""
+        """Stop the motions of this client; keep its objects and semaphores until it disconnects.
+
+        The server calls this method if there have been no signs of life from the client for too long.
+        """
 
     def get_extension(self, name: str, option: str) -> Result[ExtensionObject]:
         """Connect to an extension board."""
@@ -426,8 +432,8 @@ class Provider:
 
     Attributes:
         provider_names: for example ``("CaoProv.DENSO.VRC",)``; case-insensitive.
-        guard: context manager entered for every method call on the server's thread, and for every release; for example a
-            lock, if other threads modify the device. By default it does nothing.
+        guard: context manager that the server enters for every method call on its thread, and for every release. If
+            other threads modify the device, the guard may be a lock. By default, it does nothing.
         dialect: dialect of b-CAP.
         functions: ids of the implemented functions, ``None`` for all; any other returns E_NOTIMPL, regardless of its
             arguments.

@@ -17,7 +17,10 @@ VALUE_LIMIT: Final = 64 * 1024
 """Limit on one value, bytes in a packet."""
 CLIENT_LIMIT: Final = 1024 * 1024
 TOTAL_LIMIT: Final = 16 * 1024 * 1024
-"""Limit on the values of one client and of all clients of a server, bytes in packets; up to twelve times that in memory."""
+"""Limits on the values of one client (CLIENT_LIMIT) and of all clients of a server (TOTAL_LIMIT), bytes in packets.
+
+In memory, the values require up to twelve times as many bytes.
+"""
 
 
 class ByteQuota:
@@ -25,7 +28,7 @@ class ByteQuota:
 
     Args:
         limit: the limit, bytes.
-        total: the quota of all clients, which is counted too.
+        total: the quota of all clients, in which the same bytes are counted.
 
     Attributes:
         bytes: number of stored bytes.
@@ -43,7 +46,7 @@ class ByteQuota:
             more: number of bytes, negative to subtract.
 
         Raises:
-            CallError: E_OUTOFMEMORY if the limit would be exceeded; then nothing is counted.
+            CallError: E_OUTOFMEMORY if the limit would be exceeded. The count is then unchanged.
         """
         if more > 0 and self.bytes + more > self._limit:
             raise error_for(

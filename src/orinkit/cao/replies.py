@@ -1,4 +1,4 @@
-"""Replies on the client side, common to all protocols: results, and missing replies."""
+"""Handling of replies in clients, common to all protocols: results, and calls without a reply."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def checked(function: Function[..., Any], value: Any, *, exact: bool) -> Any:
         return value
     plain = value.value if exact else value
     expected = _RESULT_TYPES[function.result]
-    if plain is None and expected is str:  # an empty string may come as VT_EMPTY
+    if plain is None and expected is str:  # a controller may send an empty string as VT_EMPTY
         return Variant(VarType.BSTR, "") if exact else ""
     if type(plain) is not expected:
         raise _wrong_result(function, repr(plain))

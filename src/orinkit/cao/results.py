@@ -56,7 +56,10 @@ class Deferred(Generic[T]):
         return self._value
 
     def add_done_callback(self, callback: Callable[[], None]) -> None:
-        """Invoke a callback once when the result is set, in the thread that sets it; immediately if it has been set."""
+        """Register a callback, which is invoked once, when the result is set, in the thread that sets it.
+
+        If the result has already been set, the callback is invoked immediately.
+        """
         self._callbacks.append(callback)
         if self._done:
             self._call_back()
@@ -65,20 +68,20 @@ class Deferred(Generic[T]):
         if self._done:
             return
         self._value, self._error = value, error
-        self._done = True  # before the callbacks: add_done_callback invokes a callback added meanwhile
+        self._done = True  # before the callbacks, so that add_done_callback invokes a callback that is added meanwhile
         self._call_back()
 
     def _call_back(self) -> None:
         while self._callbacks:
             try:
                 callback = self._callbacks.pop()
-            except IndexError:  # the other thread took the last one
+            except IndexError:  # another thread has invoked the last callback
                 return
             callback()
 
 
 Result: TypeAlias = T | ResultWithCode | Awaitable[T] | BlockingCall | Deferred[T]
-"""Return type of a method: the result, alone or with a success code, an awaitable, a blocking call, a deferred result."""
+"""Return type of a method: result (alone or with a success code), awaitable, blocking call or deferred result."""
 
 
 def _waits() -> bool:
@@ -91,11 +94,11 @@ _GAVE_UP: Final[ContextVar[Callable[[], bool]]] = ContextVar("gave_up", default=
 def client_gave_up() -> bool:
     """Return True if the client no longer waits for the current call, after E_TIMEOUT or a disconnection.
 
-    An ``async`` method that has awaited something should check this before it does anything the client no longer expects.
+    After an ``await``, an ``async`` method should check this before it does anything that the client no longer expects.
     """
     return _GAVE_UP.get()()
 
 
 def begin_call(gave_up: Callable[[], bool]) -> None:
-    """Set the function behind :func:`client_gave_up` for the current task; called by servers."""
+    """Set the function that :func:`client_gave_up` calls in the current task; for servers."""
     _GAVE_UP.set(gave_up)

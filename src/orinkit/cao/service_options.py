@@ -33,7 +33,9 @@ class ServiceOptions(NamedTuple):
 
 
 def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
-    """Return the options of Service_Start; a wrong type or number of arguments is left to the session to refuse.
+    """Return the options of Service_Start.
+
+    If the type or the number of the arguments is wrong, the defaults are returned; the session then refuses the call.
 
     Raises:
         CallError: E_INVALIDARG if the value of an option is invalid.

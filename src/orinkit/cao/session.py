@@ -38,7 +38,7 @@ from orinkit.values.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
 
-_FIRST_HANDLE: Final = 2  # as in the documents' samples (RC8 3.1.2): the service itself is 1
+_FIRST_HANDLE: Final = 2  # as in the samples of the documents (RC8 3.1.2); 1 is the service itself
 _LAST_HANDLE: Final = 0x7FFF_FFFF
 _MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
 _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
@@ -51,7 +51,7 @@ class CallReply:
     Attributes:
         code: return code.
         result: the result, ``None`` for a function without one.
-        detail: description of the error, for the log and for people.
+        detail: description of the error, for the log and for users.
     """
 
     code: int = hresult.S_OK
@@ -61,7 +61,7 @@ class CallReply:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """A call without a result yet; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
+    """A call without a result so far; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
 
     function: Function[..., Any]
     handle: int
@@ -192,15 +192,15 @@ class Session:
     ) -> None:
         self.host = host
         self._reasons: dict[int, str] = {}
-        # not a method of this session: a device that stores ClientInfo must not keep the session alive
+        # not a method of this session, because a device that stores ClientInfo would then keep the session in memory
         self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
-        self._entries: dict[int, _Entry] = {}  # insertion order is age
+        self._entries: dict[int, _Entry] = {}  # oldest first
         self._handles = numbers or HandleAllocator()
         self._kept = ByteQuota(CLIENT_LIMIT, host.kept)
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
-        # fixed handles are unique only per interface: the interface is added above the 32 bits of the handle
+        # fixed handles are unique only within an interface, so its number is added above the 32 bits of the handle
         self._spaces = _SPACES if host.fixed_handles else {}
 
     def __len__(self) -> int:
@@ -210,7 +210,7 @@ class Session:
     # --- a call -------------------------------------------------------------------------------------------------
 
     def invoke(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
-        """Execute a call; never raises, regardless of the request.
+        """Execute a call. Errors are returned as replies; no exception is raised, regardless of the request.
 
         Args:
             function_id: An id of the table; any other returns E_NOTIMPL.
@@ -266,7 +266,7 @@ class Session:
         return self._outcome(function, handle, label, result)
 
     def _count_stored(self, entry: _Entry, method: str, value: Variant) -> None:
-        """Count a value to be stored with an object, instead of the previous one.
+        """Count the bytes of a value that will be stored with an object; stop counting those of the previous value.
 
         Raises:
             CallError: E_TOO_MUCH_DATA if the value is too large, E_OUTOFMEMORY if the client's limit would be exceeded.
@@ -296,11 +296,14 @@ class Session:
         return entry
 
     def _omits_result(self, function: Function[..., Any]) -> bool:
-        """Return True if the reply of a function without a result has no argument, instead of VT_EMPTY."""
+        """Return True if a reply without a result has no argument; otherwise, it has the argument VT_EMPTY."""
         return function.method == "execute" and not self.host.dialect.empty_result
 
     def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
-        """Return the existing object of that name if @IfNotMember is given; otherwise check the limit on objects."""
+        """Return the reply with the existing object of that name if the option @IfNotMember is given.
+
+        If the option is not given, or there is no such object, check the limit on objects and return ``None``.
+        """
         if label and Options(option).flag("@IfNotMember"):
             found = self._named(interface, parent, label)
             if found is not None:
@@ -421,7 +424,7 @@ class Session:
         return handle
 
     def _remove(self, handle: int) -> None:
-        """Release an object and all objects below it, newest first; objects below another are always newer."""
+        """Release an object and all objects below it, newest first; an object is always newer than the one above it."""
         doomed = {handle}
         doomed.update(entry.handle for entry in self._entries.values() if entry.parent in doomed)
         for each in [each for each in reversed(self._entries) if each in doomed]:
@@ -437,7 +440,7 @@ class Session:
             logger.exception("error while releasing %s %s", entry.interface, quoted(entry.label))
 
     def close(self) -> None:
-        """Release all objects, newest first, and create no more: the client has disconnected."""
+        """Release all objects, newest first, after the client has disconnected; create no more objects."""
         self._closed = True
         self._release_all()
 

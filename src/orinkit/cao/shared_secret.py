@@ -1,4 +1,4 @@
-"""Secrets of clients: validation, and delay and logging of failed attempts; without a clock."""
+"""Secrets of clients: their validation, and the delay and logging of wrong secrets. The caller supplies the time."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 FREE: Final = 5
-"""Number of wrong secrets from one address without a delay."""
+"""Number of wrong secrets from one address to which the reply is not delayed."""
 LONGEST: Final = 1.0
 """Maximum delay of the reply to a wrong secret, s."""
 
-_FIRST: Final = 0.125  # s, doubled with each failure
-_FORGOTTEN: Final = 600.0  # s without a failure until an address is forgotten
-_QUIET: Final = 10.0  # s between two log entries for one address
+_FIRST: Final = 0.125  # s; the first delay, doubled with each further failure
+_FORGOTTEN: Final = 600.0  # s without a failure after which an address is forgotten
+_QUIET: Final = 10.0  # s; the minimum time between two log entries for one address
 _ADDRESSES: Final = 1000
 _SECRET: Final = re.compile(r"[A-Za-z0-9._~-]{16,256}")
 
@@ -25,7 +25,7 @@ def check_secret(secret: str) -> str:
     """Return a secret after checking that it can be sent in an option string.
 
     Raises:
-        InvalidValue: If the secret contains other characters, or has fewer than 16 or more than 256.
+        InvalidValue: If the secret does not consist of 16 to 256 ASCII letters, digits and ``-._~``.
     """
     if not _SECRET.fullmatch(secret):
         raise InvalidValue(tr("a secret must have 16 to 256 ASCII letters, digits and -._~. Try: openssl rand -hex 16"))
@@ -37,7 +37,7 @@ class FailureResponse(NamedTuple):
 
     Attributes:
         delay: delay of the reply, s.
-        reported: number of failures of this address to log now, counted since the last entry; 0 for no entry.
+        reported: number of failures of this address since the last log entry; 0 if no entry is to be written now.
     """
 
     delay: float
@@ -56,11 +56,11 @@ class _Record:
 class SecretAttempts:
     """Counts wrong secrets by address. A correct secret is never delayed.
 
-    At most 1,000 addresses are stored; the one with the oldest failure is forgotten first.
+    At most 1,000 addresses are stored. The address whose last failure is the oldest is forgotten first.
     """
 
     def __init__(self) -> None:
-        self._records: dict[str, _Record] = {}  # oldest failure first
+        self._records: dict[str, _Record] = {}  # in the order of the last failures, oldest first
 
     def failed(self, address: str, now: float) -> FailureResponse:
         """Count a wrong secret.

@@ -35,7 +35,7 @@ class Argument(NamedTuple):
         vt: VARIANT type in the packet; ``VarType.VARIANT`` if any type may be sent.
         is_handle: True for a handle.
         optional: True if the client may omit it.
-        default: value of an omitted argument; ``None`` if it is not sent at all.
+        default: value of an omitted argument. For ``None``, a VARIANT is sent as VT_EMPTY; any other type is not sent.
     """
 
     name: str
@@ -148,11 +148,11 @@ def snake_case(name: str) -> str:
 
 
 ENTRIES: Final[dict[int, Function[..., Any]]] = {}
-"""The entries so far, by id; use :data:`orinkit.cao.functions.FUNCTIONS` to read them."""
+"""The entries that have been added so far, by id. Use :data:`orinkit.cao.functions.FUNCTIONS` to read the table."""
 
 
 def function(
-    id: int,  # noqa: A002 - the documents' word
+    id: int,  # noqa: A002 - the name in the documents
     name: str,
     cao: str,
     section: str,

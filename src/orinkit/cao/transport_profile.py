@@ -14,11 +14,12 @@ class TransportProfile:
     Attributes:
         name: ``"tcp"``, ``"udp"``, ``"serial"`` or ``"http"``.
         lossy: whether packets may be lost.
-        shared: whether clients succeed one another on the same line; only the beginning of the next shows the end of one.
+        shared: whether successive clients use the same line. The end of one client is then detected only when the next
+            one begins.
         memory: seconds of silence after which a controller ends a session; 0 if it detects the end of the connection.
         watched: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the reply to a
             repeated request, or the connection itself, shows that the call is executing.
-        packet: limit on a packet, bytes. UDP: 488 bytes plus header and EOT (RC8 table 5-1).
+        packet: limit on the size of a packet, bytes. UDP: 488 bytes plus header and EOT (RC8 table 5-1).
         timeout: seconds that a client waits for a reply to each attempt.
     """
 
