@@ -1,8 +1,8 @@
 """The virtual RC8: a provider that behaves like DENSO's RC8 controller (b-CAP specification for RC8).
 
-A server is given a :class:`VirtualRC8`. ``state`` is the state shared by all clients, ``objects`` are the objects of
-one client, ``robot`` is the arm, ``pacscript`` the language of its programs, and each other module is one part of the
-controller. Needs the extra ``virtual`` (numpy, lark).
+Pass a :class:`VirtualRC8` to a server. The module ``state`` contains the state shared by all clients, ``objects`` the
+objects of one client, ``robot`` the arm, and ``pacscript`` the language of the programs. Each other module is one part
+of the controller. The package requires the extra ``virtual`` (numpy, lark).
 """
 
 from orinkit.core.i18n import tr

@@ -21,8 +21,8 @@ class ClientContext:
         state: The controller.
         origin: Name and address of the client, for the logs.
         access: Access rights of the client.
-        when_input_processed: The callback of its connection (:class:`orinkit.cao.provider.ClientInfo`).
-        formats: Formats of the arguments and results of its slvMove calls.
+        when_input_processed: The callback of the client's connection (:class:`orinkit.cao.provider.ClientInfo`).
+        formats: Formats of the arguments and results of the client's slvMove calls.
     """
 
     state: RC8State

@@ -1,8 +1,8 @@
 """The control port: the buttons of the controller for programs on the same machine, over b-CAP.
 
-It is a separate provider, to be served on a separate port that only this machine can reach. The sender of an emergency
-stop is not a client of the controller: it needs no permission there and does not wait while a client moves the robot.
-Every account of the machine can reach the port, so clients must send a secret.
+The control port is a separate provider. Serve it on a separate port that only this machine can reach. A program that
+presses the emergency stop there is not a client of the controller: it needs no access rights, and it does not wait
+while a client moves the robot. Every user account of the machine can reach the port, so clients must send a secret.
 """
 
 from __future__ import annotations
@@ -37,21 +37,24 @@ MODE_NAMES: Final = {"manual": ModeSwitch.MANUAL, "teach": ModeSwitch.TEACH_CHEC
 
 logger = logging.getLogger("orinkit.rc8")
 
-_HELD: Final = 8  # delayed replies to wrong secrets at a time; a secret of 16 characters cannot be guessed anyway
-_SECRET_OPTION: Final = "secret"  # noqa: S105 - its name
-_LONGEST: Final = 500  # characters of a string; the rest is cut off
+# Maximum number of replies that are delayed at the same time. Further wrong secrets are refused immediately; this is
+# safe, because a secret has at least 16 characters.
+_HELD: Final = 8
+_SECRET_OPTION: Final = "secret"  # noqa: S105 - the name of the option, not a secret
+_LONGEST: Final = 500  # maximum length of a string in characters; the rest is cut off
 _HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
 
 
 class ControlProvider(Provider):
-    """Serves the buttons of a virtual RC8 to clients of this machine that send its secret; others get E_ACCESSDENIED.
+    """Provider of the buttons of a virtual RC8 for clients on this machine that send the secret.
 
-    A client sends the secret in the option of Controller_Connect: ``Secret=...``. From the sixth wrong secret on,
-    replies are delayed by up to one second. Closing the provider does not affect the virtual RC8.
+    A client sends the secret in the option of Controller_Connect: ``Secret=...``. Other clients receive E_ACCESSDENIED.
+    From the sixth wrong secret on, replies are delayed by up to one second. Closing the provider does not affect the
+    virtual RC8.
 
     Args:
         rc8: The controller.
-        secret: 16 to 256 ASCII letters, digits and ``-._~``; a random secret if it is empty.
+        secret: 16 to 256 ASCII letters, digits and ``-._~``; if it is empty, a random secret is generated.
 
     Attributes:
         secret: The secret that clients must send.
@@ -70,7 +73,9 @@ class ControlProvider(Provider):
         self._held = threading.Semaphore(_HELD)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:  # noqa: ARG002
-        """Return the panel; for a wrong secret, a call that raises the exception after a delay.
+        """Return the panel, or refuse the client.
+
+        If the refusal has to be delayed, return a call that raises the exception after the delay.
 
         Raises:
             CallError: E_ACCESSDENIED if the client is on another machine, or if its secret is missing or wrong.
@@ -91,7 +96,7 @@ class ControlProvider(Provider):
         Raises:
             CallError: E_ACCESSDENIED.
         """
-        failure = self._guesses.failed("", time.monotonic())  # one address for all: they are on this machine
+        failure = self._guesses.failed("", time.monotonic())  # one counter for all clients: all are on this machine
         if failure.reported:
             logger.warning("control port: %d clients with a wrong secret, or with none, were refused", failure.reported)
         if not failure.delay or not self._held.acquire(blocking=False):
@@ -130,7 +135,7 @@ class ControlPanel(ControllerObject):
         """Press a button (:data:`CONTROLS`).
 
         Raises:
-            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error with which the controller refuses.
+            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error code with which the controller refuses the button.
         """
         run = CONTROLS.get(command.strip().lower())
         if run is None:
@@ -160,7 +165,7 @@ def _token(rc8: VirtualRC8, parameter: Variant) -> None:
 
 
 def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Variant], None]:
-    """Return the handler of a button that is pressed and released: takes a boolean, True if it is missing."""
+    """Return the handler of a button that is pressed and released; its parameter is a boolean, by default True."""
 
     def run(rc8: VirtualRC8, parameter: Variant) -> None:
         press(rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
@@ -172,7 +177,8 @@ def _motor(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
     given = parameters.elements(parameter)
     on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
     rc8.pendant.motor(on)
-    return rc8.state.arm.switch_motor(on) if wait else None  # already switching: returns the Deferred of that
+    # The motor is already switching. A second call only returns another Deferred of the same switching.
+    return rc8.state.arm.switch_motor(on) if wait else None
 
 
 def _jog(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:

@@ -49,7 +49,7 @@ class ErrorList:
         return True
 
     def clear(self) -> None:
-        """Clear the current errors; the log keeps them."""
+        """Clear the current errors; they remain in the log."""
         self.current.clear()
 
     @property
@@ -85,12 +85,12 @@ class ErrorList:
 
 
 def level_of(code: int) -> int:
-    """Return the level of a code, 0 (notice) to 5 (fatal); 1 for an error without a level, such as those of CAO."""
+    """Return the level of a code, 0 (notice) to 5 (fatal); an error without a level, such as those of CAO, has 1."""
     info = hresult.lookup(code)
     return info.level if info.family not in _NOT_THE_CONTROLLERS else int(info.failed)
 
 
 def is_notice(code: int) -> bool:
-    """Return True if a code does not affect robot, tasks and motor: a success, or a controller code of level 0."""
+    """Return True if a code has no effect on robot, tasks and motor: a success, or a controller code of level 0."""
     info = hresult.lookup(code)
     return not info.failed or (info.level == 0 and info.family not in _NOT_THE_CONTROLLERS)

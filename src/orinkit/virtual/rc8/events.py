@@ -1,4 +1,4 @@
-"""Events for clients: each subscribed client has a bounded queue of its own and polls it."""
+"""Events for clients: each subscribed client polls its own queue of limited length."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class EventKind(IntEnum):
     """The type of an event: the number of the message."""
 
     ERROR = 1  #: an error was raised; the value is its code, signed
-    MODE = 2  #: the mode was changed; the value is that of ``@MODE``
+    MODE = 2  #: the mode was changed; the value is the new value of ``@MODE``
     EMERGENCY_STOP = 3  #: the emergency stop was pressed (value 1) or released (value 0)
     MESSAGE = 4  #: a program executed PrintMsg; the description is the printed text
 
@@ -27,7 +27,7 @@ class Event:
     """One event.
 
     Attributes:
-        serial: Counts up from 1 over all events of the controller; a gap shows a client that it has lost events.
+        serial: Serial number, counted from 1 over all events of the controller; a gap means that events were lost.
         kind: Type of the event.
         value: Code or state as described in :class:`EventKind`; signed, 32 bits.
         description: Text in the controller's language.

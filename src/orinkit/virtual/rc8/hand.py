@@ -64,7 +64,7 @@ class Workpiece:
 
     Attributes:
         width: Width, mm.
-        inside: True for a ring of this inner width, which is gripped by opening.
+        inside: True for a ring that is gripped from inside, by opening; ``width`` is its inner width.
     """
 
     width: float
@@ -82,16 +82,16 @@ class _Move:
     target: float
     speed: float
     force: float
-    grips: bool  # fails if it meets no workpiece
+    grips: bool  # the movement fails if the fingers meet no workpiece
     homing: bool
     done: Deferred[None]
 
 
 class Hand:
-    """The electric hand, a task of the control loop. Hold the lock ``cycles`` to use it; :meth:`put` is thread-safe.
+    """The electric hand, a task of the control loop.
 
-    A new movement replaces the current one, which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a
-    movement; a gripped workpiece stays gripped.
+    Callers must hold the lock ``cycles``; only :meth:`put` acquires it itself. A new movement replaces the current one,
+    which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a movement; a gripped workpiece stays gripped.
 
     Args:
         cycles: The control loop of the controller.
@@ -219,15 +219,15 @@ class Hand:
             self.force = 0.0
 
     def put(self, width: float | None, *, inside: bool = False) -> None:
-        """Place a workpiece between or around the fingers, or remove it; called by a test or a person.
+        """Place a workpiece between or around the fingers, or remove it; called by tests and by users.
 
         Args:
             width: Width, mm; ``None`` removes the workpiece, even if it is gripped.
             inside: True for a ring around the fingers, gripped by opening; ``width`` is its inner width.
 
         Raises:
-            ValueError: If the workpiece does not fit: wider than the present opening (a ring: narrower), below 0, or
-                above the stroke.
+            ValueError: If the width is not between 0 and the stroke; if a workpiece is wider than the present opening;
+                if a ring is narrower than the present opening.
         """
         with self._cycles:
             low, high = (self.position, STROKE) if inside else (0.0, self.position)

@@ -1,4 +1,4 @@
-"""The error log and the operation log: bounded, newest first, as arrays in the layout that clients read.
+"""The error log and the operation log: of limited length, newest record first, in the layout that clients read.
 
 Both records begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute, second,
 millisecond. The documents do not define all of the remaining elements; this controller fills
@@ -54,7 +54,10 @@ class ErrorRecord:
     address: str = ""
 
     def as_current(self) -> list[Value]:
-        """Return the result of GetCurErrorInfo; element 3: high 16 bits file ID, low 16 bits line."""
+        """Return the result of GetCurErrorInfo.
+
+        Element 3 contains the file ID in its high 16 bits and the line in its low 16 bits.
+        """
         place = (self.file_id & 0x7FFF) << 16 | self.line & 0xFFFF
         code = hresult.signed(self.code)
         return [code, self.message, self.subcode, place, self.program, self.line, self.file_id]
@@ -90,7 +93,7 @@ class OperationRecord:
 
 
 class RecordLog(Generic[T]):
-    """A bounded list of records, newest first; the oldest record is dropped when it is full."""
+    """A list of records with a maximum length, newest first; if the list is full, the oldest record is dropped."""
 
     def __init__(self, length: int = LOG_LENGTH) -> None:
         self._records: deque[T] = deque(maxlen=length)
@@ -135,6 +138,6 @@ Now = Callable[[], datetime]
 
 
 def _stamp(moment: datetime) -> list[Value]:
-    weekday = moment.isoweekday() % 7  # 0 is Sunday; the order of the fields is that of SYSTEMTIME on Windows
+    weekday = moment.isoweekday() % 7  # 0 is Sunday; the fields have the order of SYSTEMTIME on Windows
     date: list[Value] = [moment.year, moment.month, weekday, moment.day]
     return [*date, moment.hour, moment.minute, moment.second, moment.microsecond // 1000]

@@ -1,7 +1,7 @@
 """The file store of the controller.
 
-``store`` keeps the files below one directory, ``names`` checks names so that none leads out of it, ``disk`` accesses
-the disk, ``errors`` makes the exceptions.
+``store`` manages the files below one directory. ``names`` checks the names, so that no name leads out of this
+directory. ``disk`` accesses the disk, and ``errors`` creates the exceptions.
 """
 
 from orinkit.virtual.rc8.files.store import MOST_BYTES, MOST_ENTRIES, PROGRAM, FileDates, FileStore

@@ -1,7 +1,7 @@
 """Disk access of the file store: one file or folder at a time, without following links.
 
-Paths are those of directory entries whose folders have been checked already. Symbolic links, devices and pipes are
-never opened; an error of the system is raised as ``OSError``.
+Callers pass only paths whose parent folders they have checked. Symbolic links, devices and pipes are never opened. An
+error of the operating system is raised as ``OSError``.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from typing import Final
 from orinkit.virtual.rc8.files.names import TEMPORARY_PREFIX, name_on_disk, part_key
 
 _ALWAYS: Final = getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
-_READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # opening a planted pipe must not block
+_READ: Final = _ALWAYS | os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)  # opening a pipe must not block
 _CREATE: Final = _ALWAYS | os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _MODE: Final = 0o600
-_JUNCTION: Final = 0xA0000003  # a link of Windows that has the attribute of a directory
+_JUNCTION: Final = 0xA0000003  # reparse tag of a junction: a link of Windows that has the attribute of a directory
 _EARLIEST: Final = datetime(1980, 1, 1)
 _LATEST: Final = datetime(2099, 12, 31, 23, 59, 59)
 _SECOND: Final = 1_000_000_000
@@ -35,19 +35,20 @@ def status_of(path: Path) -> os.stat_result | None:
 
 
 def is_folder(status: os.stat_result) -> bool:
-    """Return True if a status is that of a folder."""
+    """Return True if a status describes a folder."""
     return stat.S_ISDIR(status.st_mode) and getattr(status, "st_reparse_tag", 0) != _JUNCTION
 
 
 def is_file(status: os.stat_result) -> bool:
-    """Return True if a status is that of an ordinary file."""
+    """Return True if a status describes an ordinary file."""
     return stat.S_ISREG(status.st_mode)
 
 
 def spelling(folder: Path, part: str) -> str:
-    """Return the spelling of an entry in a folder, ignoring case; ``part`` itself if it does not exist.
+    """Return the spelling of an entry in a folder, ignoring case; if it does not exist, return ``part``.
 
-    An identical spelling is preferred; of several others, the first in sorted order.
+    If an entry is spelled exactly like ``part``, return ``part``. If several entries differ from it only in case,
+    return the first one in sorted order.
     """
     if status_of(folder / part) is not None:
         return part
@@ -57,7 +58,10 @@ def spelling(folder: Path, part: str) -> str:
 
 
 def listing(folder: Path) -> list[tuple[str, bool, str]]:
-    """Return the accessible entries of a folder, sorted: name, True if it is a folder, spelling on the disk."""
+    """Return the accessible entries of a folder, sorted.
+
+    Each entry is a tuple: its name, True if it is a folder, and its spelling on the disk.
+    """
     found: dict[str, tuple[str, bool, str]] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -69,7 +73,7 @@ def listing(folder: Path) -> list[tuple[str, bool, str]]:
 
 
 def count_entries(root: Path, *, clean: bool = False) -> int:
-    """Return the number of entries in a folder and all below it; with ``clean``, remove temporary files."""
+    """Return the number of entries in a folder and in all folders below it; with ``clean``, remove temporary files."""
     count, folders = 0, [root]
     while folders:
         with os.scandir(folders.pop()) as entries:
@@ -87,7 +91,7 @@ def read_file(path: Path, most: int) -> bytes:
     """Return the content of a file; if it is larger than ``most`` bytes, its first ``most + 1`` bytes.
 
     Raises:
-        FileNotFoundError: If it is no longer an ordinary file.
+        FileNotFoundError: If the path does not exist, or is not an ordinary file.
     """
     with os.fdopen(os.open(path, _READ), "rb") as file:
         if not is_file(os.fstat(file.fileno())):
@@ -108,7 +112,7 @@ def write_temporary(folder: Path, data: bytes) -> Path:
 
 
 def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
-    """Replace a file by a temporary file and set its dates, atomically: it has the old content or the new one."""
+    """Replace a file by a temporary file and set its dates; a reader finds either the old file or the new one."""
     try:
         stamp(temporary, moment)
         temporary.replace(path)
@@ -124,7 +128,7 @@ def discard(temporary: Path) -> None:
 
 
 def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> None:
-    """Set the access and modification times of an entry; the latter defaults to the former."""
+    """Set the access and modification times of an entry; the modification time defaults to the access time."""
     ns = round(accessed.timestamp() * 1_000_000) * 1000
     times = (ns, ns if modified_ns is None else modified_ns)
     if os.utime in os.supports_follow_symlinks:
@@ -134,7 +138,7 @@ def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> Non
 
 
 def moment_of(ns: int) -> datetime:
-    """Return a file date in local time, limited to the years of the controller (1980 to 2099)."""
+    """Convert a time of the file system (ns) to local time, limited to the controller's years (1980 to 2099)."""
     seconds, rest = divmod(ns, _SECOND)
     try:
         moment = datetime.fromtimestamp(seconds).replace(microsecond=rest // 1000)
@@ -144,7 +148,10 @@ def moment_of(ns: int) -> datetime:
 
 
 def born_ns(status: os.stat_result) -> int:
-    """Return the creation time of an entry if the system has it, otherwise the modification time; never a later one."""
+    """Return the creation time of an entry, in ns.
+
+    If the system does not record it, or if it is later than the modification time, return the modification time.
+    """
     born = getattr(status, "st_birthtime", None)
     return status.st_mtime_ns if born is None else min(status.st_mtime_ns, int(born * _SECOND))
 

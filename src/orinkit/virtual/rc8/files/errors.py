@@ -16,16 +16,16 @@ logger = logging.getLogger("orinkit.virtual.rc8")
 
 @contextmanager
 def map_os_errors(name: FileName) -> Iterator[None]:
-    """Convert errors of the system to return codes, and log their text.
+    """Convert errors of the operating system to return codes, and log their text.
 
     Raises:
         CallError: FILE_NOT_FOUND, E_FAIL.
     """
     try:
         yield
-    except FileNotFoundError:  # it was deleted in the meantime
+    except FileNotFoundError:  # the file was deleted in the meantime
         raise not_found(name) from None
-    except (OSError, UnicodeEncodeError) as error:  # the latter: not in the system's encoding of names
+    except (OSError, UnicodeEncodeError) as error:  # UnicodeEncodeError: the system's encoding cannot express the name
         logger.error("%s: %s", name, error)  # noqa: TRY400 - the traceback does not help
         reason = getattr(error, "strerror", None) or str(error)
         raise error_for(hresult.E_FAIL, f"{name}: {reason}") from error
@@ -42,7 +42,7 @@ def taken(name: FileName) -> CallError:
 
 
 def only_a_folder(name: FileName) -> CallError:
-    """Return the exception for a name of a folder where a file is expected."""
+    """Return the exception for a name that only a folder can have, if the name of a file is expected."""
     return error_for(
         hresult.E_INVALIDARG,
         tr("{name} is the name of a folder, expected a file", name=name),
@@ -76,7 +76,7 @@ def root_stays() -> CallError:
 
 
 def special_file(name: FileName) -> CallError:
-    """Return the exception for a change at the place of a link or special file, which is never followed."""
+    """Return the exception for a change of a link or of another special file; the store never follows links."""
     return error_for(
         hresult.E_ACCESSDENIED,
         tr("{name} is a link or another special file on the disk", name=name),
@@ -92,7 +92,7 @@ def too_large(name: FileName, most: int) -> CallError:
 
 
 def too_many(count: int, most: int) -> CallError:
-    """Return the exception for one file or folder too many."""
+    """Return the exception for a new file or folder that exceeds the maximum number."""
     return error_for(
         hresult.E_MAX_OBJECT,
         tr(

@@ -1,8 +1,8 @@
 r"""Names of files and folders on the controller: ``Pro1.pcs``, ``dir\Pro1.pcs``.
 
-A name is always relative to the root folder; its parts are separated by ``\`` or ``/``. Case is ignored but kept, and
-Unicode is kept in its composed form (NFC). A name is checked before any access to the disk: :func:`read_name` refuses
-everything that has a special meaning there, on any system on which the controller may run.
+A name is always relative to the root folder; its parts are separated by ``\`` or ``/``. Names are stored as written,
+but compared without regard to case. Unicode is stored in its composed form (NFC). A name is checked before any access
+to the disk: :func:`read_name` refuses every name that has a special meaning on any supported operating system.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 
 SEPARATOR: Final = "\\"
-"""Separator of the parts in names returned by the controller; it accepts ``/`` as well."""
+"""Separator of the parts in names returned by the controller; it also accepts ``/``."""
 
 MOST_CHARACTERS: Final = 1024
 """Largest number of characters of a whole name."""
@@ -32,7 +32,7 @@ TEMPORARY_PREFIX: Final = ".orinkit-tmp-"
 """Prefix of temporary files; not allowed in names of the controller."""
 
 _SEPARATORS: Final = re.compile(r"[\\/]")
-_REFUSED: Final = re.compile(r'[<>"|?*\x00-\x1f\x7f-\x9f\u2028\u2029]')  # signs, control characters, line separators
+_REFUSED: Final = re.compile(r'[<>"|?*\x00-\x1f\x7f-\x9f\u2028\u2029]')  # punctuation, control and line separators
 _DEVICES: Final = frozenset(
     (
         *("CON", "PRN", "AUX", "NUL", "CLOCK$", "CONIN$", "CONOUT$"),
@@ -48,7 +48,7 @@ class FileName:
 
     Attributes:
         parts: Folders and the last name, in NFC; empty for the root folder.
-        folder: True if it can only be a folder: the root, or a name with a separator at its end.
+        folder: True if only a folder can have this name: the root, or a name that ends in a separator.
     """
 
     parts: tuple[str, ...]
@@ -94,14 +94,14 @@ def read_name(name: str) -> FileName:
 
 
 def join(parts: tuple[str, ...]) -> str:
-    r"""Return the name of parts as the controller writes it; the root folder is ``"\"``."""
+    r"""Join parts to a name with the controller's separator; the root folder is ``"\"``."""
     return SEPARATOR.join(parts) or SEPARATOR
 
 
 def part_key(part: str) -> str:
     """Return the canonical form of one part: upper case, NFC.
 
-    As on Windows, one character corresponds to one: ``ß`` is not ``SS``.
+    As on Windows, each character is converted to exactly one character: ``ß`` does not become ``SS``.
     """
     if part.isascii():
         return part.upper()
@@ -109,7 +109,7 @@ def part_key(part: str) -> str:
 
 
 def name_on_disk(entry: str) -> str | None:
-    """Return the controller's name of a directory entry; ``None`` if it has no valid name."""
+    """Return the controller's name of a directory entry; ``None`` if its name is not valid on the controller."""
     try:
         name = unicodedata.normalize("NFC", entry)
         name.encode("utf-8")

@@ -1,21 +1,21 @@
 """The controller's files: programs and data, in folders below one directory of the disk.
 
-Names are those of :mod:`orinkit.virtual.rc8.files.names`. Entries below the directory that are not files or folders
-with such a name are ignored: symbolic links, devices, names that the controller does not allow. A link is never
-followed, neither to read nor to write; the directory itself may be a link.
+Names follow the rules of :mod:`orinkit.virtual.rc8.files.names`. Other entries below the directory are ignored:
+symbolic links, devices, and entries whose names the controller does not allow. A link is never followed, neither to
+read nor to write. The directory itself may be a link.
 
-A write is atomic: a reader, or the next start after a crash, finds the old content or the new one. Like the variables,
-the store belongs to one process; temporary files left by an earlier process are removed at the start.
+A write is atomic: a reader, or the next start after a crash, finds either the old content or the new content. Like the
+variables, the store must be used by only one process. Temporary files of an earlier process are removed at the start.
 
 ============================  ==========================================================================================
 E_INVALIDARG                  the name is not valid, or not valid for this operation
-FILE_NOT_FOUND                the file, or the folder for it, does not exist
-E_CAO_COLLECTION_REGISTERED   the name exists already
-E_ACCESSDENIED                not possible with this entry: a folder has no content, is not empty, or is the root; a
-                              link or a pipe has that name
-E_TOO_MUCH_DATA               more than 16 MiB in a file
-E_MAX_OBJECT                  more than 10,000 files and folders
-E_FAIL                        an error of the system, for example a full disk; the log has the reason
+FILE_NOT_FOUND                the file does not exist, or the folder that should contain it does not exist
+E_CAO_COLLECTION_REGISTERED   a file or folder of this name exists already
+E_ACCESSDENIED                the operation requires a file, but the name belongs to a folder; or the folder is the root
+                              folder or is not empty; or the name belongs to a link or another special file
+E_TOO_MUCH_DATA               the file would have, or has, more than 16 MiB
+E_MAX_OBJECT                  the store would have more than 10,000 files and folders
+E_FAIL                        an error of the operating system, for example a full disk; the log has the reason
 ============================  ==========================================================================================
 """
 
@@ -66,8 +66,8 @@ class FileDates:
     """The dates of a file, in the controller's local time.
 
     Attributes:
-        created: Creation; if the system does not record it (Linux does not) and the controller has been restarted
-            since, the last write of the content.
+        created: Creation. If the system does not record it (for example Linux) and the controller has been restarted
+            since then, this is the last write of the content.
         accessed: Last read or write through the store.
         modified: Last write of the content.
     """
@@ -84,13 +84,13 @@ class Staged:
     path: Path
 
     def discard(self) -> None:
-        """Delete it unless it has become a file."""
+        """Delete the content if it has not become a file."""
         disk.discard(self.path)
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """The location of a name; ``status`` is that of the file or folder, or ``None`` if it does not exist."""
+    """The location of a name; ``status`` is the status of the file or folder, or ``None`` if it does not exist."""
 
     name: FileName
     path: Path
@@ -110,8 +110,8 @@ class FileStore:
 
     Attributes:
         root: The directory, absolute.
-        changed: Callbacks invoked with the controller's name of a file after it was written, created, deleted or moved
-            (with its old name, then its new one).
+        changed: Callbacks invoked with the controller's name of a file after the file was created, written, deleted or
+            moved. After a move, they are invoked with the old name, then with the new name.
 
     Raises:
         StateError: If the directory cannot be used.
@@ -137,7 +137,7 @@ class FileStore:
     # --- queries --------------------------------------------------------------------------------------------------
 
     def exists(self, name: str) -> bool:
-        """Return True if a file or folder exists; if the name ends in a separator, only a folder counts.
+        """Return True if a file or folder exists; a name that ends in a separator matches only a folder.
 
         Raises:
             CallError: E_INVALIDARG; E_FAIL.
@@ -179,7 +179,7 @@ class FileStore:
         return [name + SEPARATOR if is_folder else name for name, is_folder, _ in found]
 
     def programs(self) -> list[str]:
-        r"""Return all programs (``*.pcs``) in all folders by their task names: ``Pro1``, ``dir\Pro1``.
+        r"""Return the task names of all programs (``*.pcs``) in all folders: ``Pro1``, ``dir\Pro1``.
 
         Raises:
             CallError: E_FAIL.
@@ -224,9 +224,9 @@ class FileStore:
     # --- changes --------------------------------------------------------------------------------------------------
 
     def stage(self, name: str, data: bytes) -> Staged:
-        """Write content to the disk for a later :meth:`write` or :meth:`copy`, which then only renames it.
+        """Write content to the disk for a later :meth:`write` or :meth:`copy`, which then only renames the file.
 
-        Writing a large file takes long; this method is thread-safe and does not need the controller's lock.
+        Writing a large file takes long, so this method is thread-safe and does not need the controller's lock.
 
         Raises:
             CallError: E_INVALIDARG; E_TOO_MUCH_DATA; E_FAIL.
@@ -238,11 +238,13 @@ class FileStore:
             return Staged(disk.write_temporary(self.root, data))
 
     def write(self, name: str, data: bytes | Staged) -> None:
-        """Set the content of a file, which is created if it does not exist; nothing changes if an exception is raised.
+        """Set the content of a file; if the file does not exist, create it.
+
+        If an exception is raised, nothing has changed.
 
         Args:
             name: Name of the file.
-            data: Content, or the result of :meth:`stage`, which is consumed in any case.
+            data: Content, or the result of :meth:`stage`, which is consumed even if an exception is raised.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND if its folder does not exist; E_ACCESSDENIED; E_TOO_MUCH_DATA;
@@ -317,7 +319,7 @@ class FileStore:
         Args:
             name: Name of the file.
             new: Name of the copy.
-            data: The staged content of the file, if any; it is consumed in any case.
+            data: The staged content of the file, if any; it is consumed even if an exception is raised.
 
         Raises:
             CallError: As for :meth:`read` and :meth:`create`.
@@ -333,11 +335,11 @@ class FileStore:
     def move(self, name: str, new: str) -> None:
         """Move or rename a file, or a folder with its content, to a name that does not exist; the dates are kept.
 
-        The new name may differ from the old one in case only.
+        The new name may differ from the old name only in case.
 
         Raises:
-            CallError: E_INVALIDARG, also for a folder into itself; FILE_NOT_FOUND if it or the new folder does not
-                exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
+            CallError: E_INVALIDARG, also if a folder would be moved into itself; FILE_NOT_FOUND if the file or the new
+                folder does not exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
         """
         place, target = self._existing(read_name(name)), read_name(new)
         _check_not_root(place)
@@ -358,7 +360,7 @@ class FileStore:
     # --- locating -------------------------------------------------------------------------------------------------
 
     def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
-        """Resolve a name part by part; with ``change``, refuse a place where nothing can be changed or created."""
+        """Resolve a name part by part; with ``change``, refuse a name at which nothing can be changed or created."""
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
@@ -400,7 +402,7 @@ class FileStore:
         return place
 
     def _goal(self, place: _Place, target: FileName) -> _Place:
-        """Return the destination of a move: a free place, or its own place in another spelling."""
+        """Return the destination of a move: a name that does not exist, or the same name in another spelling."""
         if target.key != place.name.key:
             if place.is_folder and _within(target.key, place.name.key):
                 raise errors.into_itself(place.name)
@@ -431,7 +433,7 @@ class FileStore:
         entries = _files(place)
         try:
             shutil.rmtree(place.path)  # follows no link
-        finally:  # a part may be deleted even if it fails
+        finally:  # if it fails, some of the entries may be deleted
             self._notify(map(join, entries))
             self._entries = disk.count_entries(self.root)
 
@@ -449,7 +451,7 @@ class FileStore:
         self._stamp_folder_of(goal)
 
     def _stamp_folder_of(self, place: _Place) -> None:
-        with suppress(OSError):  # its dates do not justify an error
+        with suppress(OSError):  # the dates of the folder are not important enough for an error
             disk.stamp(place.path.parent, self._now())
 
     def _creation(self, place: _Place) -> datetime:
@@ -459,7 +461,7 @@ class FileStore:
 
     def _check_room(self) -> None:
         if self._entries >= MOST_ENTRIES:
-            self._entries = disk.count_entries(self.root)  # entries may have been deleted on the disk
+            self._entries = disk.count_entries(self.root)  # other programs may have deleted entries on the disk
         if self._entries >= MOST_ENTRIES:
             raise errors.too_many(self._entries, MOST_ENTRIES)
 
@@ -468,12 +470,12 @@ class FileStore:
             for listener in tuple(self.changed):
                 try:
                     listener(name)
-                except Exception:  # the file has been changed nevertheless
+                except Exception:  # the file has already been changed, so the operation must not fail
                     logger.exception("%s has changed", name)
 
 
 def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
-    """Yield the parts of all accessible entries in a folder and below it, in order, and whether each is a folder."""
+    """Yield all accessible entries in a folder and below it, in order: their parts, and True for a folder."""
     if len(parts) >= MOST_PARTS:
         return
     for name, is_folder, spelling in disk.listing(folder):

@@ -1,8 +1,8 @@
 """Command objects (Controller_GetCommand): commands that can be started, monitored, cancelled, and have a time-out.
 
-A name is that of a command of Controller_Execute or of the robot, optionally with its owner as a prefix:
-``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states and the return codes of a cancelled command;
-those used here are specific to orinkit.
+The name is the name of a command of Controller_Execute, of the robot or of the hand, optionally with its owner as a
+prefix: ``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states of a command, nor the return codes of a
+cancelled command; the states and codes used here are specific to orinkit.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class CommandRoute:
 
     Attributes:
         run: Executes the command.
-        stop: Stops the motion that the command has started, so that its Deferred fails; returns False if there is none.
+        stop: Stops the motion of the command, so that the command's Deferred fails; returns False if nothing moves.
     """
 
     run: Callable[[ClientContext, Variant], Any]
@@ -65,7 +65,7 @@ class RC8Command(CommandObject):
         self._state = CommandState.IDLE
         self._result: Any = None
         self._error: BaseException | None = None
-        self._cancel_code = 0  # the code with which the execution is being cancelled, else 0
+        self._cancel_code = 0  # the code with which the execution is being cancelled; otherwise 0
         self._inner: Deferred[Any] | None = None
         self._finished = Deferred[None]()
         self._timer: Timer | None = None
@@ -73,7 +73,8 @@ class RC8Command(CommandObject):
     def execute(self, mode: int) -> Deferred[None] | None:
         """Execute the command with its parameters.
 
-        In mode 0 the call completes with the command, and fails if the command fails; in mode 1 it completes at once.
+        In mode 0, the call completes when the command is complete, and fails if the command fails. In mode 1, the call
+        completes immediately.
 
         Raises:
             CallError: E_INVALIDARG if the mode is unknown; E_CAO_CMD_EXECUTE if the command is executing.
@@ -89,7 +90,10 @@ class RC8Command(CommandObject):
         return self._finished if mode == WAIT else None
 
     def cancel(self) -> Deferred[None] | None:
-        """Cancel the execution; completes when its motion is at standstill. Without an execution this has no effect."""
+        """Cancel the execution; if the command is not executing, do nothing.
+
+        The call completes when the motion of the command is at standstill.
+        """
         return self._cancel(hresult.E_CANCEL) if self._state is CommandState.EXECUTING else None
 
     def get_state(self) -> int:
@@ -144,7 +148,7 @@ class RC8Command(CommandObject):
         self._finished = Deferred[None]()
         try:
             answer = self._route.run(self._caller, self._parameters)
-        except Exception as error:  # noqa: BLE001 - the error of the command, not of Command_Execute
+        except Exception as error:  # noqa: BLE001 - the command fails with it, not Command_Execute
             self._finish(CommandState.FAILED, error=error)
             return
         if not isinstance(answer, Deferred):
@@ -170,7 +174,7 @@ class RC8Command(CommandObject):
         return ended
 
     def _on_done(self, inner: Deferred[Any]) -> None:
-        if inner is not self._inner:  # of an earlier, cancelled execution
+        if inner is not self._inner:  # it belongs to an earlier, cancelled execution
             return
         if self._cancel_code:
             self._finish_cancelled()
@@ -206,7 +210,7 @@ def find_command(caller: ClientContext, name: str) -> RC8Command:
 
 
 def command_names() -> list[str]:
-    """Return the names of all commands; those of robot and hand with their owner as a prefix."""
+    """Return the names of all commands; commands of robot and hand have their owner as a prefix."""
     return [
         *(command.name for command in controller_commands.COMMANDS.values() if command.name not in _NOT_SIMULATED),
         *(f"Robot.{command.name}" for command in robot_commands.ROBOT_COMMANDS.values()),

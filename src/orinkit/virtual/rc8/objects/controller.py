@@ -37,14 +37,14 @@ ROBOT_NAME: Final = "Arm0"
 class RC8Controller(ControllerObject):
     """The Controller object of one client.
 
-    Its attribute has the client's access rights: bit 1 read, bit 2 write.
+    The attribute of the object is the sum of the client's access rights: 1 read, 2 write.
 
     Args:
         caller: The client.
         option: Option of Controller_Connect; ``@EventDisable=true`` disables events, other options are ignored.
 
     Attributes:
-        events: Pending events of this client, None if events are disabled.
+        events: Pending events of this client; None if events are disabled.
     """
 
     def __init__(self, caller: ClientContext, option: str) -> None:

@@ -1,6 +1,6 @@
 """The extended commands of Controller_Execute: a table of names, functions and required rights.
 
-A parameter may be a scalar, a one-element array or a number as text. A command without parameters accepts any and
+A parameter may be a scalar, a one-element array or a number as text. A command without parameters accepts any value and
 ignores it, because clients send VT_EMPTY, 0 or "". A command without a result returns None.
 """
 
@@ -112,7 +112,7 @@ def system_state(state: RC8State) -> int:
         0: state.running_programs > 0,
         1: state.faults.code != 0,
         2: state.arm.motor.on,
-        3: True,  # initialised: clients connect only after the start
+        3: True,  # initialised: clients can connect only after the start
         4: switches.mode is ModeSwitch.AUTOMATIC,
         5: switches.mode is ModeSwitch.AUTOMATIC and switches.token.kind is not TokenKind.TP,
         6: state.battery_passed,

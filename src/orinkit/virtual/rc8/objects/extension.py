@@ -1,6 +1,7 @@
-"""The commands of the electric hand in two tables: those of Controller_Execute and those of the extension ``Hand0``.
+"""The commands of the electric hand in two tables: one for Controller_Execute, one for the extension ``Hand0``.
 
-A movement completes at its end; with ``NEXT`` as the last parameter the command completes at once.
+A command that moves the hand completes when the movement ends. With ``NEXT`` as the last parameter, it completes
+immediately.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def _completion(move: Deferred[None], at_once: bool) -> Deferred[None] | None:
 def _options(parameter: Variant) -> tuple[list[Variant], bool]:
     """Return the elements of a parameter without a trailing ``NEXT``, and True if there was one."""
     given = parameters.elements(parameter)
-    if len(given) == 1 and isinstance(given[0].value, str):  # all elements in one string
+    if len(given) == 1 and isinstance(given[0].value, str):  # the string contains all elements
         given = [
             Variant(VarType.BSTR, part) for part in parameters.check_length(given[0].value).split(",", _MAX_PARAMETERS)
         ]
@@ -110,7 +111,7 @@ def _options(parameter: Variant) -> tuple[list[Variant], bool]:
 
 
 def _numbers(parameter: Variant, *names: str) -> tuple[list[float], bool]:
-    """Return one number for each name, and True if the command completes at once."""
+    """Return one number for each name, and True if the command completes immediately."""
     given, at_once = _options(parameter)
     if len(given) != len(names):
         raise error_for(
@@ -203,7 +204,7 @@ CONTROLLER_COMMANDS: Final = (
     HandCommand("HandHoldState", _HOLDING, writes=False),
     HandCommand("HandMotorState", _query(VarType.BOOL, lambda hand: hand.motor), writes=False),
     _not_simulated("HandMoveZH"),  # undocumented
-    _not_simulated("HandMoveVH"),  # this and HandCurPressure are for vacuum hands
+    _not_simulated("HandMoveVH"),  # HandMoveVH and HandCurPressure are for vacuum hands
     _not_simulated("HandCurPressure", writes=False),
 )
 """Commands of Controller_Execute."""

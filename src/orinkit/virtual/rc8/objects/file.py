@@ -1,8 +1,8 @@
 r"""File objects: a file or folder of the controller, identified by its path from the root folder.
 
-All names are paths from the root folder (``dir\Pro1.pcs``); only the name passed to :meth:`RC8File.get_file` is
-relative to the folder. An object reports the current state of the file; if the file no longer exists, its methods raise
-FILE_NOT_FOUND.
+All names are paths from the root folder (``dir\Pro1.pcs``). Only the name passed to :meth:`RC8File.get_file` is
+relative to the folder of the object. An object reports the current state of the file; if the file no longer exists, the
+methods of the object raise FILE_NOT_FOUND.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
 """Starts a program: called with the client, the path of the file and the option; returns the name of the task."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
-_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # Python decodes undefined bytes to these
+_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # to which Python decodes undefined bytes
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
-_LARGE: Final = 64 * 1024  # bytes or characters; contents of this size or more are read and written in a thread
+_LARGE: Final = 64 * 1024  # bytes or characters; content of at least this size is read and written in a thread
 _SLICE: Final = 64 * 1024
-_LARGEST_SIZE: Final = 2**31 - 1  # limit of VT_I4; a file not written by the store may be larger
+_LARGEST_SIZE: Final = 2**31 - 1  # limit of VT_I4; a file that another program has written may be larger
 
 
 def find_file(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None = None) -> RC8File:
@@ -42,10 +42,11 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
     Args:
         caller: The client.
         store: The files of the controller.
-        name: Path from the root folder; a path that ends in a separator is that of a folder.
-        option: With ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name alone) a missing file is created empty, or
-            a folder if the name ends in a separator; missing parent folders are created too. Other options are ignored.
-        run: Starts programs; without it, File_Run raises E_NOTIMPL.
+        name: Path from the root folder; a path that ends in a separator refers to a folder.
+        option: With ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name of the option alone), a missing file is
+            created empty. If the name ends in a separator, a folder is created instead. Missing parent folders are
+            created too. Other options are ignored.
+        run: Callback that starts programs; if it is None, File_Run raises E_NOTIMPL.
 
     Raises:
         CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; E_INVALIDARG if the name is invalid; FILE_NOT_FOUND; errors of
@@ -75,14 +76,14 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
 class RC8File(FileObject):
     """A file or folder.
 
-    Its name is the last part of its path. Its attribute has bit 1 (readable) and bit 2 (writable) according to the
-    client's access rights, and bit 16 for a folder.
+    The name of the object is the last part of its path. The attribute is the sum of 1 (readable) and 2 (writable)
+    according to the client's access rights, and of 16 for a folder.
 
     Args:
         caller: The client.
         store: The files of the controller.
         path: Path from the root folder, as returned by the store.
-        run: Starts programs.
+        run: Callback that starts programs, or None.
     """
 
     def __init__(self, caller: ClientContext, store: FileStore, path: str, run: Run | None = None) -> None:
@@ -108,7 +109,7 @@ class RC8File(FileObject):
     # --- contents of a folder -------------------------------------------------------------------------------------
 
     def get_file(self, name: str, option: str) -> RC8File:
-        """Connect to a file below this folder by its relative path; the option is that of :func:`find_file`.
+        """Connect to a file below this folder by its relative path; for the option see :func:`find_file`.
 
         Raises:
             CallError: FILE_NOT_FOUND if this is not a folder; errors of :func:`find_file`.
@@ -250,7 +251,7 @@ class RC8File(FileObject):
         return read() if self._store.size(path) < _LARGE else BlockingCall(read)
 
     def put_value(self, value: Variant) -> BlockingCall | None:
-        """Set the content: text, stored as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
+        """Set the content: text, which is stored as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
 
         Raises:
             CallError: NO_WRITE_RIGHT; DISP_E_TYPEMISMATCH; FILE_NOT_FOUND; E_INVALIDARG if the text is not valid
@@ -279,7 +280,7 @@ class RC8File(FileObject):
 
     def _is_folder(self) -> bool:
         self._caller.require_read()
-        self._store.full_name(self._path)  # raises FILE_NOT_FOUND if it no longer exists
+        self._store.full_name(self._path)  # raises FILE_NOT_FOUND if the file no longer exists
         return self._store.is_folder(self._path)
 
     def _target(self, name: str) -> str:
@@ -309,7 +310,7 @@ def _content(data: bytes, *, text: bool) -> Variant:
 
 
 def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
-    """Decode in slices, because a codec does not release the interpreter lock.
+    """Decode in slices: a codec does not release the interpreter lock (GIL), so other threads run between slices only.
 
     Raises:
         UnicodeDecodeError: If the data is not in this encoding, or if the text contains one of the wrong characters.

@@ -10,8 +10,9 @@ from orinkit.virtual.rc8.events import Event
 class EventMessage(MessageObject):
     """An event that a client has fetched.
 
-    Its number is that of :class:`~orinkit.virtual.rc8.events.EventKind`: 1 error, 2 mode, 3 emergency stop; its value
-    is VT_I4. The controller does not wait for an answer; a reply and a clear are accepted without effect.
+    The number of the message is its :class:`~orinkit.virtual.rc8.events.EventKind`: 1 error, 2 mode, 3 emergency stop,
+    4 text printed by a program. The value is a VT_I4. The controller does not wait for an answer, so Message_Reply and
+    Message_Clear have no effect.
 
     Args:
         event: The event.
@@ -29,7 +30,7 @@ class EventMessage(MessageObject):
         """Accept a reply without effect."""
 
     def clear(self) -> None:
-        """Accept an acknowledgement without effect: the event was removed from the queue when it was fetched."""
+        """Accept an acknowledgement without effect: the event has already been removed from the queue."""
 
     def get_date_time(self) -> Value:
         """Return the time of the event, in the controller's local time."""
@@ -56,5 +57,5 @@ class EventMessage(MessageObject):
         return self._source
 
     def get_value(self) -> Value:
-        """Return the error code or the new state, VT_I4."""
+        """Return the error code or the new state as a VT_I4; 0 for a printed text."""
         return Variant(VarType.I4, self._event.value)

@@ -35,7 +35,7 @@ _ON_A_LINE: Final = 1e-6  # sine of the angle between two sides; below it, three
 
 
 class RC8Robot(RobotObject):
-    """The Robot object of one client; the arm is released with the client's last Robot object."""
+    """The Robot object of one client; when the client's last Robot object is released, the arm is released too."""
 
     def __init__(self, caller: ClientContext, name: str) -> None:
         text = caller.state.say("Robot of a virtual RC8")
@@ -49,7 +49,7 @@ class RC8Robot(RobotObject):
     # --- motion -------------------------------------------------------------------------------------------------
 
     def move(self, interpolation: int, pose: Variant, option: str) -> Deferred[None] | None:
-        """Move to a pose (RC8 3.3.4); completes at the end of the motion, at once with NEXT."""
+        """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
         number = path_number(pose) if interpolation == CURVE else None
@@ -64,7 +64,7 @@ class RC8Robot(RobotObject):
         return self._completion(self._moves.drive([(axis, value)], False, None, options), options)
 
     def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Deferred[None] | None:
-        """Rotate by an angle in deg about a pivot, in a plane of the work frame or one given by three points."""
+        """Rotate by an angle in deg about a pivot, in a plane of the work frame or in a plane through three points."""
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
         axis = self._normal(plane)
@@ -76,13 +76,13 @@ class RC8Robot(RobotObject):
         return self._arm.when_done(self._moves.home()[-1])
 
     def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
-        """Stop and discard the motion of any client; completes at standstill."""
+        """Stop and discard the motions, also those of another client; the call completes at standstill."""
         require("Halt", self._arm, self._caller)
         self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
         return self._arm.when_still()
 
     def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
-        """Pause the motion of any client; completes at standstill."""
+        """Pause the motion, also that of another client; the call completes at standstill."""
         require("Hold", self._arm, self._caller)
         self._arm.hold()
         return self._arm.when_still()
@@ -100,7 +100,7 @@ class RC8Robot(RobotObject):
         self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in %; -1 leaves a value unchanged; axis as for the speed."""
+        """Set internal acceleration and deceleration in %, for the axis as in :meth:`speed`; -1 keeps a value."""
         require("Accelerate", self._arm, self._caller)
         self._arm.speeds.set_acceleration(accel, decel, joint_only=_axis(axis))
 
@@ -131,7 +131,7 @@ class RC8Robot(RobotObject):
         return robot_variable_names()
 
     def release(self) -> None:
-        """Release the object; with the client's last Robot object its motions are stopped and the arm is released."""
+        """Release the object; if it is the client's last one, stop the client's motions and release the arm."""
         self._arm.remove_robot_object(self._caller)
 
     # --- helpers ------------------------------------------------------------------------------------------------
@@ -154,7 +154,10 @@ class RC8Robot(RobotObject):
 
 
 def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
-    """Return number and pass mark of a stored path, given as a number or a string such as ``"@E 1"``; else None."""
+    """Return the number and the pass mark of a stored path, or None if the argument does not refer to a stored path.
+
+    The argument refers to a stored path if it is a number, or a string such as ``"@E 1"``.
+    """
     if isinstance(pose.value, str):
         found = _PATH.fullmatch(pose.value)
         return found and (int(found[2]), parameters.pass_mark(found[1]) if found[1] else None)

@@ -1,7 +1,7 @@
 """The extended commands of Robot_Execute: a table of names and functions.
 
-A command that changes something checks its conditions (:mod:`orinkit.virtual.rc8.robot.conditions`) itself; the others
-require the right to read. Names are case-insensitive. :data:`NOT_SIMULATED` lists the commands that only real
+A command that changes something checks its conditions (:mod:`orinkit.virtual.rc8.robot.conditions`) itself; the other
+commands require the right to read. Names are case-insensitive. :data:`NOT_SIMULATED` lists the commands that only real
 controllers have.
 """
 
@@ -38,9 +38,9 @@ class RobotCommand:
     Attributes:
         name: Name as documented; case-insensitive for clients.
         run: Executes the command.
-        reads: If True, the command requires only the right to read; else it checks its conditions itself.
-        in_slave: If True, a client in slave mode may use the command (RC8 4.1, note 2); else it is rejected before any
-            other check.
+        reads: If True, the command requires only the right to read; otherwise it checks its conditions itself.
+        in_slave: If True, a client in slave mode may use the command (RC8 4.1, note 2); otherwise it is rejected before
+            any other check.
     """
 
     name: str
@@ -271,7 +271,11 @@ def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant
 
 
 def _pose_commands() -> list[RobotCommand]:
-    """Return CurPos, HighCurJntEx, DestTrn ...: three sources, three types, with and without a time stamp."""
+    """Return the commands that read a pose or a figure: CurPos, HighCurJntEx, DestTrn, CurFig ...
+
+    Cur and HighCur read the encoders, Dest the destination of the motion. Commands with the suffix Ex also return the
+    time.
+    """
     made = []
     for prefix, source in (
         ("Cur", state_report.current),
@@ -322,7 +326,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
         RobotCommand("GetPathPointCount", _path_length),
-        RobotCommand("GetSrvData", _query(queries.servo_data), in_slave=True),  # allowed by real controllers
+        RobotCommand("GetSrvData", _query(queries.servo_data), in_slave=True),  # as on real controllers
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False),
         RobotCommand("ClearLog", _clear_log, reads=False),
@@ -330,7 +334,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("GetLogRecord", _log_record),
         RobotCommand("slvChangeMode", slave.change_mode, reads=False, in_slave=True),
         RobotCommand("slvGetMode", slave.get_mode, in_slave=True),
-        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # real controllers do not have it
+        RobotCommand(LATENESS, slave.get_lateness, in_slave=True),  # only virtual controllers have it
         RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),

@@ -136,7 +136,7 @@ class RobotSystem(VariableObject):
         return self._read
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of that time, 0 to 999999."""
+        """Return the microseconds of the time of the last read, 0 to 999999."""
         self._caller.require_read()
         return self._read.microsecond
 

@@ -1,4 +1,4 @@
-"""The commands of slave mode of Robot_Execute (RC8 table 4-1), and slvGetLateness of virtual controllers."""
+"""The slave mode commands of Robot_Execute (RC8 table 4-1), and slvGetLateness, which only virtual controllers have."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ _MALFORMED: Final = (CodeFamily.GENERAL, CodeFamily.CAO)
 
 
 def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
-    """Turn slave mode on, or with 0 off; the latter completes when the buffer is empty and the arm is at standstill.
+    """Switch slave mode on, or off with mode 0.
+
+    Switching off completes when the buffer is empty and the arm is at standstill.
 
     Raises:
         CallError: E_INVALIDARG if the mode is unknown; other codes if a condition is not met.
@@ -87,8 +89,8 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
     """Accept a set-point and return the feedback in this client's format.
 
     Raises:
-        CallError: E_INVALIDARG or DISP_E_TYPEMISMATCH if the parameter is malformed, E_BUF_FULL if the buffer is full
-            in mode 0; these change nothing. Other errors of
+        CallError: E_INVALIDARG or DISP_E_TYPEMISMATCH if the parameter is malformed; E_BUF_FULL if the buffer is full
+            in mode 0. These errors change nothing. Other errors of
             :func:`~orinkit.virtual.rc8.robot.slave_mode.set_point.joints_of` are errors of the controller and end slave
             mode.
     """

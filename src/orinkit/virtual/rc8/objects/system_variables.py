@@ -42,7 +42,7 @@ class SystemVariable:
 
 
 def _milliseconds(state: RC8State) -> int:
-    """Return the milliseconds since power-on; after 24.8 days they wrap to the lowest VT_I4, as a 32-bit counter."""
+    """Return the milliseconds since power-on; after 24.8 days the value wraps to the lowest VT_I4."""
     return (int(state.seconds * 1000) + 2**31) % 2**32 - 2**31
 
 

@@ -28,16 +28,17 @@ class RC8Task(TaskObject):
         super().__init__(name, attribute=int(caller.access), help=f"{text} {task.name}{SUFFIX}")
         self._caller = caller
         self._state = caller.state
-        self._path = task.name  # not the task: if the program is deleted and created again, it is another one
+        self._path = task.name  # not the task itself: if the program is deleted and created again, it has a new task
 
     @property
     def _task(self) -> Task:
         return self._state.tasks.named(self._path)
 
     def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - there are no options
-        """Start the task or continue it if it is suspended (RC8 3.2.2): 1 one cycle, 2 continuous, 3 one statement.
+        """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
-        A large program is loaded in a thread, so that it does not delay other calls.
+        Modes: 1 one cycle, 2 continuous, 3 one statement. A large program is loaded in a thread, so that other calls
+        are not delayed.
 
         Raises:
             CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; other codes if the state of
@@ -60,7 +61,9 @@ class RC8Task(TaskObject):
             self._state.start_task(self._task, mode, self._caller.origin)
 
     def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
-        """Stop the task (RC8 3.2.2): 0, 1 at once, 2 after the statement, 3 after the cycle, 4 at once and initialize.
+        """Stop the task (RC8 3.2.2).
+
+        Modes: 0 and 1 immediately, 2 after the statement, 3 after the cycle, 4 immediately and reset to the beginning.
 
         Raises:
             CallError: NO_WRITE_RIGHT; E_INVALIDARG if the mode is unknown.
@@ -83,7 +86,7 @@ class RC8Task(TaskObject):
         return self._task.name + SUFFIX
 
     def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - commands have no parameters
-        """Execute an extended command: ``GetStatus`` (0 to 4, :class:`~orinkit.rc8.task_modes.TaskStatus`)."""
+        """Execute an extended command: ``GetStatus`` returns a :class:`~orinkit.rc8.task_modes.TaskStatus`, 0 to 4."""
         self._caller.require_read()
         if command.strip().lower() != "getstatus":
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")

@@ -44,10 +44,10 @@ def variable_names() -> list[str]:
 
 
 class UserVariable(VariableObject):
-    """A user variable or I/O points at a fixed index.
+    """A user variable, or a group of I/O points, at a fixed index.
 
-    Its attribute has bit 1 (readable) and bit 2 (writable) according to the client's access rights. Its date and
-    microsecond are those of the last write by any client or program.
+    The attribute is the sum of 1 (readable) and 2 (writable) according to the client's access rights. Date and
+    microsecond are the time of the last write by any client or program.
     """
 
     def __init__(self, caller: ClientContext, name: str, kind: VariableClass, index: int) -> None:
@@ -65,7 +65,7 @@ class UserVariable(VariableObject):
         return self._variables.read(self._kind, self._index)
 
     def put_value(self, value: Variant) -> None:
-        """Set the value; it is stored when this returns."""
+        """Set the value; when the method returns, the value is stored."""
         self._caller.require_write()
         self._variables.write(self._kind, self._index, value)
 
@@ -74,7 +74,7 @@ class UserVariable(VariableObject):
         return self._written()
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of that time, 0 to 999999."""
+        """Return the microseconds of the time returned by :meth:`get_date_time`, 0 to 999999."""
         return self._written().microsecond
 
     def _written(self) -> datetime:
@@ -91,10 +91,10 @@ class IndexedVariable(UserVariable):
         self.id = Variant(VarType.I4, 0)
 
     def put_id(self, id: Variant) -> None:  # noqa: A002 - the term of the documents
-        """Select the index: a whole number or its text.
+        """Select the index, given as a whole number or as the text of one.
 
         Raises:
-            CallError: DISP_E_TYPEMISMATCH, E_INVALIDARG or VARIABLE_INDEX_INVALID; the index is not changed.
+            CallError: DISP_E_TYPEMISMATCH, E_INVALIDARG or VARIABLE_INDEX_INVALID; the index has not changed.
         """
         index = conversion.whole(id)
         self._variables.check(self._kind, index)
@@ -105,8 +105,9 @@ class IndexedVariable(UserVariable):
 class SystemVariableObject(VariableObject):
     """A system variable.
 
-    Its attribute has bit 1 (readable) and bit 2 (writable) as allowed by the variable and the client's access rights.
-    Its date and microsecond are those of the last read through this object, or the current time before the first read.
+    The attribute is the sum of 1 (readable) and 2 (writable), as allowed by the variable and by the client's access
+    rights. Date and microsecond are the time of the last read through this object; before the first read, they are the
+    current time.
     """
 
     def __init__(self, caller: ClientContext, name: str, entry: SystemVariable) -> None:
@@ -135,11 +136,11 @@ class SystemVariableObject(VariableObject):
         self._entry.write(self._caller, value)
 
     def get_date_time(self) -> Value:
-        """Return the time of the last read."""
+        """Return the time of the last read through this object; before the first read, the current time."""
         return self._moment()
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of that time, 0 to 999999."""
+        """Return the microseconds of the time returned by :meth:`get_date_time`, 0 to 999999."""
         return self._moment().microsecond
 
     def _moment(self) -> datetime:
