@@ -1,16 +1,16 @@
 """Base classes for providers: one class per CAO interface, one method per function of the table.
 
-The name of a method is the Python name of the function (``Variable_GetValue`` is :meth:`VariableObject.get_value`). A method
-receives the arguments as Python values (a VARIANT as :class:`~orinkit.values.variant.Variant` with its exact type) and
-returns the result. A method may
+The name of a method is the Python name of the function (``Variable_GetValue`` is :meth:`VariableObject.get_value`). A
+method receives the arguments as Python values (a VARIANT as :class:`~orinkit.values.variant.Variant` with its exact
+type) and returns the result. A method may
 
 * return the result directly: the method then runs on the server's thread and must not block;
 * be ``async def``: it may ``await``, and is cancelled when its client disconnects;
 * return :class:`BlockingCall` with a function to run in a worker thread;
 * return :class:`Deferred`, and set its result later, from any thread.
 
-To return an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and returns E_FAIL. For
-your own device, :class:`orinkit.Device` is more convenient; it is built on these classes.
+To return an error code, raise it: ``raise error_for(0x80020005)``. Any other exception is logged and returns E_FAIL.
+For your own device, :class:`orinkit.Device` is more convenient; it is built on these classes.
 """
 
 from __future__ import annotations
@@ -437,8 +437,8 @@ class Provider:
         dialect: dialect of b-CAP.
         functions: ids of the implemented functions, ``None`` for all; any other returns E_NOTIMPL, regardless of its
             arguments.
-        fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise handles
-            are allocated from 2 upwards.
+        fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise
+            handles are allocated from 2 upwards.
     """
 
     provider_names: Sequence[str] = ()

@@ -25,8 +25,8 @@ class ResultWithCode(NamedTuple):
 class Deferred(Generic[T]):
     """A result that is set later, for example at the end of a motion; the methods are those of a Future.
 
-    The device calls :meth:`set_result` or :meth:`set_exception` once. All methods are thread-safe: each of their steps is
-    atomic in Python.
+    The device calls :meth:`set_result` or :meth:`set_exception` once. All methods are thread-safe: each of their steps
+    is atomic in Python.
     """
 
     __slots__ = ("_callbacks", "_done", "_error", "_value")

@@ -23,8 +23,8 @@ class ServiceOptions(NamedTuple):
     Attributes:
         wdt: seconds between S_EXECUTING packets during a call (``WDT=<ms>``); ``None`` for none.
         invoke_timeout: limit on the duration of a call, s (``InvokeTimeout=<ms>``); ``None`` for the server's default.
-        alive: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for no
-            limit.
+        alive: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for
+            no limit.
     """
 
     wdt: float | None = None

@@ -1,8 +1,9 @@
 """Sessions: the handles of one client, and the dispatch of function calls to the provider's methods.
 
-:meth:`Session.invoke` finds the object of the handle, converts the arguments to the types of the table, calls the method and
-returns a :class:`CallReply`. If the result is not available yet, it returns a :class:`Pending`: the caller awaits or runs
-``pending.work`` and passes the result to :meth:`Session.complete` or the exception to :meth:`Session.fail`.
+:meth:`Session.invoke` finds the object of the handle, converts the arguments to the types of the table, calls the
+method and returns a :class:`CallReply`. If the result is not available yet, it returns a :class:`Pending`: the caller
+awaits or runs ``pending.work`` and passes the result to :meth:`Session.complete` or the exception to
+:meth:`Session.fail`.
 """
 
 from __future__ import annotations
@@ -234,8 +235,8 @@ class Session:
         Args:
             pending: the call.
             result: the result of its work.
-            client_waits: whether the client receives the reply. If False (after a time-out or a disconnection), an object
-                that the call has created is released, because the client would never receive its handle.
+            client_waits: whether the client receives the reply. If False (after a time-out or a disconnection), an
+                object that the call has created is released, because the client would never receive its handle.
         """
         try:
             made = result.value if type(result) is ResultWithCode else result

@@ -1,7 +1,7 @@
 """Return codes of robot controllers (RC8, RC9, COBOTTA), one row per code.
 
-Numbers and meanings come from the RC8 document (4.3, 4.5) and from controllers in use; names and texts are this project's
-own. :mod:`orinkit.core.hresult` builds its table from these rows.
+Numbers and meanings come from the RC8 document (4.3, 4.5) and from controllers in use; names and texts are this
+project's own. :mod:`orinkit.core.hresult` builds its table from these rows.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ ROWS: Final[tuple[tuple[int, str, str, str, str, str], ...]] = (
     (0x83500118, "VARIABLE_CHANGE_FAILED", "The variable could not be changed", "変数を変更できない", "type", ""),
     (0x83500127, "VALUE_OUT_OF_RANGE_2", "Value out of range (0127)", "値が範囲外（0127）", "arguments", "2003"),
     (0x83500168, "TIME_OPTION_NOT_ALLOWED", "The TIME option is not allowed here", "ここでは TIME オプションを使用できない", "option", ""),
-    # CAO errors as recorded in the controller's log; replies carry the ORiN code
+    # CAO errors as the controller records them in its log; a reply contains the ORiN code instead
     (0x81500142, "LOG_CAO_PROVIDER_NAME", "CAO: invalid provider name", "CAO: プロバイダ名が不正", "name", ""),
     (0x81500144, "LOG_CAO_VARIANT_TYPE", "CAO: VARIANT type not supported", "CAO: 対応していないVARIANT型", "type", ""),
     (0x81500145, "LOG_CAO_OBJECT_NOT_FOUND", "CAO: object not found", "CAO: オブジェクトが見つからない", "name", ""),

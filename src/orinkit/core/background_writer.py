@@ -1,4 +1,4 @@
-"""Non-blocking output: a program that controls a robot or a motor must not block on a slow reader of its output."""
+"""Non-blocking output: a program that controls a robot or motor must not block if the reader of its output is slow."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _PATIENCE: Final = 1.0  # s without progress after which close() stops waiting f
 class BackgroundWriter:
     """Writes texts to a stream from its own thread. If the queue is full, further texts are dropped and counted.
 
-    It can replace a file for callers that use only ``write`` and ``flush``. A stream without a file descriptor, for example
-    ``io.StringIO``, is written to synchronously.
+    It can replace a file for callers that use only ``write`` and ``flush``. A stream without a file descriptor, for
+    example ``io.StringIO``, is written to synchronously.
 
     Args:
         stream: stdout or stderr; ``None`` if it is closed, in which case nothing is written.
-        notice: Function that returns a notice for a number of dropped texts. The notice is written as soon as the queue has
-            room again. Without it, no notice is written.
+        notice: Function that returns a notice for a number of dropped texts. The notice is written as soon as the queue
+            has room again. Without this function, no notice is written.
 
     Attributes:
         dropped: Number of dropped texts.
@@ -78,7 +78,13 @@ class BackgroundWriter:
             raise self.error
 
     def close(self, seconds: float = float("inf")) -> None:
-        """End the writing: wait until the queue is empty, nothing has been read for 1 s, or a time in s has passed."""
+        """Write the queued texts, then stop writing.
+
+        The method returns when the queue is empty, when the reader has read nothing for 1 s, or when the time is over.
+
+        Args:
+            seconds: Maximum time to wait in s.
+        """
         with self._changed:
             self._ended = True
             self._changed.notify_all()

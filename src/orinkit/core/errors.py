@@ -18,7 +18,7 @@
     ├── StreamError                        streaming in slave mode ended or could not start
     ├── CallTimeout (TimeoutError)         no reply in time; the call may or may not have been executed
     │   └── DriverTimeout                  the same, from an ABH3 motor driver
-    ├── ParameterRefused                      an ABH3 motor driver refused to read or write a parameter
+    ├── ParameterRefused                   an ABH3 motor driver refused to read or write a parameter
     ├── DriverFault                        an ABH3 motor driver has errors that a reset does not clear
     └── CallError                          the controller returned an error code
         ├── GeneralError                   0x8000xxxx, 0x8002xxxx, 0x8007xxxx

@@ -1,21 +1,22 @@
 """Return codes: names, meanings and hints, in English and Japanese.
 
-A reply of b-CAP or e-CAP carries one 32-bit return code. Codes below 0x80000000 mean success. The range of an error code
-shows its source (VE026A table 3-4, e-CAP table 3)::
+A reply of b-CAP or e-CAP carries one 32-bit return code. Codes below 0x80000000 mean success. The range of an error
+code shows its source (VE026A table 3-4, e-CAP table 3)::
 
-    0x8000xxxx 0x8002xxxx 0x8007xxxx   COM                    Family.GENERAL
-    0x800002xx 0x800004xx 0x800009xx   CAO                    Family.CAO
-    0x80010000..0x800101FF             b-CAP packets          Family.PACKET
-    0x80040200..0x8004FFFF             the served device      Family.USER
-    0x8091xxxx                         a socket error number  Family.SOCKET (0x809100AA: Family.BUSY)
-    0x8LMMNNNN                         the robot controller   by MM: Family.MOTION, SERVO, SAFETY, PROGRAM, ...
+    0x8000xxxx 0x8002xxxx 0x8007xxxx   COM                    CodeFamily.GENERAL
+    0x800002xx 0x800004xx 0x800009xx   CAO                    CodeFamily.CAO
+    0x80010000..0x800101FF             b-CAP packets          CodeFamily.PACKET
+    0x80040200..0x8004FFFF             the served device      CodeFamily.USER
+    0x8091xxxx                         a socket error number  CodeFamily.SOCKET (0x809100AA: CodeFamily.BUSY)
+    0x8LMMNNNN                         the robot controller   by MM: CodeFamily.MOTION, SERVO, SAFETY, PROGRAM, ...
 
-In a controller code, L is the level, 0 (notice) to 5 (fatal), MM the subsystem and NNNN the number. The last digit of many
-motion and servo codes is the axis, 1 to 8.
+In a controller code, L is the level, 0 (notice) to 5 (fatal), MM the subsystem and NNNN the number. The last digit of
+many motion and servo codes is the axis, 1 to 8.
 
-:data:`CODES` contains the known codes; :func:`lookup` also accepts unknown ones. Each code without an axis is a constant of
-this module. Of a run of codes (one per axis), the first is a constant (``..._AXIS1``) and the others follow it numerically.
-If several codes have the same meaning, the names of the later ones end in ``_2``, ``_3`` ...
+:data:`CODES` contains the known codes; :func:`lookup` also accepts unknown ones. Each code without an axis is a
+constant of this module. Some errors have a run of codes, one per axis: only the code of axis 1 is a constant
+(``..._AXIS1``); the codes of the other axes follow it numerically. If several codes have the same meaning, the names of
+the later ones end in ``_2``, ``_3`` ...
 """
 
 from __future__ import annotations
@@ -261,7 +262,8 @@ class ReturnCode:
 
     Attributes:
         value: Code, unsigned 32 bits.
-        name: Symbol from the documents (``E_HANDLE``) or of this project (``COMMAND_DELAY``); ``0x83201234`` if unknown.
+        name: Symbol from the documents (``E_HANDLE``) or of this project (``COMMAND_DELAY``); ``0x83201234`` if
+            unknown.
         en: Short English text, without a full stop.
         ja: Short Japanese text, without a full stop.
         hint_en: Remedy in one or two English sentences; empty if none is known.
@@ -334,7 +336,7 @@ def failed(code: int) -> bool:
 
 
 def family(code: int) -> CodeFamily:
-    """Return the source of a code. It follows from the number alone, so unknown codes have a family, too.
+    """Return the source of a code. The number alone determines the source, so unknown codes have a family, too.
 
     Raises:
         ValueError: If the number fits neither a signed nor an unsigned 32-bit integer.
@@ -386,8 +388,8 @@ _BY_NAME: Final = {code.name: code for code in CODES.values()}
 def lookup(code: int) -> ReturnCode:
     """Return the name, meaning and hint of a code.
 
-    For a code that is not in :data:`CODES`, the name is the number, and the text is composed of the family, the level and,
-    for motion and servo codes, the axis.
+    For a code that is not in :data:`CODES`, the name is the number, and the text is composed of the family, the level
+    and, for motion and servo codes, the axis.
 
     Args:
         code: Code, signed or unsigned.
@@ -466,7 +468,10 @@ def _unknown_controller(value: int) -> ReturnCode:
 
 
 def _axis(value: int) -> int:
-    """Return the axis of a motion or servo code, its last digit; 0 without an axis. Only numbers 4000 to 4FFF have one."""
+    """Return the axis of a motion or servo code, which is its last digit; 0 if the code has no axis.
+
+    Only codes with the numbers 4000 to 4FFF have an axis.
+    """
     digit = value & 0xF
     per_axis = family(value) in (CodeFamily.MOTION, CodeFamily.SERVO) and value >> 12 & 0xF == 4
     return digit if per_axis and 1 <= digit <= 8 else 0

@@ -57,7 +57,7 @@ def choose(en: str, ja: str) -> str:
     return ja if _current == "ja" else en
 
 
-def N_(message: str) -> str:  # noqa: N802 - the name by which gettext knows it
+def N_(message: str) -> str:  # noqa: N802 - the name that gettext requires
     """Mark a message for the catalogue and return it unchanged; pass it to :func:`tr` to display it."""
     return message
 
@@ -79,10 +79,10 @@ def _japanese() -> NullTranslations:
 
 LONGEST: Final = 200
 """Maximum number of characters of an external text in an error or a log."""
-_QUOTED: Final = 40  # the same for a text that an error quotes
+_QUOTED: Final = 40  # maximum number of characters of a text that an error message quotes
 
 
-_SPACES: Final = frozenset(  # of Unicode, Japanese ones among them, and the joiners within emoji and Indic words
+_SPACES: Final = frozenset(  # the spaces of Unicode, including Japanese ones, and the joiners in emoji and Indic words
     "\u00a0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a\u200c\u200d\u202f\u205f\u3000"
 )
 
@@ -90,8 +90,8 @@ _SPACES: Final = frozenset(  # of Unicode, Japanese ones among them, and the joi
 def visible(text: str, keep: str = "", escape: Callable[[str], str] = repr) -> str:
     """Return a text with its control characters escaped, so that it cannot control the terminal that displays it.
 
-    Escaped are the control characters of ASCII and Unicode, direction marks, line separators, zero-width characters and
-    unassigned code points.
+    The control characters of ASCII and Unicode, direction marks, line separators, zero-width characters and unassigned
+    code points are escaped.
 
     Args:
         text: External text.

@@ -1,7 +1,8 @@
 """Non-blocking log output on stderr.
 
-A program that serves a robot must continue even if its stderr is not read: a pipe holds 64 KiB, then a write blocks, and
-with it the event loop, the motions and the emergency stop. Use :func:`to_stderr` instead of :func:`logging.basicConfig`::
+A program that serves a robot must continue even if its stderr is not read. If stderr is a pipe, it holds 64 KiB; the
+next write blocks, and then the event loop, the motions and the emergency stop are blocked, too. Use :func:`to_stderr`
+instead of :func:`logging.basicConfig`::
 
     from orinkit import serve
     from orinkit.core import logs
@@ -10,7 +11,7 @@ with it the event loop, the motions and the emergency stop. Use :func:`to_stderr
     with serve(MyDevice()) as server:
         server.wait()
 
-``orinkit serve`` and ``orinkit gateway`` log this way.
+``orinkit serve`` and ``orinkit gateway`` also use this function.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ _CLOSE_TIMEOUT: Final = 1.0  # s
 class BoundedQueueHandler(logging.Handler):
     """Writes records from its own thread; the queue holds at most 1,000 records.
 
-    If the queue is full, further records are dropped; their number is logged as soon as the queue has room again. Control
-    characters are escaped, so that a record cannot control the terminal that displays it. :meth:`close` and the end of the
-    program wait up to 1 s for queued records.
+    If the queue is full, further records are dropped; their number is logged as soon as the queue has room again.
+    Control characters are escaped, so that a record cannot control the terminal that displays it. :meth:`close` and the
+    end of the program wait up to 1 s for queued records.
 
     Args:
-        stream: Output stream, stderr by default. A stream without a file descriptor, such as ``io.StringIO``, is written to
-            synchronously.
+        stream: Output stream, stderr by default. A stream without a file descriptor, such as ``io.StringIO``, is
+            written to synchronously.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:

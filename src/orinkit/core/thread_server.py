@@ -15,10 +15,11 @@ class ThreadServer(Closing):
     def wait(self, seconds: float | None = None) -> None:
         """Wait until the server is closed by another thread, the time has passed, or Ctrl-C is pressed.
 
-        Ctrl-C ends the wait without an exception, so that ``with serve(...) as server: server.wait()`` is a complete program.
+        Ctrl-C ends the wait without an exception, so that ``with serve(...) as server: server.wait()`` is a complete
+        program.
 
         Args:
-            seconds: how long to wait, s; ``None`` for no limit.
+            seconds: maximum time to wait, s; ``None`` for no limit.
         """
         try:
             self._thread.join(seconds)

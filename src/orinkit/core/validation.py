@@ -1,7 +1,8 @@
 """Checks of numbers that programs pass as arguments: accepted types and ranges.
 
-Any numeric type is accepted, also those of numpy; ``bool``, text and bytes are not. The arguments of CAO functions, which are
-VARIANTs with return codes of their own, are converted in :mod:`orinkit.cao.coerce`.
+All numeric types are accepted, including those of numpy; ``bool``, text and bytes are refused. The arguments of CAO
+functions are not checked here: they are VARIANTs, and invalid ones have their own return codes
+(:mod:`orinkit.cao.coerce`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 _SURELY_FINITE: Final = 1e300
-_GREAT: Final = 10_000  # bits; Python may refuse to write a larger whole number in decimal
+_GREAT: Final = 10_000  # bits of a whole number; Python may refuse to convert a larger one to decimal digits
 _SHOWN: Final = 40  # characters of a value that an error message quotes
 _SINGLE: Final = struct.Struct("<f")
 
@@ -66,7 +67,7 @@ def rounded_to_single(number: float) -> float:
     """Return a number rounded to single precision (VT_R4).
 
     Raises:
-        OverflowError: If it is too large.
+        OverflowError: If the number is too large.
     """
     rounded: float = _SINGLE.unpack(_SINGLE.pack(number))[0]
     return rounded
@@ -79,12 +80,12 @@ def check_finite(name: str, value: object, owner: str = "") -> float:
     """Return a finite number as a ``float``.
 
     Args:
-        name: Its name, for the message.
+        name: Name of the number, for the message.
         value: The number.
-        owner: What the number belongs to; precedes the name in the message.
+        owner: The object or function that the number belongs to; precedes the name in the message.
 
     Raises:
-        InvalidValue: If it is not a number, or NaN, infinite or too large.
+        InvalidValue: If the value is not a number, or is NaN, infinite or too large for a ``float``.
     """
     if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # type: ignore[operator]  # fast path
         return float(value)  # type: ignore[arg-type]
@@ -100,7 +101,7 @@ def check_positive(name: str, value: object, owner: str = "") -> float:
     """Return a finite number above 0, see :func:`check_finite`.
 
     Raises:
-        InvalidValue: If it is not a finite number, or not above 0.
+        InvalidValue: If the value is not a finite number above 0.
     """
     number = check_finite(name, value, owner)
     if number <= 0:
@@ -114,7 +115,7 @@ def check_amount(name: str, value: object, most: float, owner: str = "") -> floa
     """Return a number above 0 and at most ``most``, see :func:`check_finite`.
 
     Raises:
-        InvalidValue: If it is not a finite number, or out of this range.
+        InvalidValue: If the value is not a finite number in this range.
     """
     number = check_finite(name, value, owner)
     if not 0 < number <= most:
@@ -133,7 +134,7 @@ def check_seconds(name: str, value: object, longest: float = 3600.0) -> float:
     """Return a number of seconds above 0 and at most ``longest``.
 
     Raises:
-        InvalidValue: If it is not a number, or out of this range.
+        InvalidValue: If the value is not a number in this range.
     """
     number = real(value)
     if number is None or not 0 < number <= longest:
@@ -149,17 +150,17 @@ def check_seconds(name: str, value: object, longest: float = 3600.0) -> float:
 
 
 def check_range(name: str, value: object, least: float, most: float, unit: str = "") -> float:
-    """Return a number of ``least`` to ``most``.
+    """Return a number from ``least`` to ``most``.
 
     Args:
-        name: Its name, for the message.
+        name: Name of the number, for the message.
         value: The number.
         least: The smallest allowed number.
         most: The largest allowed number.
         unit: The unit, for the message.
 
     Raises:
-        InvalidValue: If it is not a number, or out of this range.
+        InvalidValue: If the value is not a number in this range.
     """
     number = real(value)
     if number is None or not least <= number <= most:
@@ -168,10 +169,10 @@ def check_range(name: str, value: object, least: float, most: float, unit: str =
 
 
 def check_whole(name: str, value: object, most: int, least: int = 0) -> int:
-    """Return a whole number of ``least`` to ``most``.
+    """Return a whole number from ``least`` to ``most``.
 
     Raises:
-        InvalidValue: If it is not a whole number in this range.
+        InvalidValue: If the value is not a whole number in this range.
     """
     number = whole(value)
     if number is None or not least <= number <= most:

@@ -158,7 +158,7 @@ def _as_type(vt: int, value: Variant) -> Variant:
 
 
 class DeclaredChild(Declared):
-    """A declared child object; the method returns it and is called for each client that connects to it."""
+    """A declared child object. Its method returns the object, and is called for each client that connects to it."""
 
     def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
         super().__init__(method, name, help, quick=True)
@@ -184,7 +184,7 @@ class _VariableDecorator:
 def variable(
     name: str,
     *,
-    type: int | None = None,  # noqa: A002 - the documents' word
+    type: int | None = None,  # noqa: A002 - the name in the documents
     help: str = "",  # noqa: A002
     quick: bool = False,
 ) -> _VariableDecorator:
@@ -194,8 +194,9 @@ def variable(
 
     Args:
         name: Name in the controller; case is ignored.
-        type: VARIANT type, ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``. The default follows from the annotation of the
-            getter's result (bool, int, float, str), otherwise from each returned value.
+        type: VARIANT type, for example ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``. By default, the annotation of
+            the getter's result (bool, int, float, str) determines the type; without an annotation, each returned value
+            does.
         help: Help text; the default is the docstring.
         quick: True if the methods return immediately; they are then called in the event loop.
     """
@@ -206,7 +207,8 @@ def variable(
 def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002
     """Declare a command of Execute. The return value of the method is the result.
 
-    The parameter is spread over the method's arguments: ``Execute("Close", [10.0, 1])`` calls ``close(10.0, 1)``.
+    The elements of the parameter become the method's arguments: ``Execute("Close", [10.0, 1])`` calls
+    ``close(10.0, 1)``.
 
     Args:
         name: Name in the controller; case is ignored.
@@ -236,7 +238,7 @@ command_object = _child("Command object", "command_object")
 
 
 def declared_in(kind: type) -> dict[tuple[str, str], Declared]:
-    """Return the declarations in a class, without its bases.
+    """Return the declarations of a class, without those of its base classes.
 
     Raises:
         TypeError: If two members have the same type and name, because one would hide the other.

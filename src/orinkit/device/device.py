@@ -22,12 +22,12 @@
         server.wait()
 
 A plain method runs in a worker thread, so it may block without delaying other clients. Calls of several clients may run
-concurrently, so protect shared state. An ``async def`` method runs in the server's event loop. With ``quick=True``, a plain
-method also runs in the event loop, which is faster; it must return immediately.
+concurrently, so protect shared state. An ``async def`` method runs in the server's event loop. With ``quick=True``, a
+plain method also runs in the event loop, which is faster; it must return immediately.
 
-To return an error code, raise :func:`orinkit.core.errors.error_for`; any other exception is logged and returned as E_FAIL.
-Clients can read the text of the error with ``controller.error_description(error.code)``, that is, with the command
-GetErrorDescription. A device may declare that command itself.
+To return an error code, raise :func:`orinkit.core.errors.error_for`; any other exception is logged and returned as
+E_FAIL. Clients can read the text of the error with ``controller.error_description(error.code)``, that is, with the
+command GetErrorDescription. A device may declare that command itself.
 """
 
 from __future__ import annotations
@@ -68,7 +68,10 @@ from orinkit.device.declarations import declared_in
 from orinkit.values.variant import Value, Variant
 
 _DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
-"""Declarations of each class and its bases; not stored in the class, to avoid conflicts with the names of its author."""
+"""Declarations of each class and its base classes.
+
+They are not stored in the class itself, because its author may already use the name of the attribute.
+"""
 
 
 class Part:
@@ -78,7 +81,8 @@ class Part:
         """Collect the declarations of the class and its bases.
 
         Raises:
-            TypeError: If a name is declared twice, or a declared method is reserved for Python.
+            TypeError: If a name is declared twice, or the name of a declared method is reserved for Python
+                (``__len__``).
         """
         super().__init_subclass__(**kwargs)
         found: dict[tuple[str, str], Declared] = {}
@@ -93,10 +97,10 @@ class Part:
 class Device(Part, Provider):
     """Base class of user-written devices. Declare variables, commands and objects with the decorators of this module.
 
-    Clients connect to a device with Controller_Connect. The names of :class:`~orinkit.cao.provider.Provider` are reserved for
-    the server: ``close``, ``connect``, ``dialect``, ``fixed_handles``, ``functions``, ``guard``, ``handle_of``,
-    ``provider_names``. They may be overridden with the same meaning, for example ``close()`` to clean up after the server has
-    stopped; any other use raises TypeError.
+    Clients connect to a device with Controller_Connect. The names of :class:`~orinkit.cao.provider.Provider` are
+    reserved for the server: ``close``, ``connect``, ``dialect``, ``fixed_handles``, ``functions``, ``guard``,
+    ``handle_of``, ``provider_names``. They may be overridden with the same meaning, for example ``close()`` to clean up
+    after the server has stopped; any other use raises TypeError.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -217,7 +221,10 @@ def _misused(cls: type, name: str) -> TypeError:
 
 
 def _declared(part: Part, kind: str, name: str) -> Declared | None:
-    """Return the declaration with a name. Kinds: Variable, Command, Extension, Robot, Task, File, Command object."""
+    """Return the declaration of a kind and a name.
+
+    The kinds are Variable, Command, Extension, Robot, Task, File and Command object.
+    """
     return _DECLARED.get(type(part), {}).get((kind, name.lower()))
 
 
@@ -272,7 +279,7 @@ class _PartVariable(VariableObject):
 class _PartObject(OwnerObject):
     """A client's object for a part: its variables, commands and child objects."""
 
-    def __init__(self, part: Part, name: str, help: str = "") -> None:  # noqa: A002 - the documents' word
+    def __init__(self, part: Part, name: str, help: str = "") -> None:  # noqa: A002 - the name in the documents
         super().__init__(name, help=help or inspect.getdoc(type(part)) or "")
         self.part = part
 

@@ -1,14 +1,20 @@
 """Loading of providers from installed packages, modules and single files.
 
-A package registers its provider with an entry point of the group ``orinkit.providers``. The name of the entry point is the
-provider name, its value the location of the provider::
+A package registers its provider with an entry point of the group ``orinkit.providers``. The name of the entry point is
+the provider name; its value is the location of the provider::
 
     [project.entry-points."orinkit.providers"]
     "CaoProv.Example.Gripper" = "my_gripper:Gripper"
 
-The value names a subclass of :class:`orinkit.Device` or another :class:`~orinkit.cao.provider.Provider` that can be
-instantiated without arguments, a function without arguments that returns a provider, or a provider. The provider is served
-under its own provider names and the name of the entry point, which takes precedence over the names of other providers.
+The value names one of the following:
+
+* a subclass of :class:`orinkit.Device` or :class:`~orinkit.cao.provider.Provider` that can be instantiated without
+  arguments;
+* a function without arguments that returns a provider;
+* a provider.
+
+The provider is served under its own provider names and under the name of the entry point. The name of an entry point
+takes precedence over the names of other providers.
 """
 
 from __future__ import annotations
@@ -40,10 +46,10 @@ GROUP: Final = "orinkit.providers"
 """Group of the entry points."""
 
 _FILE: Final = re.compile(r"(?P<path>.+\.py)(:(?P<attribute>[^:/\\]*))?", re.IGNORECASE | re.DOTALL)
-_ENTRIES: Final = "_orinkit_entries"  # attribute of a provider
+_ENTRIES: Final = "_orinkit_entries"  # attribute of a provider that contains its entry points
 _PACKAGE: Final = str(Path(__file__).parent) + os.sep
-_SHOWN: Final = 100  # characters of a target in a message
-_MAX_REASON: Final = 500  # characters of an exception in a message
+_SHOWN: Final = 100  # maximum number of characters of a target in a message
+_MAX_REASON: Final = 500  # maximum number of characters of an exception in a message
 _REPR: Final = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _SHOWN
 
@@ -75,9 +81,10 @@ def load(target: str) -> Provider:
     """Load a provider; return a new instance, unless the target is an object.
 
     Args:
-        target: ``"CaoProv.Example.Gripper"``, the name of an installed provider (case is ignored); ``"my_gripper:Gripper"``
-            in a module; or ``"path/to/gripper.py:Gripper"`` in a file, which may import modules from its directory while it
-            is loaded. The class may be omitted if the module or file defines exactly one provider class.
+        target: Name of an installed provider, ``"CaoProv.Example.Gripper"`` (case is ignored); a class in a module,
+            ``"my_gripper:Gripper"``; or a class in a file, ``"path/to/gripper.py:Gripper"``. While the file is loaded,
+            it may import modules from its directory. The class may be omitted if the module or file defines exactly one
+            provider class.
 
     Raises:
         LoadFailed: If the target does not exist, raises an exception, or is not a provider.
@@ -122,9 +129,10 @@ def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()
 
 
 def settle_names(providers: Sequence[Provider]) -> None:
-    """Reserve the name of each entry point for its provider: remove it from the provider names of other entry points.
+    """Reserve the name of each entry point for its provider.
 
-    Each removal is logged. Providers without an entry point, or with read-only provider names, keep their names.
+    The name is removed from the provider names of all providers that were loaded from other entry points. Each removal
+    is logged. Providers without an entry point, or with read-only provider names, keep their names.
     """
     owners: dict[str, Provider] = {}
     for provider in providers:
@@ -141,7 +149,7 @@ def _take_away(provider: Provider, lost: Collection[str], owners: Mapping[str, P
     try:
         provider.provider_names = tuple(name for name in provider.provider_names if name not in lost)
     except AttributeError:
-        return  # a read-only property: the first provider gets the name
+        return  # a read-only property: the first provider with this name is used
     for name in lost:
         text = tr("provider name %s is used by %s and by %s: the entry point of that name takes precedence")
         logger.warning(text, name, _origin(provider), _origin(owners[name.lower()]))
@@ -165,7 +173,7 @@ def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -
 
 
 def warn_of_clashes(providers: Sequence[Provider]) -> None:
-    """Log a warning for each provider name that several providers use. The first of them has the name."""
+    """Log a warning for each provider name that several providers have. The first of these providers is used."""
     owners: dict[str, Provider] = {}
     for provider in providers:
         for name in provider.provider_names:
@@ -245,7 +253,7 @@ def _import(target: str, name: str) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
-            raise _failed(target, _reason(error)) from error  # a module that this module imports
+            raise _failed(target, _reason(error)) from error  # a module that the target imports does not exist
         raise _failed(target, _no_module(name)) from None
     except KeyboardInterrupt:
         raise
