@@ -83,7 +83,7 @@ class Clock:
         return self._began_wall + timedelta(seconds=self.now())
 
     def time_budget(self, seconds: float) -> Callable[[], bool]:
-        """Return a function that returns True after the given real seconds; it limits the computing time of a device."""
+        """Return a function that returns True after the given real seconds; it limits a device's computing time."""
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
 

@@ -47,7 +47,7 @@ class AxisLimits:
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
     def step_of_current(self, codes: int) -> int:
-        """Return the change of velocity that a current (0.01 %) causes in a cycle: 0 without current, else at least 1."""
+        """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1 if there is a current."""
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
     def current(self, step: int) -> int:

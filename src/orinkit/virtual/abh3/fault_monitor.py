@@ -48,7 +48,7 @@ class FaultMonitor:
             self.warnings &= ~COMMUNICATION
 
     def reset(self, cycle: int) -> None:
-        """Reset errors and warnings one cycle later, so that a reply in the same cycle still contains them."""
+        """Reset errors and warnings one cycle later; replies sent until then still contain them."""
         if self._reset_at is None:
             self._reset_at = cycle + RESET_CYCLES
 

@@ -1,4 +1,4 @@
-"""Commands that lead to a set-point over several cycles after the set-points in between were missed."""
+"""Command positions that lead to a set-point in several cycles, after the set-points before it were missed."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 
 
 def gentlest(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
-    """Return the commands that lead to a set-point with the least acceleration, one command for each cycle.
+    """Return the command positions that lead to a set-point with the least acceleration, one for each cycle.
 
-    With the present velocity ``v``, the k-th of n commands is ``q + v k T + a (k T)^2 / 2``; ``a`` is chosen so that the
-    n-th command is the set-point. The number of missed set-points is unknown. Of all n whose commands stay within the
-    range of every axis, the one that needs the least acceleration is used: 1 if the client continues from the present
-    command, ``most`` if its own time went on meanwhile.
+    With the present velocity ``v`` and the period ``T``, the k-th of n command positions is
+    ``q + v k T + a (k T)^2 / 2``; ``a`` is chosen so that the n-th is the set-point. The number of missed set-points,
+    and therefore n, is unknown. Of all n whose command positions stay within the range of every axis, the n with the
+    least acceleration is used: 1 if the client continues from the present command position, and ``most`` if the client
+    has continued by the clock.
 
     Args:
         model: The arm model, for its accelerations.
-        before: The command one cycle ago, deg or mm.
-        now: The present command, q.
+        before: The command position one cycle ago, deg or mm.
+        now: The present command position, q.
         goal: The set-point.
-        most: The largest number of commands, 1 or more.
+        most: The largest n, 1 or more.
     """
     velocities = [b - a for a, b in zip(before, now, strict=True)]
 
@@ -27,7 +28,7 @@ def gentlest(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: i
         return [2.0 * (c - b - count * v) / count**2 for b, c, v in zip(now, goal, velocities, strict=True)]
 
     def peak(count: int) -> float:
-        share = 0.5 if count == 1 else 1.0  # the first command contains only half of the change of velocity
+        share = 0.5 if count == 1 else 1.0  # the velocity changes by a T / 2 in the first cycle, by a T later
         return share * max(abs(a) / axis.acceleration for a, axis in zip(accelerations(count), model.axes, strict=True))
 
     def commands(count: int) -> list[Joints]:

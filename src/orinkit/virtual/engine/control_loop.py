@@ -1,12 +1,12 @@
-"""The controller's 8 ms cycle: all time-dependent parts are stepped in it, in a fixed order.
+"""The control cycle of 8 ms, in which all time-dependent parts of the controller are stepped in a fixed order.
 
 Everything that depends on time (the arm, the motor, programs) is a :class:`CyclicTask` with a ``step``. Cycles run only
-while a task is busy; idle cycles are skipped. All access to the controller goes through :class:`ControlLoop`, which is a
-lock: entering it first runs the cycles that are due. The order of steps is therefore the same with several threads, with
+while a task is busy; idle cycles are skipped. All access to the controller goes through :class:`ControlLoop`, which is
+a lock: entering the lock first runs the due cycles. The order of steps is therefore the same with several threads, with
 a test's manual clock and with a scaled clock.
 
-The controller's time is counted in cycles. It stops while the controller waits for a late set-point, or if the server
-process was delayed (:meth:`ControlLoop.stand_still`), and lags behind the clock afterwards.
+The controller's time is counted in cycles. This time stops while the controller waits for a late set-point, and also if
+the server process was delayed (:meth:`ControlLoop.stand_still`). Afterwards it lags behind the clock.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class ControlLoop:
     Attributes:
         clock: The controller's clock.
         number: Cycles since the controller was switched on.
-        pace: Callback that decides how many of the due cycles to run; ``None`` for all of them. It is called inside the
-            lock with the number of due cycles, 1 or more, and returns how many to run before it is called again; 0 to
-            wait, then it is called again when the lock is next entered, a period later at the latest. It may call
+        pace: Callback that returns how many of the due cycles to run before it is called again; ``None`` to run all of
+            them. It is called inside the lock with the number of due cycles, 1 or more. If it returns 0, no cycle is
+            run, and it is called again when the lock is next entered, at the latest one period later. It may call
             :meth:`stand_still`.
     """
 
@@ -72,7 +72,7 @@ class ControlLoop:
 
     @property
     def last_cycle_time(self) -> float:
-        """Time of the last cycle, including skipped ones: seconds of the controller's time since it was switched on."""
+        """The controller's time of the last cycle, run or skipped, in seconds since it was switched on."""
         return (self.number if self._busy else max(self.number, self._due())) * PERIOD
 
     @property
@@ -130,7 +130,7 @@ class ControlLoop:
             raise error_for(hresult.E_ABORT, tr("the controller has been switched off"))
 
     def close(self) -> None:
-        """Stop permanently, after the cycle in progress."""
+        """Stop permanently after the cycle in progress has ended."""
         self._driver.close()
         with self._lock:
             self._closed, self._busy = True, False
@@ -160,7 +160,7 @@ class ControlLoop:
 
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
-        if behind > 0:  # after a long delay of the machine the controller lags; it does not jump
+        if behind > 0:  # after a long delay of the machine, the missed cycles are not run
             self.stand_still(behind)
         self._stepping = True
         try:

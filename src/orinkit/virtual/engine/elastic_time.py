@@ -1,22 +1,25 @@
 """Elastic time: decides which cycles are run in slave mode if the client or the server is late.
 
-A real controller has a processor of its own. Here client and server share a machine with other programs, which may delay
-either of them:
+A real controller has a processor of its own. A virtual controller shares a machine with its client and with other
+programs. They may delay the client or the server:
 
-* **The client is late** (the arm moves and there is no set-point for the next cycle): the controller's time stops until
-  there is one, for 250 ms at most, and the set-point is counted as late. With strict time the controller does not wait.
-  In mode 1 the arm then stops in place; the set-point is still counted.
-* **The server is late** (due cycles were not run in time): the missed cycles are not caught up. One cycle is run, and the
-  controller's time lags from then on. Set-points that have arrived count even if they have not been read yet: before a
-  cycle runs without a set-point, the network input is drained (``when_input_processed``). Strict time does the same, and grants
-  one more period to a client that may not have received its reply yet.
-* **A client that is paced by the clock** notices neither, and its next set-point is farther away than one cycle allows.
-  In a queue (modes 0 and 2) this does no harm. If only the newest set-point counts (mode 1), as many cycles are run on
-  the way to it as it seems to need (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these
-  cycles.
+* **The client is late**: the arm moves, and there is no set-point for the next cycle. The controller's time stops until
+  a set-point arrives, for 250 ms at most, and the set-point is counted as late. After 250 ms the controller behaves
+  like a real one: it reports an error, or in mode 1 stops the arm in place. With strict time the controller does this
+  immediately; in mode 1 the set-point is counted as late with strict time, too.
+* **The server is late**: due cycles were not run in time. The missed cycles are not caught up: one cycle is run, and
+  from then on the controller's time lags behind the clock. Set-points that have arrived are in time, even if the server
+  has not read them yet: before a cycle without a set-point is run, all unread input is processed
+  (``when_input_processed``). This also applies with strict time. Strict time in addition grants one more period to a
+  client that may not have received its reply yet.
+* **The client sends by the clock**, not after each reply. It does not notice either delay, so its next set-point is
+  farther away than one cycle allows. If set-points are queued (modes 0 and 2), this has no effect. If only the newest
+  set-point counts (mode 1), the arm moves to it in as many cycles as the distance seems to require
+  (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these cycles.
 
-A delay of a cycle or a set-point by less than a quarter of a period leaves the grid of 8 ms unchanged. The delays of a
-client that is always a little late add up, so it is finally counted as late.
+If a cycle or a set-point is late by less than a quarter of a period, the times of the following cycles do not change.
+If each set-point of a client is a little later than the one before, these delays add up, until a set-point is counted
+as late.
 """
 
 from __future__ import annotations
@@ -34,12 +37,12 @@ LONGEST_WAIT: Final = 0.25
 """Longest wait for a late set-point, real seconds."""
 
 _TOLERANCE: Final = PERIOD / 4  # s; shorter delays are ignored
-_DRAIN_TIMEOUT: Final = 5.0  # real seconds; after that the reader of the input is considered dead
-_MAX_CHECK_INTERVAL: Final = 2 * PERIOD  # s between two checks of the time; in a longer one the process was delayed
-_GRACE_CYCLES: Final = 4  # a set-point that was not sent in time is missed when the three in the buffer are used up
-_EXTRA_LENIENT_CYCLES: Final = 2  # after the cycles that led to a set-point
-_MAX_LAG: Final = 0.25  # s
-_LAG_LIFETIME: Final = 125  # cycles
+_DRAIN_TIMEOUT: Final = 5.0  # real seconds; after that, unread input is no longer waited for
+_MAX_CHECK_INTERVAL: Final = 2 * PERIOD  # s between two checks of a wait; if it is longer, this process was delayed
+_GRACE_CYCLES: Final = 4  # a delay of the client has an effect only after the three set-points in the buffer are used
+_EXTRA_LENIENT_CYCLES: Final = 2  # cycles with larger limits after a catch-up
+_MAX_LAG: Final = 0.25  # s; the largest lag that can be caught up
+_LAG_LIFETIME: Final = 125  # cycles after which a lag is disregarded
 _HALF: Final = 0.5  # fraction of a period
 _MAX_CASES: Final = 10_000  # late set-points that are stored individually
 
@@ -68,11 +71,11 @@ def left_late(late: Lateness, *, strict: bool) -> str:
 
 
 class PacedSlave(Protocol):
-    """Interface of slave mode to :class:`CyclePacer`.
+    """The part of slave mode that :class:`CyclePacer` uses.
 
     Attributes:
         overwrites: True if only the newest set-point counts (mode 1).
-        moving: True if the command moves.
+        moving: True if the command position moves.
         starving: True if the next cycle needs a set-point and there is none.
         lenient: Number of cycles for which the limits are larger.
     """
@@ -85,18 +88,22 @@ class PacedSlave(Protocol):
 
     @property
     def moving(self) -> bool:
-        """True if the command moves."""
+        """True if the command position moves."""
 
     @property
     def starving(self) -> bool:
         """True if the next cycle needs a set-point and there is none."""
 
     def plan_catch_up(self, most: int) -> int:
-        """Plan commands to the newest set-point for at most ``most`` cycles; return their number, 0 without a set-point."""
+        """Plan the command positions that lead to the newest set-point in at most ``most`` cycles.
+
+        Returns:
+            Number of cycles; 0 if there is no set-point.
+        """
 
 
 class _Cases:
-    """Late set-points: the latest ones individually, the earlier ones as sums."""
+    """Late set-points: the newest ones individually, the older ones as sums."""
 
     def __init__(self) -> None:
         self._seconds: deque[float] = deque(maxlen=_MAX_CASES)
@@ -118,13 +125,14 @@ class _Cases:
 
 
 class CyclePacer:
-    """The pace of :class:`~orinkit.virtual.engine.control_loop.ControlLoop` while slave mode is on.
+    """Decides how many cycles :class:`~orinkit.virtual.engine.control_loop.ControlLoop` runs while slave mode is on.
 
     Args:
-        cycles: The controller's cycle.
+        cycles: The control loop of the controller.
         slave: Slave mode of the arm.
-        when_input_processed: Drains the input of the client that sends set-points; ``None`` if there is never unread input.
-        strict: True to not wait for late set-points (strict time).
+        when_input_processed: Function that invokes a callback after the unread input of the client that sends
+            set-points has been processed; ``None`` if there is never unread input.
+        strict: True for strict time: the controller does not wait for late set-points.
     """
 
     def __init__(
@@ -134,20 +142,20 @@ class CyclePacer:
         self._slave = slave
         self._when_input_processed = (
             None if cycles.clock.manual else when_input_processed
-        )  # a manual clock moves after all input is handled
+        )  # all input is processed before a manual clock is moved
         self._strict = strict
-        self._longest_wait = LONGEST_WAIT  # of the present wait
+        self._longest_wait = LONGEST_WAIT  # limit of the present wait, real s
         self._late_until = 0  # number of the last cycle in which a delay of the server may still affect the client
-        self._drain_request: object | None = None  # the pending request to drain the input
+        self._drain_request: object | None = None  # the pending request to process the input
         self._drain_requested_at = 0.0
         self._drained = False
         self._waited: float | None = None  # real s spent waiting for the client; None if not waiting
         self._wait_updated_at = 0.0
         self._missed_due: float | None = None  # due time of the set-point that strict time did not wait for (mode 1)
         self._cases = _Cases()
-        self._lag = 0.0  # s by which the controller's time lags behind that of a client that is paced by the clock
+        self._lag = 0.0  # s by which the controller's time lags behind a client that sends by the clock
         self._server_lag = 0.0  # the share of _lag that the server has caused, s
-        self._lag_expires_at = 0  # number of the cycle after which the lag is forgotten
+        self._lag_expires_at = 0  # number of the cycle after which the lag is disregarded
 
     def __call__(self, due: int) -> int:
         """Return how many of the due cycles to run now; 0 to wait."""
@@ -172,7 +180,7 @@ class CyclePacer:
         return count
 
     def resume(self) -> None:
-        """Stop waiting because there is a set-point, or none is needed any more. The next cycle is due now."""
+        """Stop waiting: a set-point has arrived, or is no longer needed. The next cycle is due now."""
         if self._missed_due is not None:
             self._cases.add((self._cycles.clock.now() - self._missed_due) / self._cycles.clock.scale)
             self._missed_due = None
@@ -202,7 +210,7 @@ class CyclePacer:
         return self._waited < self._longest_wait
 
     def _update_wait(self) -> None:
-        """Add the time since the last call to the wait; a delay of this process is not counted against the client."""
+        """Add the time since the last call to the waiting time, without delays of this process."""
         assert self._waited is not None
         clock = self._cycles.clock
         now = clock.now()
@@ -211,7 +219,7 @@ class CyclePacer:
         self._wait_updated_at = now
 
     def _end_wait(self, limit: float) -> None:
-        """End the wait and restart time; at most ``limit`` real seconds count as waiting for the client."""
+        """End the wait and restart the controller's time; at most ``limit`` real seconds count as late."""
         if self._waited is None:
             return
         waited, self._waited = min(self._waited, limit), None
@@ -228,7 +236,7 @@ class CyclePacer:
     # --- a late server ------------------------------------------------------------------------------------------
 
     def _input_drained(self) -> bool:
-        """Request that the input be drained, unless that is pending; return True once it has been drained."""
+        """Return True if all input has been processed; if not, request it, unless a request is pending."""
         if self._when_input_processed is None:
             return True
         clock = self._cycles.clock
@@ -245,7 +253,7 @@ class CyclePacer:
             self._drained = True
             if self._cycles.clock.now() - self._drain_requested_at > _TOLERANCE:
                 self._late_until = self._cycles.number + _GRACE_CYCLES
-        with self._cycles:  # runs due cycles
+        with self._cycles:  # entering the lock runs due cycles
             pass
 
     def _server_late(self) -> float:
@@ -256,8 +264,8 @@ class CyclePacer:
         """Increase the lag of the controller's time.
 
         Args:
-            seconds: Seconds of the clock.
-            by_server: True if the server caused it, not the client.
+            seconds: The increase, in seconds of the clock.
+            by_server: True if the server caused the increase, False if the client did.
         """
         self._lag = min(max(0.0, self._lag + seconds), _MAX_LAG)
         self._server_lag = min(max(0.0, self._server_lag + seconds * by_server), self._lag)
@@ -265,7 +273,7 @@ class CyclePacer:
         self._cycles.stand_still(seconds)
 
     def _catch_up_cycles(self, late: float) -> int:
-        """Return the number of cycles in which to move to the set-point of mode 1."""
+        """Return the number of cycles for the move to the newest set-point in mode 1."""
         if self._cycles.number > self._lag_expires_at:
             self._lag = self._server_lag = 0.0
         limit = 1 + int((self._lag + late) / PERIOD + _HALF)

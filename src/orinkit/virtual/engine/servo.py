@@ -1,7 +1,8 @@
 """The mechanics of the arm: encoders that follow the command, loads, and the control log.
 
-The encoders reproduce each command :data:`LAG` cycles later. Loads follow a simple model, not that of a real arm: a
-third of the rated torque at the largest acceleration, an eighth for friction, and gravity on the axes that carry the arm.
+The encoders reach each command position :data:`LAG` cycles later. Loads are computed by a simple model, not by the
+model of a real arm: a third of the rated torque at the largest acceleration, an eighth for friction, and gravity on the
+axes that carry the arm.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ AXES: Final = 8
 LOG_LENGTH: Final = 12_500
 """Capacity of the control log in records (100 s); the oldest records are dropped first."""
 
-_ACCELERATION_LOAD: Final = 33.3
-_FRICTION_LOAD: Final = 12.5
-_GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)
-_RATED_CURRENT: Final = 3.0
+_ACCELERATION_LOAD: Final = 33.3  # % of the rated torque
+_FRICTION_LOAD: Final = 12.5  # % of the rated torque
+_GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)  # % of the rated torque, for each axis
+_RATED_CURRENT: Final = 3.0  # A
 _COMPLIANCE: Final = 1e-4  # deg for each percent of load
-_AT_REST: Final = 1e-9
+_AT_REST: Final = 1e-9  # deg/s; a slower axis has no friction
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ class Servo:
         return not self.frozen and any(late != command for late in self._late)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set command and encoders to the same joints, at rest."""
+        """Set command and encoders to the same joints, at standstill."""
         self.command = self.encoder = tuple(joints)
         self._late.extend([self.command] * (LAG + 1))
         self._encoders.extend([self.encoder] * 3)
@@ -106,7 +107,7 @@ class Servo:
     def deviation(self, powered: bool) -> tuple[float, ...]:
         """Return the following error of each motor, deg: its lag plus the compliance under load.
 
-        0 without power. With power, gravity always causes a small error; users recognize from it that the motor is on.
+        The error is 0 without power. With power, gravity always causes a small error, which shows that the motor is on.
         """
         if not powered:
             return (0.0,) * len(self.encoder)
@@ -145,8 +146,8 @@ class ControlLog:
     def record(self, index: int) -> list[Value]:
         """Return a record; index 0 is the oldest.
 
-        A record consists of command (deg), encoder (deg), current (A) and load (%) for each of 8 joints; then user
-        data (0), program number, file number, line (0 outside programs), counter in cycles, tool, work.
+        A record consists of command (deg), encoder (deg), current (A) and load (%) for each of 8 joints, followed by
+        user data, program number, file number and line (these four are always 0), counter in cycles, tool, work.
 
         Raises:
             IndexError: If there is no such record.

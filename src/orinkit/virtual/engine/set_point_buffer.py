@@ -1,8 +1,8 @@
-"""The buffer of slave mode: set-points of a client, the command of each cycle, and calls that wait for room.
+"""The buffer of slave mode: set-points of a client, the command position of each cycle, and calls that wait for room.
 
-Both arms use it: an RC8 has room for three set-points, a VE026A for one. What differs between the controllers is in the
-subclasses: the modes, the limits, and the errors. For a late client or server see
-:mod:`orinkit.virtual.engine.elastic_time`.
+The virtual RC8 and the virtual VE026A share this module; an RC8 has room for three set-points, a VE026A for one. The
+subclasses define what differs between the controllers: the modes, the limits, and the errors.
+:mod:`orinkit.virtual.engine.elastic_time` handles late clients and servers.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState
 
 SERVO_LIMIT: Final = 1.25
-"""The servo limit as a multiple of the command limit, which is that of the model. DENSO publishes only that it is
-larger; the number is an assumption of this project."""
+"""The servo limit as a multiple of the command limit, which is the limit of the arm model. DENSO publishes only that
+the servo limit is larger; the number is an assumption of this project."""
 
 LENIENCY: Final = 2.0
-"""Factor of the limits after a delay of the server, which is not the client's fault."""
+"""Factor of the limits after a delay of the server, because the client has not caused the delay."""
 
 ReplyFactory: TypeAlias = Callable[[], Value]
 """Returns the result of a slvMove at the moment of its reply."""
@@ -47,7 +47,8 @@ class PlannedSetPoint:
 
     Attributes:
         joints: Command position, deg or mm.
-        set_outputs: Sets the outputs of the set-point; called in the cycle of the command. ``None`` if it has none.
+        set_outputs: Function that sets the I/O outputs of the set-point; called in the cycle in which ``joints`` is the
+            command position. ``None`` if the set-point has no outputs.
     """
 
     joints: Joints
@@ -84,7 +85,8 @@ class SetPointBuffer(ABC):
         capacity: Number of set-points for which there is room.
 
     Attributes:
-        lenient: Number of cycles with larger limits, because set-points were lost while the server was late.
+        lenient: Number of cycles for which the limits are larger, because set-points were lost while the server was
+            late.
     """
 
     def __init__(self, arm: FollowingArm, cycles: ControlLoop, capacity: int) -> None:
@@ -92,7 +94,7 @@ class SetPointBuffer(ABC):
         self._arm = arm
         self._cycles = cycles
         self._capacity = capacity
-        self._buffer: deque[PlannedSetPoint] = deque()  # if the server was late: commands that lead to the newest one
+        self._buffer: deque[PlannedSetPoint] = deque()  # after a catch-up: the command positions up to the newest one
         self._waiting: deque[_Waiting] = deque()
         self._pace: CyclePacer | None = None  # of the current stream, or of the last one
 
@@ -110,13 +112,13 @@ class SetPointBuffer(ABC):
 
     @abstractmethod
     def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
-        """Return the first limit that a command violates; ``None`` if it is within the limits.
+        """Return the first limit that a command position violates; ``None`` if it is within the limits.
 
         Args:
-            before: The command one cycle ago, deg or mm.
-            now: The present command.
-            wanted: The next command.
-            lenient: Multiply the limits by :data:`LENIENCY`.
+            before: The command position one cycle ago, deg or mm.
+            now: The present command position.
+            wanted: The next command position.
+            lenient: True to multiply the limits by :data:`LENIENCY`.
         """
 
     @abstractmethod
@@ -127,7 +129,7 @@ class SetPointBuffer(ABC):
 
     @property
     def moving(self) -> bool:
-        """True while the command follows set-points and moves."""
+        """True while the command position follows set-points and moves."""
         return self._arm.queue.state is QueueState.FOLLOWING
 
     @property
@@ -137,13 +139,16 @@ class SetPointBuffer(ABC):
 
     @property
     def lateness(self) -> Callable[[int], Lateness]:
-        """The lateness of the current or the last stream; called with the number of late set-points to leave out."""
+        """Function that returns the lateness of the current or the last stream.
+
+        Its argument is the number of first late set-points to leave out.
+        """
         return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
     # --- set-points ---------------------------------------------------------------------------------------------
 
     def accept(self, command: PlannedSetPoint, make_reply: ReplyFactory) -> Value | Deferred[Value]:
-        """Put a set-point into the buffer; return the reply, or a Deferred of it if the buffer is full."""
+        """Put a set-point into the buffer; return the reply, or a deferred reply if the buffer is full."""
         if self.overwrites:
             self._buffer.clear()
         elif self.full:
@@ -157,7 +162,7 @@ class SetPointBuffer(ABC):
         return make_reply()
 
     def plan_catch_up(self, most: int) -> int:
-        """Plan commands to the newest set-point in at most ``most`` cycles.
+        """Plan the command positions that lead to the newest set-point in at most ``most`` cycles.
 
         Returns:
             Number of cycles; 0 if there is no set-point.
@@ -166,7 +171,7 @@ class SetPointBuffer(ABC):
             return 0
         goal, queue = self._buffer[-1], self._arm.queue
         if self.limit_violation(queue.previous_joints, queue.joints, goal.joints, lenient=False) is None:
-            return 1  # no set-points were lost, or the loss does not matter
+            return 1  # no set-points were lost, or one cycle is enough
         *path, _ = gentlest(self._arm.model, queue.previous_joints, queue.joints, goal.joints, most)
         self._buffer = deque([*map(PlannedSetPoint, path), goal])
         return len(self._buffer)
@@ -174,17 +179,17 @@ class SetPointBuffer(ABC):
     # --- for the subclasses -------------------------------------------------------------------------------------
 
     def _open(self, when_input_processed: WhenInputProcessed | None, *, strict: bool) -> None:
-        """Begin a stream: from now on its set-points pace the control loop.
+        """Begin a stream: from now on the control loop waits for its set-points.
 
         Args:
-            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
-            strict: True to not wait for late set-points.
+            when_input_processed: See :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            strict: True for strict time: the controller does not wait for late set-points.
         """
         self.lenient = 0
         self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
 
     def _close(self) -> list[Deferred[Value]]:
-        """End the stream and clear the buffer; return the replies that still wait."""
+        """End the stream and clear the buffer; return the pending replies."""
         self._cycles.pace = None
         self._buffer.clear()
         waiting, self._waiting = self._waiting, deque()
@@ -196,7 +201,7 @@ class SetPointBuffer(ABC):
             self._pace.resume()
 
     def _refill(self) -> None:
-        """Accept and answer the calls that wait, as far as there is room."""
+        """Accept waiting calls and send their replies while there is room."""
         while self._waiting and not self.full:
             waiting = self._waiting.popleft()
             if waiting.deferred.done():  # it was cancelled

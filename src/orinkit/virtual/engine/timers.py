@@ -29,7 +29,7 @@ class Timers:
     """Invokes callbacks after a number of cycles.
 
     Args:
-        cycles: The controller's cycle; :meth:`step` must be called in each.
+        cycles: The control loop of the controller; :meth:`step` must be called in each of its cycles.
     """
 
     def __init__(self, cycles: ControlLoop) -> None:
@@ -40,7 +40,7 @@ class Timers:
         """Start a timer.
 
         Args:
-            milliseconds: How long it runs, rounded up to whole cycles, at least one.
+            milliseconds: Duration; it is rounded up to whole cycles, at least one.
             ended: Callback invoked in the cycle in which the timer expires.
         """
         self._cycles.require_open()

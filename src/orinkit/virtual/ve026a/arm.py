@@ -30,7 +30,7 @@ from orinkit.virtual.ve026a.slave import VE026ASlaveMode
 logger = logging.getLogger("orinkit.ve026a")
 
 LONGEST_WAIT: Final = 0.5
-"""Seconds that slvChangeMode waits for standstill (2.2.1)."""
+"""Longest time that slvChangeMode waits for standstill, s (VE026A 2.2.1)."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
@@ -72,7 +72,7 @@ class VE026AArm:
         joints: The initial joints, one for each axis, deg.
         motor_seconds: Duration of the command Motor, s.
         clear_seconds: Duration of the command ClearError, s.
-        strict_time: True to report a late set-point as an error at once, False to wait for it.
+        strict_time: True to report a late set-point as an error immediately, False to wait for it.
 
     Attributes:
         error: Code of the present error, 0 for none. It is the first error since the last ClearError.
@@ -107,7 +107,7 @@ class VE026AArm:
 
     @property
     def standing(self) -> bool:
-        """True if command and encoders stand still."""
+        """True if command position and encoders stand still."""
         return not self.queue.moving and self.queue.standing and not self._following
 
     def exceeded(self, joints: Joints) -> int:
@@ -126,7 +126,7 @@ class VE026AArm:
     # --- commands of clients ------------------------------------------------------------------------------------
 
     def switch_motor(self, operator: Operator, on: bool) -> Deferred[None] | None:
-        """Begin to switch the motor on or off; a moving arm brakes first. Switching it off ends slave mode of any client.
+        """Begin to switch the motor on or off. A moving arm brakes first; switching off ends slave mode of any client.
 
         Returns:
             The deferred result, or ``None`` if the motor is already in this state.
@@ -164,16 +164,17 @@ class VE026AArm:
     def change_mode(self, operator: Operator, mode: int) -> Deferred[None] | None:
         """Enter or leave slave mode.
 
-        An active slave mode is left after its last set-point; an arm that still moves then brakes. Slave mode of another
-        client is ended at once, so that a dead client on a serial line does not keep the arm.
+        If slave mode is on, it is left after the last set-point in the buffer. If the arm still moves then, it brakes.
+        Mode 0 ends the slave mode of another client immediately, so that an unreachable client on a serial line does
+        not block the arm.
 
         Returns:
-            The deferred result, or ``None`` if the mode has been changed at once. It fails with ROBOT_RUNNING if the arm
-            does not stand still after :data:`LONGEST_WAIT`.
+            The deferred result, or ``None`` if the mode has already been changed. The result fails with ROBOT_RUNNING
+            if the arm does not stand still after :data:`LONGEST_WAIT`.
 
         Raises:
             CallError: E_ROBOTISBUSY while an operation is in progress; when entering slave mode, also E_ACCESSDENIED if
-                another client is in it, the present error, or E_FAIL if the motor is off.
+                another client is in slave mode, the present error, or E_FAIL if the motor is off.
         """
         self._require(operator, no_error=mode != OFF, stops=mode == OFF)
         if mode == OFF:
@@ -199,9 +200,9 @@ class VE026AArm:
             read: Function that returns the set-point, deg; its exceptions are passed on.
 
         Raises:
-            CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while an operation is in progress;
-                the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if the set-point is outside the range of
-                axis n, which is then also the present error.
+            CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while an operation is in
+                progress; the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if the set-point is outside
+                the range of axis n. This error is then also the present error.
         """
         self._require(operator, no_error=True)
         if self._change is not None:
@@ -326,13 +327,13 @@ class VE026AArm:
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _beyond(self, joints: Joints) -> int | None:
-        """Return the first axis for which a set-point is out of range, counted from 0; ``None`` for none.
+        """Return the index of the first axis for which a set-point is out of range, from 0; ``None`` for none.
 
         An axis that is already out of range, because the arm braked, may stay where it is or move back.
         """
         exceeded = self.exceeded(joints)
         for index, (value, command, axis) in enumerate(zip(joints, self.queue.joints, self.model.axes, strict=True)):
-            present = (command, rounded_to_single(command))  # clients receive the R4 number
+            present = (command, rounded_to_single(command))  # clients receive joints that are rounded to R4
             if (
                 exceeded >> index & 1
                 and not axis.upper < value <= max(present)
@@ -342,9 +343,12 @@ class VE026AArm:
         return None
 
     def _require(self, operator: Operator, *, no_error: bool = False, stops: bool = False) -> None:
-        """Check the preconditions of every command.
+        """Check the preconditions of a command: no operation is in progress, and no other client is in slave mode.
 
-        No other client may move the arm, except for commands that stop it, and no operation may be in progress.
+        Args:
+            operator: The client.
+            no_error: True if there must be no present error.
+            stops: True if the command stops the arm: it is accepted even if another client is in slave mode.
         """
         self._cycles.require_open()
         if not stops and self._owner not in (None, operator):
@@ -362,7 +366,7 @@ class VE026AArm:
         return self._change.operator if self._change is not None else self.slave.owner
 
     def _overrule(self, operator: Operator) -> None:
-        """End slave mode of another client, unless it is already being left."""
+        """End the slave mode of another client, unless that client is already leaving it."""
         if self._owner not in (None, operator) and (self._change is None or self._change.mode != OFF):
             self._fail_change(hresult.E_ABORT)
             self.stop(hresult.E_ABORT)

@@ -9,10 +9,11 @@ class Operator:
     """A client that can move the arm.
 
     Args:
-        when_input_processed: Drains the input of its connection, see :class:`~orinkit.cao.provider.ClientInfo`.
+        when_input_processed: Invokes a callback after the input of the client has been processed, see
+            :class:`~orinkit.cao.provider.ClientInfo`.
 
     Attributes:
-        when_input_processed: Drains the input of its connection.
+        when_input_processed: The argument of the same name.
         robots: Number of its Robot objects; when it drops to 0, the client counts as disconnected.
     """
 

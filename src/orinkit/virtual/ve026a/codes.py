@@ -1,7 +1,7 @@
 """The table of the device-specific return codes of a VE026A, in addition to those of table 3-5.
 
-Table 3-4 reserves 0x80040200 to 0x8004FFFF for the device. The document names one such error, 600B, without its code on the
-wire; this project uses 0x8004600B. The other codes are chosen by this project.
+Table 3-4 reserves 0x80040200 to 0x8004FFFF for the device. The document names one such error, 600B, but not its return
+code; this project uses 0x8004600B. The other codes are chosen by this project.
 """
 
 from __future__ import annotations

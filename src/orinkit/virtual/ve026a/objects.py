@@ -1,7 +1,8 @@
 """The objects of clients: the controller, the robot, their variables (VE026A 5.2 to 5.4).
 
-Names of variables and commands are case-insensitive. An unknown variable is E_INVALIDARG, because table 3-5 has no specific
-code for it (a decision of this project); an unknown command is E_INVALIDCOMMAND.
+Names of variables and commands are case-insensitive. For an unknown variable the return code is E_INVALIDARG, because
+table 3-5 has no specific code for this case (a decision of this project); for an unknown command it is
+E_INVALIDCOMMAND.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ HANDLES: Final[dict[tuple[str, str], int]] = {
     ("Variable", "@TYPE"): 3,
     ("Variable", "@VERSION"): 4,
 }
-"""Handles by interface and, for variables, name. Each interface is counted separately, as in the printed samples."""
+"""Handles by interface and name; only variables have a name. Each interface is counted separately, as in the samples of
+the document."""
 
 
 def plain_name(name: str) -> str:
@@ -102,7 +104,7 @@ class VE026ARobot(_OfClient, RobotObject):
         return known(self._arm, self._operator, parameter)
 
     def release(self) -> None:
-        """Release the object; with the client's last one, its motion is stopped and slave mode is left."""
+        """Release the object. If it is the last Robot object of the client, stop the motion and leave slave mode."""
         self._operator.robots -= 1
         if self._operator.robots <= 0:
             self._arm.forget(self._operator)
@@ -124,11 +126,11 @@ class VE026AController(_OfClient, ControllerObject):
         return VE026ARobot(self._arm, self._operator, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute ClearError. It has no result, as in the printed packet, although table 5-2 has one.
+        """Execute ClearError. It has no result, as in the packet printed in the document, although table 5-2 has one.
 
         Raises:
-            CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter is
-                not an error code; an error of the arm.
+            CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter
+                is not an error code; an error of the arm.
         """
         if plain_name(command) != "CLEARERROR":
             raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
@@ -140,7 +142,7 @@ class VE026AController(_OfClient, ControllerObject):
         return self._arm.slave.owner is self._operator and not self._arm.standing
 
     def stop_moving(self) -> None:
-        """Bring the arm to rest if the client moves it."""
+        """Stop the arm if the client moves it."""
         if self._arm.slave.owner is self._operator:
             self._arm.stop(hresult.E_ABORT)
 

@@ -1,4 +1,4 @@
-"""Parameters of the commands, in the types of tables 5-2 and 5-3 and in those that clients actually send.
+"""Parameters of the commands, in the types of tables 5-2 and 5-3 and in the types that clients actually send.
 
 Clients send numbers in any type and as strings, modes also in hexadecimal, and poses as arrays of R4 or R8, as VARIANT
 arrays and as a string.
@@ -26,7 +26,7 @@ MODES: Final = (OFF, SYNCHRONOUS, ASYNCHRONOUS)
 """The modes of slvChangeMode (table 2-1; 0 is in 2.2.1)."""
 
 VALUES: Final = 8
-"""Values of a pose: the seven axes and 0, as in the printed samples."""
+"""Number of values of a pose: the seven axes and 0, as in the samples of the document."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 
@@ -48,7 +48,9 @@ def motor(parameter: Variant) -> bool:
 
 
 def mode(parameter: Variant) -> int:
-    """Return the parameter of slvChangeMode, one of :data:`MODES`: VT_I2, VT_I4, or a string such as ``"258"`` or ``"0x102"``.
+    """Return the parameter of slvChangeMode, one of :data:`MODES`.
+
+    Its type is VT_I2, VT_I4, or a string such as ``"258"`` or ``"0x102"``.
 
     Raises:
         CallError: E_INVALIDARG if there is no such mode; E_INVALIDARGTYPE if it is not a number.
@@ -93,8 +95,8 @@ def joints(parameter: Variant) -> tuple[float, ...]:
     """Return the seven joints of a pose, deg; an eighth value is ignored.
 
     Raises:
-        CallError: E_INVALIDARG if there are not seven or eight numbers, or one is not finite; E_INVALIDARGTYPE if a value
-            is not a number.
+        CallError: E_INVALIDARG if there are not seven or eight numbers, or one is not finite; E_INVALIDARGTYPE if a
+            value is not a number.
     """
     values = _numbers(parameter)
     if not all(map(math.isfinite, values)):

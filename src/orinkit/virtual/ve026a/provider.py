@@ -33,12 +33,13 @@ class VirtualVE026A(Provider):
         motor_seconds: Duration of the command Motor, s; about 3 according to the document.
         clear_seconds: Duration of the command ClearError, s; about 1 according to the document.
         model: An arm of seven axes with other frames or limits; the published model by default.
-        strict_time: If True, a cycle without a set-point in synchronous slave mode is an error at once, as on a real VE026A.
-            Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and
-            :attr:`set_point_lateness` counts it.
+        strict_time: If True, a cycle without a set-point in synchronous slave mode is an error immediately, as on a
+            real VE026A. Otherwise the controller's time stops until the set-point arrives, for 250 ms at most, and
+            :attr:`set_point_lateness` counts the late set-point.
 
     Raises:
-        ValueError: If the joints are out of range, a duration is not 0 to 3600 s, or the model does not have seven axes.
+        ValueError: If the joints are out of range, a duration is not 0 to 3600 s, or the model does not have seven
+            axes.
     """
 
     provider_names: Sequence[str] = ("", "*")  # "not used" (VE026A 5.2.1): any name is accepted
@@ -140,7 +141,10 @@ class VirtualVE026A(Provider):
         return CODES[code].text if code in CODES else hresult.lookup(code).text
 
     def emergency_stop(self) -> None:
-        """Press the emergency stop: the arm brakes, motor and slave mode are switched off. The error lasts until ClearError."""
+        """Press the emergency stop: the arm brakes, motor and slave mode are switched off.
+
+        The error lasts until ClearError.
+        """
         with self.guard:
             self._arm.press_emergency()
 

@@ -1,16 +1,17 @@
-"""Slave mode (VE026A 2): each cycle of 8 ms uses a set-point as its command.
+"""Slave mode (section 2 of the VE026A document): in each cycle of 8 ms a set-point becomes the command position.
 
 The buffer has room for one set-point, as in the RC7 controllers of that time (reference: slave mode). Synchronous and
-asynchronous mode differ in when slvMove returns and in the time-out detection (2.2.1):
+asynchronous mode differ in the time at which slvMove returns and in the time-out detection (2.2.1):
 
-* Synchronous: slvMove returns when there is room for its set-point. A client that then sends the next one stays in step,
-  one set-point ahead. After the first set-point, a cycle without a new one is an error, after 250 ms unless time is strict.
-* Asynchronous: slvMove returns at once, and its set-point replaces one that has not been used yet. Without a new set-point
-  the arm stays at the last one.
+* Synchronous: slvMove returns when there is room for its set-point. A client that sends the next set-point after each
+  reply is always one set-point ahead. After the first set-point, a cycle without a new one is an error: immediately
+  with strict time, otherwise after a wait of 250 ms.
+* Asynchronous: slvMove returns immediately, and its set-point replaces one that has not been used yet. Without a new
+  set-point the arm stays at the last one.
 
-The largest distance of a set-point is the distance that an axis travels in a cycle, times
-:data:`~orinkit.virtual.engine.set_point_buffer.SERVO_LIMIT`. Its acceleration is not checked: over a serial line
-set-points arrive a few cycles apart, and the arm stands still in between.
+The distance from one set-point to the next is limited for each axis: to the distance that the axis travels in a cycle
+at its largest velocity, times :data:`~orinkit.virtual.engine.set_point_buffer.SERVO_LIMIT`. The acceleration is not
+checked, because set-points arrive a few cycles apart over a serial line and the arm stands still in between.
 """
 
 from __future__ import annotations
@@ -49,21 +50,21 @@ class StreamedArm(FollowingArm, Protocol):
         """Return the reply to slvMove: the encoder values."""
 
     def fail(self, code: int, detail: str = "") -> None:
-        """Enter an error state: decelerate, leave slave mode."""
+        """Enter an error state: brake and leave slave mode."""
 
 
 class VE026ASlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off. For a late server see :mod:`orinkit.virtual.engine.elastic_time`.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`accept_waiting` in each cycle while the mode is on, and :meth:`end` when it is
-            stopped.
-        cycles: The controller's cycle.
-        strict_time: True to not wait for late set-points.
+        arm: The arm. It must call :meth:`step` and :meth:`accept_waiting` in each cycle while slave mode is on, and
+            :meth:`end` when the arm is stopped.
+        cycles: The control loop of the controller.
+        strict_time: True to report a late set-point as an error immediately, False to wait for it.
 
     Attributes:
         mode: 0x002 (synchronous), 0x102 (asynchronous), or 0 for off.
-        owner: The client that has turned it on.
+        owner: The client that has turned slave mode on; ``None`` if it is off.
     """
 
     _arm: StreamedArm
@@ -99,7 +100,7 @@ class VE026ASlaveMode(SetPointBuffer):
 
     @property
     def overwrites(self) -> bool:
-        """True if missed cycles are caught up (asynchronous mode), because set-points have been overwritten meanwhile."""
+        """True in asynchronous mode: only the newest set-point counts, so missed cycles are caught up."""
         return self.mode == ASYNCHRONOUS
 
     @property
@@ -115,7 +116,7 @@ class VE026ASlaveMode(SetPointBuffer):
         Args:
             owner: The client.
             mode: 0x002 or 0x102.
-            when_input_processed: Drains the client's input, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: See :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self.mode, self.owner = mode, owner
         self._started = False
@@ -127,7 +128,7 @@ class VE026ASlaveMode(SetPointBuffer):
         return self.accept(PlannedSetPoint(joints), self._arm.angles)
 
     def end(self, code: int) -> None:
-        """Turn slave mode off at once; waiting slvMoves fail with the code. The caller must stop the arm."""
+        """Turn slave mode off immediately; waiting slvMoves fail with the code. The caller must stop the arm."""
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
@@ -137,13 +138,13 @@ class VE026ASlaveMode(SetPointBuffer):
             reply.set_exception(refusal(code))
 
     def fail(self, code: int, detail: str = "") -> None:
-        """Enter an error state: decelerate, leave slave mode."""
+        """Enter an error state: brake and leave slave mode."""
         self._arm.fail(code, detail)
 
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Set the command of this cycle; call it before the step of the arm's queue."""
+        """Set the command position of this cycle; call it before the step of the arm's queue."""
         queue = self._arm.queue
         if self._buffer:
             self._lead_to(self._buffer.popleft().joints)
@@ -154,7 +155,7 @@ class VE026ASlaveMode(SetPointBuffer):
         self._end_cycle()
 
     def accept_waiting(self) -> None:
-        """Accept and answer a slvMove that waits for room; call it at the end of a cycle."""
+        """Accept a slvMove that waits for room and send its reply; call it at the end of a cycle."""
         self._refill()
 
     def limit_violation(
@@ -165,7 +166,7 @@ class VE026ASlaveMode(SetPointBuffer):
         *,
         lenient: bool,
     ) -> SlaveFault | None:
-        """Return the limit violation of the lowest axis; ``None`` if the command is within the limits."""
+        """Return the limit violation of the lowest axis; ``None`` if the command position is within the limits."""
         factor = LENIENCY if lenient else 1.0
         for number, (axis, b, c) in enumerate(zip(self._arm.model.axes, now, wanted, strict=True)):
             most = axis.velocity * SERVO_LIMIT

@@ -1,4 +1,4 @@
-"""Braking from any velocity to standstill, for external commands that have ended without a planned motion."""
+"""Braking from any velocity to standstill, for external commands, which have no planned path on which to stop."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 
 
 class Brake:
-    """Brings a moving command to rest in its present direction.
+    """Brings a moving command position to standstill in its present direction.
 
-    All axes slow down together with constant deceleration, determined by the axis whose acceleration is least in relation
-    to its velocity. The end point is not planned: it may be beyond a soft limit, because stopping there would exceed an
-    acceleration limit.
+    All axes slow down together with constant deceleration, determined by the axis whose acceleration limit is smallest
+    in relation to its velocity. The end point is not planned: it may be beyond a soft limit, because stopping at the
+    soft limit would exceed an acceleration limit.
 
     Args:
         model: The arm model, for its accelerations.
-        before: The command one cycle ago, degrees or mm.
-        joints: The present command.
+        before: The command position one cycle ago, deg or mm.
+        joints: The present command position.
         cycle: Length of a :meth:`step` in seconds.
     """
 
@@ -33,7 +33,7 @@ class Brake:
         )
 
     def step(self) -> Joints:
-        """Return the command of the next cycle; it no longer changes once it is at rest."""
+        """Return the command position of the next cycle; after standstill it does not change."""
         self._fraction = max(0.0, self._fraction - self._decrease)
         if self._fraction:
             self._joints = tuple([q + self._fraction * v for q, v in zip(self._joints, self._velocity, strict=True)])

@@ -1,6 +1,7 @@
 """Cartesian paths of the tool centre point (TCP) in the base frame, independent of time and of the arm.
 
-A line, an arc, a rotation about an axis, a free curve. Lengths are in mm, angles in degrees; a frame is a 4x4 matrix.
+A path is a line, an arc, a rotation about an axis, or a free curve. Lengths are in mm, angles in degrees; a frame is a
+4x4 matrix.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ LONGEST_CURVE: Final = 5001
 
 _FARTHEST: Final = 1e6  # mm; no arm reaches that far, and its square is still exact enough
 _SAME_POINT: Final = 1e-3  # mm; closer points do not define a circle
-_COLLINEAR: Final = 1e-6  # sine of the angle between the chords of an arc
-_MAX_DEGREES: Final = 36_000
-_MAX_PARTS: Final = 20_000  # into which a curve is divided to measure it
+_COLLINEAR: Final = 1e-6  # smallest sine of the angle between the chords of an arc
+_MAX_DEGREES: Final = 36_000  # of a rotation
+_MAX_PARTS: Final = 20_000  # largest number of parts into which a curve is divided to measure it
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +68,12 @@ def line(start: Array, end: Array) -> CartesianPath:
 def arc(start: Array, via: Array, end: Array) -> CartesianPath:
     """Return the circular path from a start frame through a via point to an end frame.
 
-    The orientation turns evenly from that of the start to that of the end, about a single axis; the orientation of
-    ``via`` is not used.
+    The orientation turns evenly about a single axis, from the orientation of ``start`` to the orientation of ``end``.
+    The orientation of ``via`` is not used.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if two of the points coincide or all three
-            are on a line, so that there is no circle.
+        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if two of the points coincide or all
+            three are on a line, so that there is no circle.
     """
     start, via, end = _checked(start), _checked(via), _checked(end)
     origin = start[:3, 3]
@@ -101,14 +102,14 @@ def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_or
 
     Args:
         start: The start frame of the TCP.
-        axis: Direction of the axis, shape (3,), of any length but 0.
+        axis: Direction of the axis, shape (3,), of any length except 0.
         point: A point on the axis, shape (3,), mm.
         degrees: The angle; negative angles and more than one turn are allowed.
         keep_orientation: True if the tool keeps its orientation; False if it turns about the axis too.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if the axis has no direction, or the angle
-            is more than 100 turns.
+        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if the axis has no direction, or the
+            angle is more than 100 turns.
     """
     start = _checked(start)
     length = float(np.linalg.norm(axis)) if np.all(np.abs(axis) <= _FARTHEST) else math.nan
@@ -132,11 +133,13 @@ def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_or
 def curve(points: Sequence[Array]) -> CartesianPath:
     """Return the free curve through frames; the first one is the start frame of the TCP.
 
-    Positions and orientations (as quaternions) are natural cubic splines over the distances of the points, so velocity
-    and acceleration are continuous. A point that coincides with the one before it is skipped.
+    Positions and orientations (as quaternions) are interpolated by natural cubic splines, so velocity and acceleration
+    are continuous. The parameter of the splines is the sum of the distances between the points. A point that coincides
+    with the one before it is skipped.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if there are no points, or more than 5,001.
+        CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if there are no points, or more than
+            5,001.
     """
     if not 1 <= len(points) <= LONGEST_CURVE:
         raise error_for(
@@ -209,7 +212,7 @@ def _frames(rotations: Array, positions: Array, u: Array, end: Array | None) -> 
 
 
 def _on_circle(radius: Array, across: Array, angles: Array) -> Array:
-    # Relative to the first point: no difference of large numbers, even for a very large circle.
+    # Relative to the first point, to avoid differences of large numbers if the circle is very large.
     moved: Array = np.sin(angles)[:, None] * across - 2 * np.sin(angles / 2)[:, None] ** 2 * radius
     return moved
 

@@ -1,6 +1,6 @@
 """Joint paths q(u) for u from 0 to 1, independent of time.
 
-Either a straight path between two sets of joints, or a table computed from a Cartesian path by inverse kinematics.
+A path is either straight between two sets of joints, or a table computed from a Cartesian path by inverse kinematics.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from orinkit.virtual.engine.motion.profile import Array
 Joints: TypeAlias = tuple[float, ...]
 
 _STEP: Final = 1.0  # mm, initial step of a table
-_STEP_ANGLE: Final = 0.25  # deg
+_STEP_ANGLE: Final = 0.25  # deg, initial step of a table
 _MIN_STEPS: Final = 16
 _MAX_STEPS: Final = 8192
-_POSITION_ERROR: Final = 1e-3  # mm between the steps of a table
-_ANGLE_ERROR: Final = 1e-4  # deg
+_POSITION_ERROR: Final = 1e-3  # mm, largest error between the steps of a table
+_ANGLE_ERROR: Final = 1e-4  # deg, largest error between the steps of a table
 _LARGEST_STEP: Final = 20.0  # deg of a joint; a larger step is a jump from one solution to another
-_START_ERROR: Final = 1e-3  # deg between the joints of the arm and the start of its path
-_SIDE: Final = 1e-6  # fraction of a step: just after its beginning, just before its end
+_START_ERROR: Final = 1e-3  # deg, largest difference between the joints of the arm and the start of its path
+_SIDE: Final = 1e-6  # fraction of a step: distance of the outer probes from its beginning and its end
 
 
 class _Path(ABC):
-    """A path through joints.
+    """A path of the joints.
 
     Attributes:
         start: Joints at u = 0.
         end: Joints at u = 1.
-        probes: Values of u that include those of the greatest derivatives, for :meth:`sampled`.
+        probes: Values of u for :meth:`sampled`, among them those with the greatest derivatives.
     """
 
     __slots__ = ("end", "probes", "start")
@@ -68,7 +68,7 @@ class _Path(ABC):
 class JointPath(_Path):
     """A straight path from one set of joints to another (PTP): all axes move in proportion.
 
-    There are no ``probes``: the derivatives are constant.
+    ``probes`` is empty, because the derivatives are constant.
     """
 
     __slots__ = ("_difference",)
@@ -91,7 +91,9 @@ class JointPath(_Path):
 
 
 class TablePath(_Path):
-    """A path through joints at equal steps of u, interpolated by cubics with the slopes of the table.
+    """A path through a table of joints at equal steps of u.
+
+    Between the steps it is interpolated by cubic polynomials, whose slopes are computed from the table.
 
     Args:
         joints: The table, shape (steps + 1, axes), of at least 4 steps.
@@ -147,7 +149,7 @@ def table_path(
 
     Args:
         kinematics: Kinematics of the arm.
-        course: The path of the TCP, from its present frame.
+        course: The path of the TCP, starting at its present frame.
         tool: Frame of the TCP relative to the flange.
         start: Joints of all axes at the start.
         extra_end: End values of axes 7 and 8, as many as the arm has; ``None`` to leave them unchanged.
@@ -155,8 +157,9 @@ def table_path(
             a finer table cannot succeed either.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE if the end is out of reach, OUT_OF_WORKING_RANGE if a point of the path is;
-            SINGULAR_POINT_REFUSED if the joints cannot follow because the path is through, or too near, a singular point.
+        CallError: TARGET_OUT_OF_RANGE if the end is out of reach; OUT_OF_WORKING_RANGE if another point of the path is
+            out of reach; SINGULAR_POINT_REFUSED if the joints cannot follow, because the path leads through a singular
+            point or too near to one.
     """
     inverse_tool = inverse_of(tool)
     steps = max(_MIN_STEPS, math.ceil(course.length / _STEP), math.ceil(course.angle / _STEP_ANGLE))

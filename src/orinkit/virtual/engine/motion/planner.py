@@ -1,8 +1,8 @@
 """Planning of motions to a target, as fast as the model's limits and the rates allow.
 
-Every joint stays within its velocity times ``speed``, and its acceleration times the greater of ``accel`` and
-``decel``; on a Cartesian path the TCP stays within the model's path speed times ``speed``. A path that would exceed the
-limits of a joint is slowed down as a whole.
+The velocity of each joint stays within its limit times ``speed``, and its acceleration within its limit times the
+greater of ``accel`` and ``decel``. On a Cartesian path, the velocity of the TCP also stays within the model's path
+speed times ``speed``. If a joint would exceed a limit, the motion is slowed down as a whole.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ LONGEST: Final = 36_000.0
 
 AT_TARGET: Final = PassMark("0")
 
-_MARGIN: Final = 1.01  # of a path that is slowed down, for peaks between the samples
-_SINGULAR_STRETCH: Final = 20.0  # a path that is slowed down by more than this factor, and
-_SINGULAR_TIME: Final = 2.0  # takes longer than this (s), is too near a singular point
+_MARGIN: Final = 1.01  # additional factor for a motion that is slowed down, because of peaks between the samples
+# A path is too near to a singular point if its motion is slowed down by more than this factor and takes longer than
+# this time (s).
+_SINGULAR_STRETCH: Final = 20.0
+_SINGULAR_TIME: Final = 2.0
 _STILL: Final = 1e-9  # deg or mm; a shorter distance counts as zero
-_SAMPLES: Final = 1024  # of a motion, to measure the speed of its joints and its distance from the end
+_SAMPLES: Final = 1024  # of a motion, for the velocities of its joints and its distance from the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +74,12 @@ class Motion:
     Attributes:
         path: The path of the joints.
         profile: The progress along the path over time.
-        rates: The rates that it was planned with.
+        rates: The rates with which the motion was planned.
         mark: The pass mark.
         length: Distance that the TCP travels along its path, mm; ``None`` for a point-to-point motion.
-        pass_time: Time in seconds after which the next motion may begin: with ``@P`` the start of the deceleration; with
-            ``@n`` the time from which the TCP stays within the radius of its end, but not before half the duration;
-            otherwise the duration.
+        pass_time: Time in seconds after which the next motion may begin: with ``@P`` the start of the deceleration;
+            with ``@n`` the time from which the distance of the TCP from its end position stays within the radius, but
+            not before half the duration; otherwise the duration.
     """
 
     __slots__ = ("length", "mark", "pass_time", "path", "profile", "rates")
@@ -172,10 +174,10 @@ def plan_line(
         extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
 
     Raises:
-        CallError: TARGET_OUT_OF_RANGE if the end is out of reach, OUT_OF_WORKING_RANGE if a point of the path is;
-            SINGULAR_POINT_REFUSED if the joints cannot follow, or only very slowly; TARGET_OVER_SOFT_LIMIT_AXISn if the
-            end is outside the limits of axis n, SOFT_LIMIT_OVER_AXISn if the path is; VALUE_OUT_OF_RANGE if the motion
-            would take more than 36,000 s.
+        CallError: TARGET_OUT_OF_RANGE if the end is out of reach; OUT_OF_WORKING_RANGE if another point of the path is
+            out of reach; SINGULAR_POINT_REFUSED if the joints cannot follow the path, or only very slowly;
+            TARGET_OVER_SOFT_LIMIT_AXISn if the end is outside the soft limits of axis n; SOFT_LIMIT_OVER_AXISn if the
+            path leaves the soft limits of axis n; VALUE_OUT_OF_RANGE if the motion would take more than 36,000 s.
     """
     course = courses.line(_tcp(kinematics, start, tool), end)
     return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
@@ -194,7 +196,7 @@ def plan_arc(
 ) -> Motion:
     """Plan a motion of the TCP on the circle through the position of ``via`` to the frame ``end``.
 
-    The orientation turns evenly from start to end; that of ``via`` is not used.
+    The orientation turns evenly from start to end; the orientation of ``via`` is not used.
 
     Raises:
         CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the points are on a line or coincide.

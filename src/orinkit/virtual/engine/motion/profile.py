@@ -1,8 +1,8 @@
 """Motion profiles: the progress of a motion along its path over time, from rest to rest.
 
-A profile is a trapezoidal velocity profile, averaged over the time ``smoothing``. An average never exceeds the maximum of
-the averaged values, so velocity and acceleration stay within the limits of the trapezoid, and the jerk is at most the
-acceleration divided by the smoothing. The result has up to seven pieces of constant jerk.
+A profile is a trapezoidal velocity profile, smoothed by a moving average over the time ``smoothing``. An average never
+exceeds the maximum of the averaged values. Velocity and acceleration therefore stay within the limits of the trapezoid,
+and the jerk is at most the acceleration divided by ``smoothing``. The result has up to seven pieces of constant jerk.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Array: TypeAlias = npt.NDArray[np.float64]
 SMOOTHING: Final = 0.04
 """Seconds over which a trapezoid is averaged."""
 
-_SAMPLES: Final = 4096  # of a profile, to invert it
-# A very short piece of a long profile would be lost in the rounding of its times. These limit the shortest acceleration
-# or deceleration time, in seconds, and the ratio of the longer to the shorter one.
+_SAMPLES: Final = 4096  # of a profile, to compute its inverse
+# A very short piece of a long profile would be lost in the rounding of its times. These constants limit the
+# acceleration and deceleration times (s) and the ratio of the longer to the shorter one.
 _SHORTEST_RISE: Final = 1e-3
 _GREATEST_RATIO: Final = 1e4
 _SMALLEST: Final = 1e-18
@@ -94,7 +94,7 @@ class MotionProfile:
         return cls((), 0.0, 0.0)
 
     def stretched(self, duration: float) -> MotionProfile:
-        """Return the same profile slowed down to a duration, or itself if its duration is not shorter.
+        """Return the same profile slowed down to a duration, or this profile if it is not shorter.
 
         Raises:
             ValueError: If the duration is not finite.
@@ -150,8 +150,8 @@ class MotionProfile:
 def _smoothed(
     top: float, rise: float, cruise: float, fall: float, width: float
 ) -> tuple[tuple[Knot, ...], float, float]:
-    # Jerk of an acceleration in steps, averaged over the last `width` seconds: it changes when a step enters the
-    # average, and by the opposite amount when the step leaves it.
+    # The acceleration of a trapezoid changes in steps. If it is averaged over the last `width` seconds, the jerk
+    # changes when a step enters the average, and by the opposite amount when the step leaves the average.
     slowing = rise + cruise
     end = slowing + fall
     steps = ((0.0, top / rise), (rise, -top / rise), (slowing, -top / fall), (end, top / fall))

@@ -1,15 +1,17 @@
-"""Execution: a queue of motions run one servo cycle at a time, with passing, halt, hold and skip.
+"""Execution of motions: a queue whose motions run one servo cycle at a time, with passing, halt and hold.
 
-A motion has its own time, its *elapsed* time. Normally it increases by one cycle in each cycle. To bring the arm to rest,
-the increment (the *pace*) is reduced from cycle to cycle, as fast as the accelerations of the joints allow; so the arm
-stays on its path. An unchanged pace is always allowed, so a solution always exists.
+Each motion has its own time, the *elapsed* time. Normally the elapsed time increases by the length of a cycle in each
+cycle. To stop the arm, this increment (the *pace*) is reduced from cycle to cycle, as fast as the acceleration limits
+of the joints allow. The arm therefore stays on its path. An unchanged pace is always allowed, so a solution always
+exists.
 
-With the pass marks ``@P`` and ``@n`` the next motion begins before the present one has ended; the remaining displacement
-of the first is added to the second. The start time is computed beforehand so that no joint exceeds the velocity and
-acceleration that one of the two motions alone may have. At most two motions run at a time.
+With the pass marks ``@P`` and ``@n`` the next motion begins before the present one has ended; the remaining
+displacement of the present motion is added to the next one. The time at which the next motion begins is computed
+beforehand, so that no joint exceeds the velocity and acceleration that one of the two motions alone may have. At most
+two motions run at a time.
 
-Instead of motions, the queue can follow external commands, one for each cycle (:meth:`MotionQueue.follow`). When they end
-or are stopped, the arm brakes from its present velocity.
+Instead of motions, the queue can follow external commands: command positions set by the caller, one for each cycle
+(:meth:`MotionQueue.follow`). When they end or are stopped, the arm brakes from its present velocity.
 """
 
 from __future__ import annotations
@@ -78,8 +80,8 @@ class Ticket:
 
     Attributes:
         motion: The motion.
-        state: QUEUED, then RUNNING, then DONE when the command has reached its end, or STOPPED if it was dropped. A
-            motion marked ``@P`` or ``@n`` is PASSED from its ``pass_time`` until it is DONE.
+        state: QUEUED, then RUNNING, then DONE when the command position has reached the end of the motion. STOPPED if
+            the motion was dropped. A motion marked ``@P`` or ``@n`` is PASSED from its ``pass_time`` until it is DONE.
         elapsed: The motion's own time in seconds.
         on_change: Callback invoked with the ticket after its state has changed and the queue is consistent again.
     """
@@ -109,7 +111,7 @@ class MotionQueue:
         cycle: Length of a :meth:`step` in seconds.
 
     Attributes:
-        joints: The command, degrees or mm.
+        joints: The command position, deg or mm.
         state: State of the queue.
     """
 
@@ -134,17 +136,17 @@ class MotionQueue:
 
     @property
     def moving(self) -> bool:
-        """True if the command moves or is about to."""
+        """True if the command position moves, or is about to move."""
         return self.state not in (QueueState.IDLE, QueueState.HELD)
 
     @property
     def standing(self) -> bool:
-        """True if the velocity of the command is zero, apart from rounding."""
+        """True if the velocity of the command position is zero, apart from rounding."""
         return all(abs(a - b) <= _STILL for a, b in zip(self.joints, self._before, strict=True))
 
     @property
     def previous_joints(self) -> Joints:
-        """The command one cycle ago."""
+        """The command position one cycle ago."""
         return self._before
 
     @property
@@ -159,7 +161,7 @@ class MotionQueue:
 
     @property
     def end_joints(self) -> Joints:
-        """Joints at which the next motion must start: the end of the last motion, or the command."""
+        """Joints at which the next motion must start: the end of the last motion, or the command position."""
         if self.state is QueueState.STOPPING:
             return self.joints
         last = self._waiting or self._active
@@ -167,7 +169,7 @@ class MotionQueue:
 
     @property
     def target(self) -> Joints:
-        """Joints at the end of the running motion; the command if none runs."""
+        """Joints at the end of the running motion; the command position if none runs."""
         return self._active[-1].motion.end if self._active else self.joints
 
     def velocity_and_acceleration(self) -> tuple[Joints, Joints]:
@@ -185,7 +187,7 @@ class MotionQueue:
         Raises:
             ValueError: If the queue is full, the motion does not start at :attr:`end_joints`, or the queue follows
                 external commands.
-            CallError: STOPPING_MOTION while the arm is being brought to rest.
+            CallError: STOPPING_MOTION while the arm is stopping.
         """
         if self.state in _COMING_TO_REST:
             raise error_for(
@@ -210,10 +212,10 @@ class MotionQueue:
         return ticket
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set the command to other joints, at rest.
+        """Set the command position to other joints, at standstill.
 
         Raises:
-            ValueError: If a motion runs or waits, or the number of joints is not that of the axes.
+            ValueError: If a motion runs or waits, or the number of joints is not the number of axes.
         """
         if self.state is not QueueState.IDLE:
             raise ValueError(tr("the command cannot be set while motions run or wait"))
@@ -231,10 +233,10 @@ class MotionQueue:
     def follow(self, joints: Joints) -> None:
         """Set the external command of the next cycle; the caller must check the limits.
 
-        Call it before each :meth:`step` while the command moves; otherwise the arm brakes.
+        Call it before each :meth:`step` while the command position moves; otherwise the arm brakes.
 
         Raises:
-            ValueError: If a motion runs or waits, or the arm is being brought to rest.
+            ValueError: If a motion runs or waits, or the arm is stopping.
         """
         if self.state not in (QueueState.IDLE, QueueState.FOLLOWING):
             raise ValueError(tr("external commands cannot be followed while motions run or wait"))
@@ -242,9 +244,9 @@ class MotionQueue:
         self.state = QueueState.FOLLOWING
 
     def halt(self) -> None:
-        """Bring the arm to rest on its path, as fast as its joints can; then drop all motions.
+        """Stop the arm on its path, as fast as the acceleration limits allow; then drop all motions.
 
-        External commands have no path: each joint then brakes in its present direction (:class:`Brake`).
+        External commands have no path; in this case each joint brakes in its present direction (:class:`Brake`).
         """
         if self.state is QueueState.HELD:
             self._drop()
@@ -256,7 +258,7 @@ class MotionQueue:
             self._begin_at = None
 
     def hold(self) -> None:
-        """Bring the arm to rest on its path and keep the motions; without motions, do nothing."""
+        """Stop the arm on its path and keep the motions; without motions, do nothing."""
         if self.state in (QueueState.MOVING, QueueState.RESUMING):
             self.state = QueueState.HOLDING
 
@@ -300,7 +302,7 @@ class MotionQueue:
         return self._nearest_to(0.0, 1.0)
 
     def _nearest_to(self, desired: float, fraction: float) -> float:
-        # The last pace is always possible, apart from rounding: the motions alone are within the limits.
+        # The last pace is always possible, apart from rounding, because each motion is within the limits.
         if self._possible(desired, fraction):
             return desired
         possible = self._pace
