@@ -1,7 +1,7 @@
-"""PacScript, the robot language of the RC8: programs are loaded and checked as a whole, then run in slices.
+"""PacScript, the robot language of the RC8: a program is loaded and checked as a whole, then executed in slices.
 
-A program is compiled once (:func:`~orinkit.virtual.rc8.pacscript.compiler.compile_program`); a
-:class:`~orinkit.virtual.rc8.pacscript.machine.Machine` runs it on a
-:class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`. Unsupported statements are rejected at load, with
-their name and position.
+A program is compiled once (:func:`~orinkit.virtual.rc8.pacscript.compiler.compile_program`). A
+:class:`~orinkit.virtual.rc8.pacscript.machine.Machine` executes it and accesses the controller through a
+:class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`. If a program contains an unsupported statement, it
+is not loaded; the error has the name and the position of the statement.
 """

@@ -12,7 +12,7 @@ from orinkit.virtual.rc8.pacscript.tree import Place
 
 @dataclass(slots=True, eq=False)
 class Block:
-    """An open block: its keyword and position, and the spot after its end."""
+    """An open block: its keyword, its position, and the jump target after its end."""
 
     word: str
     at: Place
@@ -35,14 +35,14 @@ class RoutineBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class IfBlock(Block):
-    """If; ``otherwise`` is the jump target if no condition so far is met, None after Else."""
+    """If; ``otherwise`` is the jump target if none of the conditions so far is met. After Else, it is None."""
 
     otherwise: Spot | None = field(default_factory=Spot)
 
 
 @dataclass(slots=True, eq=False)
 class ForBlock(Block):
-    """For: the loop variable and its access functions, the slots of limit and step, and the start of the body."""
+    """For: the loop variable and its access functions, the frame slots of limit and step, and the start of the body."""
 
     target: tree.Target | None = None
     read: Evaluate | None = None
@@ -61,7 +61,10 @@ class LoopBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class SelectBlock(Block):
-    """Select Case: the slot of the value; ``following`` is the next Case, None before the first and after Case Else."""
+    """Select Case: the frame slot of the value, and the jump target of the next Case.
+
+    ``following`` is None before the first Case and after Case Else.
+    """
 
     slot: int = 0
     following: Spot | None = None

@@ -21,7 +21,7 @@ NO_RESULT: Final = -1
 def emit_call(
     expressions: ExpressionCompiler, routine: Routine, at: Place, arguments: tuple[Expression, ...], *, result: bool
 ) -> int:
-    """Emit a call.
+    """Emit the instructions of a call.
 
     Args:
         expressions: Compiles the arguments.
@@ -34,7 +34,7 @@ def emit_call(
         The slot of the result, or NO_RESULT.
 
     Raises:
-        CompileError: If the number of arguments is wrong, or if the type of an argument does not match ByRef.
+        CompileError: If the number of arguments is wrong, or if the argument of a ByRef parameter has another type.
     """
     count = len(routine.parameters)
     check_count(Name(at, routine.name.text), len(arguments), count, count)

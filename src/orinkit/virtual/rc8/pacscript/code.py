@@ -1,8 +1,8 @@
 """Compiled code: a flat list of instructions, and its linker.
 
-An instruction is a function of the frame; it returns the index of the next instruction, or WAIT or DONE. A frame is a
-list: the world (a :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`), the machine, the return
-addresses of Gosub, then the variables.
+An instruction is a function that takes a frame and returns the index of the next instruction, WAIT or DONE. A frame is
+a list. It contains the world (a :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`), the machine, the
+return addresses of Gosub, and the variables.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ Op: TypeAlias = Callable[[Frame], int]
 Evaluate: TypeAlias = Callable[[Frame], Any]
 """Evaluates an expression."""
 Make: TypeAlias = Callable[[int], Op]
-"""Creates an instruction at link time, when all addresses are known; the argument is that of the next instruction."""
+"""Creates an instruction at link time, when all addresses are known; the argument is the next instruction's address."""
 
 WAIT: Final = -1
-"""Returned by an instruction after it has passed a wait to the machine."""
+"""Returned by an instruction that begins to wait (:meth:`Machine.wait_for`)."""
 DONE: Final = -2
 """Returned by an instruction that ends the program."""
 

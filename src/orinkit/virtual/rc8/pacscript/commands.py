@@ -1,4 +1,4 @@
-"""The commands other than motions: waiting, messages, the arm, speeds, I/O, elements of poses."""
+"""The commands other than motions: waiting, messages, arm semaphore, motor, speeds, I/O, elements of poses."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
             name.at,
         )
     put = store(expressions, node.target)
-    # -1 sets all points of an IOB, IOW or IOD: all its bits are 1.
+    # -1 sets all points of an IOB, IOW or IOD, because all bits of -1 are 1.
     value = (1 if name.key == "io" or name.key[2:].isdigit() else -1) if node.on else 0
     simple(expressions, lambda f: put(f, value))
 
@@ -111,8 +111,8 @@ def percent(value: AnyValue) -> float:
     """Return a percentage.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is not above 0 and at
-            most 100.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is 0 or less, or
+            exceeds 100.
     """
     share = float(number(value))
     if 0 < share <= MAX_PERCENT:
@@ -121,7 +121,7 @@ def percent(value: AnyValue) -> float:
 
 
 def milliseconds(value: AnyValue) -> float:
-    """Return a time given in ms as seconds.
+    """Convert a time from ms to s.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is negative or exceeds
@@ -142,7 +142,7 @@ def _runs(expressions: Expressions, node: Command) -> list[Evaluate]:
 
 
 def _with_values(act: Callable[..., None], expressions: Expressions, node: Command) -> None:
-    """Emit a command that calls a function with the world and the values of its arguments."""
+    """Emit a command that calls ``act`` with the world and with the values of the command's arguments."""
     runs = tuple(_runs(expressions, node))
     simple(expressions, lambda f: act(f[WORLD], *[run(f) for run in runs]))
 

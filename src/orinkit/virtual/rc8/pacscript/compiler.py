@@ -40,7 +40,7 @@ class Program:
         linked: Instructions.
         entry: Index of the first instruction of Main.
         elements: Total number of elements of the arrays of Main.
-        new_frame: Creates the frame of Main from a world and a machine.
+        new_frame: Creates the frame of Main; its arguments are the world and the machine.
     """
 
     file: str
@@ -56,11 +56,11 @@ def compile_program(source: str, file: str) -> Program:
     """Compile a program.
 
     Args:
-        source: Source in PacScript; at most 256 Ki characters, 1,024 bytes per line.
+        source: Source in PacScript; at most 256 Ki characters, at most 1,024 bytes in a line.
         file: Name of the file, for errors.
 
     Raises:
-        ProgramLoadError: If the source has an error; with its position.
+        ProgramLoadError: If the source has an error; the exception contains the position of the error.
     """
     statements = parse(source, file)
     compiler = _Compiler()

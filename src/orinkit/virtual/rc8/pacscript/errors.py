@@ -17,7 +17,7 @@ class ProgramLoadError(ValueError):
         file: Name of the file.
         line: Line, counted from 1.
         column: Column in characters, counted from 1.
-        code: SYNTAX_ERROR, the code under which a controller reports it.
+        code: SYNTAX_ERROR, the return code with which a controller reports the error.
     """
 
     code: Final = hresult.SYNTAX_ERROR

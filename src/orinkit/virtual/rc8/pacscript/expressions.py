@@ -1,7 +1,7 @@
 """Compiles expressions to functions of the frame.
 
-A call of a Function of the program becomes instructions before the statement that contains it; its result is in a slot
-of the frame.
+A call of a Function of the program is compiled to separate instructions before the statement that contains the call.
+They store the result of the call in a slot of the frame.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ class Expressions:
     """Compiles the expressions of a program.
 
     Attributes:
-        polled: Set while a polled condition is compiled, in which Functions of the program cannot be called.
+        polled: True while the condition of Wait is compiled. It is evaluated repeatedly, so it cannot call Functions of
+            the program.
     """
 
     def __init__(self, scope: Scope, code: Code) -> None:
@@ -127,7 +128,7 @@ class Expressions:
         return self.compile(node).run
 
     def condition(self, node: Expression) -> Callable[[Frame], bool]:
-        """Return a function that is true if a condition is met."""
+        """Return a function that returns True if a condition is met."""
         compiled = self.compile(node)
         run = compiled.run
         if compiled.logical:
@@ -149,7 +150,7 @@ class Expressions:
         """Emit the call of a Sub or Function.
 
         Returns:
-            The slot of the result, -1 if there is none.
+            The slot of the result; -1 if the result is not used.
         """
         if self.polled:
             raise CompileError(
@@ -287,7 +288,7 @@ class Expressions:
 
     def _relation(self, operator: str, left: Compiled, right: Compiled) -> Compiled:
         compare, first, second = RELATIONS[operator], left.run, right.run
-        if operator in _POINT_COMPARED and (left.point or right.point):  # a point equals both True (-1) and On (1)
+        if operator in _POINT_COMPARED and (left.point or right.point):  # a set point equals True (-1) and On (1)
             if operator == "EQUAL":
                 return Compiled(lambda f: -1 if truth(first(f)) is truth(second(f)) else 0, logical=True)
             return Compiled(lambda f: 0 if truth(first(f)) is truth(second(f)) else -1, logical=True)
@@ -300,7 +301,7 @@ def constant(value: AnyValue, *, logical: bool = False) -> Compiled:
 
 
 def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
-    """Evaluate a calculation with constants at compile time; if it fails, leave it to run time."""
+    """Evaluate a calculation with constants at compile time; if that fails, return it for evaluation at run time."""
     try:
         return constant(run([]), logical=logical)
     except CallError:
@@ -335,7 +336,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
     """Return a constant as a whole number.
 
     Raises:
-        CompileError: If it is not a number or too large.
+        CompileError: If the constant is not a number, or if it exceeds 32 bits.
     """
     try:
         return whole(value)

@@ -283,7 +283,7 @@ class FlowCompiler:
     # --- helpers
 
     def _branch(self, condition: tree.Expression, otherwise: Spot | None, *, unless: bool = False) -> None:
-        """Emit a test: continue if the condition is met (with ``unless``: not met), else jump to a spot."""
+        """Emit a test: if the condition is met (with ``unless``: not met), continue, otherwise jump to a spot."""
         assert otherwise is not None
         met = self._expressions.condition(condition)
 

@@ -208,7 +208,7 @@ def _make(kind: str, least: int, *, fig: bool) -> Function:
     length = values.LENGTHS[kind]
     rest = [0.0] * length
     if fig:
-        rest[-1] = -1.0  # Fig: chosen by the controller
+        rest[-1] = -1.0  # Fig: the controller chooses the figure
 
     def run(*elements: AnyValue) -> tuple[float, ...]:
         given = [float(number(element)) for element in elements]
@@ -306,4 +306,6 @@ LET_PARTS: Final[Mapping[str, tuple[Callable[[AnyValue], tuple[float, ...]], int
     "LetX": (_PLACED, 0), "LetY": (_PLACED, 1), "LetZ": (_PLACED, 2), "LetRX": (_POSITION, 3), "LetRY": (_POSITION, 4),
     "LetRZ": (_POSITION, 5), "LetF": (_FIGURED, -1), "LetJ": (_JOINTS, 0),
 }  # fmt: skip
-"""Accepted poses and element of ``LetX P1 = ...`` and similar commands; LetJ: the element of joint 1."""
+"""For ``LetX P1 = ...`` and similar commands: the function that checks the pose, and the index of the element.
+
+The index of LetJ is not used."""

@@ -12,22 +12,25 @@ Value: TypeAlias = int | float | str | tuple[float, ...]
 """A value of a program: a number, a string, or a pose (V 3, P 7, J 8, T 10 numbers: mm, deg)."""
 
 Wait: TypeAlias = Callable[[], bool]
-"""Polled until it returns True: the operation is complete. May raise :class:`orinkit.core.errors.CallError`."""
+"""A function that is polled until it returns True, which means that the operation is complete.
+
+It may raise :class:`orinkit.core.errors.CallError`."""
 
 VariableKind: TypeAlias = Literal["I", "F", "D", "V", "P", "J", "T", "S"]
 """The classes of global variables."""
 PointKind: TypeAlias = Literal["IO", "IOB", "IOW", "IOD"]
 """The classes of I/O: 1, 8, 16, 32 points."""
 Plane: TypeAlias = Literal["XY", "YZ", "ZX", "XYH", "YZH", "ZXH"]
-"""Planes of the work frame; with H, of the tool frame."""
+"""Planes of the work frame, or with H planes of the tool frame."""
 
 
 class HostInterface(Protocol):
-    """The controller as seen by a program. Every method may raise :class:`orinkit.core.errors.CallError`.
+    """The functions of the controller that a program can call.
 
-    A method that starts a motion returns a :data:`Wait` at once; the program continues when the wait is complete. With
-    the option ``Next`` the wait is complete as soon as the motion has been accepted. Interpolations are 1 P, 2 L, 3 C,
-    4 S. Lengths are in mm, angles in deg, times in s, speeds in %.
+    Every method may raise :class:`orinkit.core.errors.CallError`. A method that starts a motion returns a :data:`Wait`
+    immediately; the program continues when the wait is complete. With the option ``Next``, the wait is complete as soon
+    as the motion has been accepted. Interpolations are 1 P, 2 L, 3 C, 4 S. Lengths are in mm, angles in deg, times in
+    s, speeds in %.
     """
 
     def read(self, kind: VariableKind, index: int) -> Value:
@@ -37,10 +40,10 @@ class HostInterface(Protocol):
         """Set a global variable: ``int`` for I, ``float`` for F and D, ``str`` for S, a tuple for the others."""
 
     def read_io(self, kind: PointKind, point: int) -> int:
-        """Return the state of an I/O point, 0 or 1, or the number in the 8, 16 or 32 points that begin with it."""
+        """Return the state of an I/O point, 0 or 1, or the number in the 8, 16 or 32 points from this point on."""
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
-        """Set an I/O point to 0 or 1, or the 8, 16 or 32 points that begin with it to the lowest bits of a number."""
+        """Set an I/O point to 0 or 1, or the 8, 16 or 32 points from this point on to the lowest bits of a number."""
 
     def now(self) -> float:
         """Return the controller's time in s."""
@@ -58,15 +61,19 @@ class HostInterface(Protocol):
         """Switch the motor on or off."""
 
     def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
-        """Move to a target; C: on an arc through the first target to the second; S: along the path with this number."""
+        """Move to a target.
+
+        With interpolation C, move on an arc through the first target to the second. With S, move along the stored path
+        whose number is the target.
+        """
 
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to a pose at a distance from the target, against the tool's Z axis at the target."""
+        """Move to the pose at a distance from the target, in the direction opposite to the target's tool Z axis."""
 
     def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
-        """Move by a distance against the tool's Z axis."""
+        """Move by a distance in the direction opposite to the tool's Z axis."""
 
     def drive(
         self, pairs: tuple[tuple[int, float], ...], absolute: bool, mark: PassMark | None, options: MotionOptions
@@ -74,7 +81,7 @@ class HostInterface(Protocol):
         """Move joints to values (``absolute``) or by values; ``pairs`` are joint numbers with values."""
 
     def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
-        """Rotate about the normal of a plane through a pivot, a V; the pass mark is in the options."""
+        """Rotate about an axis through the pivot (a V), perpendicular to a plane; the pass mark is in the options."""
 
     def speed(self, percent: float) -> None:
         """Set the internal speed."""

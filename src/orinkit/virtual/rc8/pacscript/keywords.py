@@ -11,7 +11,7 @@ _KEYWORDS: Final = """
     or return select step sub then to until wend while xor
 """
 KEYWORDS: Final[Mapping[str, str]] = {word: word.upper() for word in _KEYWORDS.split()} | {"endif": "END_IF"}
-"""Keywords that are reserved at any position -> the name of the token."""
+"""Keywords that are reserved at any position, each with the name of its token."""
 
 PAIRS: Final[Mapping[tuple[str, str], str]] = {
     ("end", "sub"): "END_SUB",
@@ -37,7 +37,7 @@ STARTERS: Final[Mapping[str, str]] = (
     | dict.fromkeys(("letx", "lety", "letz", "letrx", "letry", "letrz", "letf"), "LETPART")
     | {"letj": "LETJOINT", "takearm": "TAKEARM"}
 )
-"""Words that are commands at the start of a statement -> the name of the token."""
+"""Words that are commands at the start of a statement, each with the name of its token."""
 
 _TYPES: Final = "integer long single double string position joint trans vector variant boolean"
 TYPES: Final = frozenset(_TYPES.split())
@@ -50,7 +50,7 @@ GLOBAL_KINDS: Final = frozenset("IFDVPJTS")
 POINT_KINDS: Final = frozenset(("IO", "IOB", "IOW", "IOD"))
 """The classes of I/O points; :data:`GLOBAL_KINDS` are those of global variables."""
 NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE | re.ASCII)
-"""Matches the name of a global variable or I/O point, ``P12`` or ``IO128``."""
+"""Matches the name of a global variable or of an I/O point, for example ``P12`` or ``IO128``."""
 
 _REFUSED_WORDS: Final = """
     ArchMove AreaPos AreaSize Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom
@@ -67,7 +67,7 @@ _REFUSED_WORDS: Final = """
     SysLog SysState Take_Sem TakeSem TakeVis Time Tool ToolPos UnChuck WaitMotion Work WorkPos ZForce
 """
 REFUSED: Final[Mapping[str, str]] = {word.lower(): word for word in _REFUSED_WORDS.split()}
-"""Words of PacScript that this interpreter does not support: lower case -> as documented."""
+"""Words of PacScript that this interpreter does not support, in lower case, each with its documented spelling."""
 
 DIRECTIVES: Final[Mapping[str, str]] = {
     "include": "#Include", "define": "#Define", "undef": "#Undef", "error": "#Error", "if": "#If", "ifdef": "#Ifdef",

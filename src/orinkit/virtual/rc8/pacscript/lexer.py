@@ -1,7 +1,8 @@
-"""Lexer: source to tokens, for the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
+"""Lexer: converts the source to the tokens of the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
 
-Whether a word is a command depends on its position (``Speed 50``, but ``Move P, P1, Speed = 50``), so the lexer tracks
-the starts of statements. It rejects unsupported words of PacScript by name.
+A word is a command only at the start of a statement: ``Speed`` is one in ``Speed 50``, but not in
+``Move P, P1, Speed = 50``. The lexer therefore tracks the starts of statements. The errors for unsupported words of
+PacScript contain the word.
 """
 
 from __future__ import annotations
@@ -51,9 +52,9 @@ _TAKES_LABEL: Final = frozenset(("GOTO", "GOSUB"))
 
 
 class PacScriptLexer(Lexer):
-    """The lexer as lark requires it."""
+    """The lexer, with the interface that lark requires."""
 
-    __future_interface__ = 2  # lark: lex() has the signature of lark's own lexers
+    __future_interface__ = 2  # for lark: lex() has the same signature as lark's lexers
 
     def __init__(self, _: Any) -> None:
         """Create the lexer; lark passes a configuration, which is ignored."""
@@ -182,7 +183,7 @@ class _Scan:
 
     def _skip_blank(self, found: re.Match[str]) -> None:
         self.at = found.end()
-        if found.group().endswith("\n"):  # the line continues in the next one
+        if found.group().endswith("\n"):  # an underscore at the end: the statement continues in the next line
             self._next_line()
 
     def _next_line(self) -> None:

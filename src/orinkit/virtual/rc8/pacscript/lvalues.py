@@ -1,4 +1,4 @@
-"""Assignable expressions: storing a value, and passing by reference (ByRef)."""
+"""Assignable expressions: how a value is stored in them, and how they are passed by reference (ByRef)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def as_target(node: Expression) -> Target:
     """Return an expression as an assignment target.
 
     Raises:
-        CompileError: If it is not a variable.
+        CompileError: If the expression is not a variable.
     """
     if isinstance(node, Name | Apply | GlobalRef):
         return node

@@ -65,7 +65,7 @@ class Machine:
 
     @property
     def line(self) -> int:
-        """The line that is next, waits or failed; the last executed line if the program is done; counted from 1."""
+        """The line of the next, waiting or failed statement; after the end, the last executed line. Counted from 1."""
         return self.program.linked.lines[self._pc]
 
     def restart(self) -> None:
@@ -81,7 +81,7 @@ class Machine:
         self._state = MachineState.RUNNING
 
     def cancel_wait(self) -> None:
-        """Discard the wait in progress; its statement is executed again when the program continues."""
+        """Discard the wait in progress; when the program continues, the statement that waited is executed again."""
         self._wait = None
         if self._state is MachineState.WAITING:
             self._state = MachineState.RUNNING
@@ -91,10 +91,10 @@ class Machine:
 
         Args:
             budget: Maximum number of statements. A call of a Function in an expression counts as a statement.
-            tired: Called after each statement; True ends the slice early.
+            tired: Callback invoked after each statement; if it returns True, the slice ends early.
 
         Returns:
-            The number of executed statements, including one that has begun to wait.
+            The number of executed statements, including a statement that has begun to wait.
         """
         if self._state is MachineState.WAITING:
             self._poll()
@@ -113,7 +113,7 @@ class Machine:
     # --- for the instructions
 
     def wait_for(self, wait: Wait, following: int) -> int:
-        """Begin to wait; afterwards the program continues at an instruction."""
+        """Begin to wait; when the wait is complete, the program continues at the instruction ``following``."""
         self._wait = wait
         self._after_wait = following
         return WAIT
@@ -122,10 +122,10 @@ class Machine:
         """Begin a Sub or Function.
 
         Args:
-            frame: Its variables.
+            frame: Frame with the variables of the Sub or Function.
             following: The instruction after the call.
-            slot: The slot for the result in the caller's frame, -1 to discard it.
-            elements: Total number of elements of its arrays.
+            slot: The slot for the result in the caller's frame, or -1 to discard the result.
+            elements: Total number of elements of the arrays of the Sub or Function.
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE if MAX_CALLS calls are active; E_OUTOFMEMORY if the arrays of all active calls
@@ -183,7 +183,7 @@ class Machine:
         return done
 
     def _continues(self, result: int) -> bool:
-        """Return True if the program continues at once after an instruction that returned WAIT or DONE."""
+        """Return True if the program continues immediately after an instruction that returned WAIT or DONE."""
         if result == WAIT:
             return self._poll_wait()
         self._state = MachineState.DONE

@@ -29,13 +29,13 @@ _POSE: Final = values.pose("P", "J", "T")
 _VECTOR: Final = values.pose("V")
 _EXTRA_JOINTS: Final = (7, 8)
 _KIND_OF: Final[Mapping[int, Kind]] = {values.P_LENGTH: "P", values.J_LENGTH: "J", values.T_LENGTH: "T"}
-_RIGID: Final = 1  # Pose: the orientation turns with the position
+_RIGID: Final = 1  # value of the option Pose: the orientation turns with the position
 _ORIGIN: Final = Target("V", (0.0, 0.0, 0.0))
 
 
 @dataclass(slots=True)
 class _Options:
-    """The options of a motion that is being compiled: field -> function that evaluates it."""
+    """The options of a motion that is being compiled: for each field, a function that evaluates it."""
 
     fields: dict[str, Evaluate] = field(default_factory=dict)
     next: bool = False
@@ -254,7 +254,7 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
 
 
 def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    """Emit RotateH: a Rotate in the tool's XY plane about the tool's origin that also turns the orientation."""
+    """Emit RotateH: a Rotate in the tool's XY plane about the tool's origin, in which the orientation turns too."""
     _require(node, items, 1, 1, tr("an angle"))
     _reject_extra_joints(items[0])
     angle, mark = _amount(expressions, items[0])
@@ -283,7 +283,7 @@ def _pose(expressions: Expressions, item: Item) -> Evaluate:
 
 
 def _amount(expressions: Expressions, item: Item) -> tuple[Evaluate, Callable[[Frame], PassMark | None]]:
-    """Return functions that evaluate a length or an angle, and its pass mark."""
+    """Return a function that evaluates a length or an angle, and a function that evaluates its pass mark."""
     return _pose(expressions, item), _mark(expressions, item.mark)
 
 

@@ -1,4 +1,4 @@
-"""Parser: source to statements."""
+"""Parser: converts the source to statements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INTEGER_BITS: Final = 32
 _LONGEST_INTEGER: Final = 10
 _LARGEST: Final = 2**31 - 1
 
-#: Suggestions for a syntax error: the first of these tokens that is allowed at the position.
+#: Tokens that may be missing at a syntax error. The message suggests the first one that is allowed at the position.
 _MISSING: Final = (
     ("THEN", "Then"), ("TO", "To"), ("_CLOSE", ")"), ("_CLOSE_INDEX", "]"), ("_COMMA", ","),
 )  # fmt: skip
@@ -31,7 +31,7 @@ def parse(source: str, file: str) -> tuple[Statement, ...]:
     """Return the statements of a program.
 
     Args:
-        source: Source; at most 256 Ki characters, 1,024 bytes per line.
+        source: Source; at most 256 Ki characters, at most 1,024 bytes in a line.
         file: Name of the file, for errors.
 
     Raises:
@@ -57,7 +57,7 @@ def _place(token: Token) -> Place:
 
 def _unexpected(error: UnexpectedToken) -> str:
     token = cast("Token", error.token)
-    possible = error.accepts or ()  # not error.expected, which includes tokens that do not fit here
+    possible = error.accepts or ()  # not error.expected, which includes tokens that are not allowed at this position
     missing = next((shown for name, shown in _MISSING if name in possible), "")
     if token.type in ("_LINE", "$END"):
         problem = tr("unexpected end of line")
@@ -74,7 +74,7 @@ def _shorten(text: str) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer[Token, Any]):
-    """Creates the nodes while lark parses, without recursion."""
+    """Creates the nodes during parsing, without recursion."""
 
     # --- the program and its routines
 

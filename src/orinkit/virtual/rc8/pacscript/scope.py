@@ -35,7 +35,7 @@ class TypeOf:
     """A type of variables.
 
     Attributes:
-        name: Name in lower case; Long is Integer.
+        name: Name in lower case; Long has the name of Integer.
         default: Initial value of a variable.
         convert: Converts a value to this type, or raises CallError.
     """
@@ -159,7 +159,7 @@ class Scope:
         self.check_name(name)
         key = name.key
         taken = key in routine.variables or key in routine.constants
-        own = routine.result is None and key == routine.name.key  # a Function's name is its result
+        own = routine.result is None and key == routine.name.key  # the variable of a Function's result has its name
         self._reject_duplicate(name, taken or (key in self.routines and not own) or key in self.shared)
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:
@@ -176,7 +176,7 @@ class Scope:
         return variable
 
     def add_constant(self, name: Name, value: AnyValue) -> None:
-        """Add a constant to the Sub or Function that is being compiled, or a global one outside of Subs.
+        """Add a constant to the Sub or Function that is being compiled; outside of both, add a global constant.
 
         Raises:
             CompileError: If the name is already declared or not allowed.
@@ -188,11 +188,11 @@ class Scope:
         (self.shared if inside is None else inside.constants)[name.key] = value
 
     def variable(self, key: str) -> Variable | None:
-        """Return a local variable, or None if there is none of this name."""
+        """Return a local variable, or None if no variable has this name."""
         return self.routine.variables.get(key) if self.routine else None
 
     def constant(self, key: str) -> AnyValue:
-        """Return a constant, or None if there is none of this name."""
+        """Return a constant, or None if no constant has this name."""
         if self.routine and key in self.routine.constants:
             return self.routine.constants[key]
         return self.shared.get(key, CONSTANTS.get(key))
@@ -247,7 +247,7 @@ def find_type(name: Name | None) -> TypeOf:
 
 
 def split_number(key: str) -> tuple[str, int] | None:
-    """Return class and index of ``P12`` or ``IO128``; None for any other word."""
+    """Return class and index of a name such as ``P12`` or ``IO128``; None for any other word."""
     found = NUMBERED.fullmatch(key)
     return (found[1].upper(), int(found[2])) if found else None
 
@@ -256,7 +256,7 @@ def global_class(name: Name) -> str:
     """Return the class of ``P[...]`` or ``IO[...]``.
 
     Raises:
-        CompileError: If there is no class of this name.
+        CompileError: If no class has this name.
     """
     kind = name.text.upper()
     if kind in GLOBAL_KINDS or kind in POINT_KINDS:
@@ -280,7 +280,7 @@ def unknown_routine(name: Name) -> CompileError:
 
 
 def unknown(name: Name, *, applied: bool) -> CompileError:
-    """Return the error for an undeclared name; ``applied``: a name followed by parentheses."""
+    """Return the error for an undeclared name; ``applied`` is True for a name followed by parentheses."""
     if name.key in REFUSED:
         return not_supported(REFUSED[name.key], name.at)
     if applied:

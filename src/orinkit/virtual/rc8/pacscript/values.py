@@ -1,7 +1,7 @@
 """The values of a program (numbers, strings and poses): conversion, calculation, comparison, formatting.
 
 A pose is a plain tuple; its length determines its type: V 3, P 7, J 8, T 10 numbers. A truth value is -1 or 0; any
-number other than 0 is true. Whole numbers have 32 bits; an overflow is a fault and never wraps.
+number other than 0 is true. Whole numbers have 32 bits; an overflow raises an error, numbers never wrap.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ J_LENGTH: Final = 8
 T_LENGTH: Final = 10
 """Number of elements of a T."""
 KINDS: Final = {V_LENGTH: "V", P_LENGTH: "P", J_LENGTH: "J", T_LENGTH: "T"}
-"""Number of elements -> type of pose."""
+"""The type of pose for each number of elements."""
 LENGTHS: Final = {kind: length for length, kind in KINDS.items()}
-"""Type of pose -> number of elements; the inverse of :data:`KINDS`."""
+"""The number of elements for each type of pose; the inverse of :data:`KINDS`."""
 
 LEAST: Final = -(2**31)
 """The smallest Integer."""
@@ -154,7 +154,7 @@ def truth(value: AnyValue) -> bool:
 def add(left: AnyValue, right: AnyValue) -> AnyValue:
     """Return the sum of two numbers, the concatenation of two strings or the sum of two poses of one type.
 
-    Poses are added element by element; the Fig is that of the left one.
+    Poses are added element by element; the sum has the Fig of the left pose.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE, STRING_TOO_LONG.
@@ -190,7 +190,7 @@ def subtract(left: AnyValue, right: AnyValue) -> AnyValue:
 def multiply(left: AnyValue, right: AnyValue) -> AnyValue:
     """Return the product of two numbers, of a number and a V, or of two T.
 
-    The second T is relative to the first; the Fig of the product is that of the second.
+    The second T is relative to the first; the product has the Fig of the second T.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -206,7 +206,7 @@ def multiply(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def divide(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return the quotient of two numbers as a float, or that of a V and a number as a V.
+    """Return the quotient of two numbers as a float, or the quotient of a V and a number as a V.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -275,7 +275,9 @@ def join(left: AnyValue, right: AnyValue) -> str:
 
 
 def shift(value: AnyValue, count: AnyValue) -> int:
-    """Return a whole number shifted by a number of bits: left for a positive count; bits beyond 32 are lost.
+    """Return a whole number shifted by a number of bits, to the left if the count is positive.
+
+    Bits beyond the 32nd are lost.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
@@ -360,7 +362,7 @@ def _real(value: float) -> str:
     if abs(value) < LARGEST and value.is_integer():
         return str(int(value))
     try:
-        if rounded_to_single(value) == value:  # single precision: the shortest digits that round-trip
+        if rounded_to_single(value) == value:  # single precision: the fewest digits that convert back to this value
             shown = next((s for n in _SHORTEST_DIGITS if single(float(s := f"{value:.{n}g}")) == value), shown)
     except OverflowError:
         pass
