@@ -1,1 +1,1 @@
-"""Servers: listeners around the protocol cores and the providers' sessions."""
+"""Servers: they listen at addresses and connect the protocols, implemented without I/O, to the providers' sessions."""

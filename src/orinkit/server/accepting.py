@@ -1,7 +1,8 @@
-"""Accepting connections when file descriptors run out: log one line, and resume as soon as descriptors are available.
+"""Accepts connections; if file descriptors run out, logs one line and resumes as soon as descriptors are available.
 
-In each turn asyncio's selector loop calls ``accept`` up to ``backlog`` times. It continues after an error and logs a
-traceback for each one: 512 per second. So asyncio gets a backlog of one, and the kernel gets the real one.
+In each turn, asyncio's selector loop calls ``accept`` up to ``backlog`` times. If descriptors run out, it continues
+after each error and logs a traceback for each: 512 per second. Therefore asyncio gets a backlog of one, and only the
+kernel gets the actual backlog.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from orinkit.transport.fork_safety import keep_from_children
 logger = logging.getLogger("orinkit.server")
 
 ONE_AT_A_TIME: Final = 1
-"""Backlog for ``create_server``: the number of connections accepted per turn of the loop."""
+"""Backlog for ``create_server``: the number of connections accepted per turn of the event loop."""
 BACKLOG: Final = 512
 """Connections that the kernel queues until they are accepted."""
 
@@ -38,8 +39,8 @@ def set_backlog(server: asyncio.Server) -> None:
 async def close(server: asyncio.Server) -> None:
     """Stop accepting connections, finish those that are being accepted, and close the server.
 
-    asyncio's selector loop accepts a connection, creates its protocol, and calls ``connection_made`` in one turn each. If the
-    server is closed between the first two, the connection stays open.
+    asyncio's selector loop requires three turns for a connection: it accepts the connection, creates its protocol, and
+    calls ``connection_made``. If the server is closed between the first two turns, the connection stays open.
     """
     loop = asyncio.get_running_loop()
     if isinstance(loop, asyncio.SelectorEventLoop):
@@ -51,7 +52,7 @@ async def close(server: asyncio.Server) -> None:
 
 
 class StreamListener:
-    """Accepts clients at one address: the base of the listeners with a server of asyncio.
+    """Accepts clients at one address: the base class of the listeners that use a server of asyncio.
 
     Attributes:
         url: the address, with the actual port.
@@ -72,7 +73,7 @@ class StreamListener:
 
 
 def install_exception_handler(loop: asyncio.AbstractEventLoop) -> None:
-    """Make an event loop of orinkit log a failed ``accept`` in one line, without a traceback."""
+    """Install a handler in an event loop of orinkit that logs a failed ``accept`` in one line, without a traceback."""
     loop.set_exception_handler(_handle)
 
 

@@ -26,7 +26,7 @@ logger = logging.getLogger("orinkit.server")
 
 DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
 
-_GRACE: Final = 1.0  # s for clients to read their last replies and for handlers to end
+_GRACE: Final = 1.0  # s; time for clients to read their last replies, and for handlers to end
 
 
 class AsyncServer:
@@ -34,20 +34,23 @@ class AsyncServer:
 
     Args:
         providers: one provider or several; clients select one by its provider name.
-        urls: addresses to listen at: ``tcp://HOST:PORT``, ``udp://HOST:PORT``, ``serial:///dev/ttyUSB0?baudrate=38400``, or
-            ``pty://``, which opens a pair of pseudo-terminals; ``http://HOST:PORT`` or ``https://HOST:PORT`` for e-CAP.
-            The default is port 5007 on TCP, on the loopback interface; port 0 selects a free port.
-        clients: maximum number of clients. A further client is refused, unless an idle client that holds no object can be
-            disconnected.
-        per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up. All
-            addresses of this machine count as one, and so do those of one /64 network of IPv6.
+        urls: addresses to listen at. For b-CAP: ``tcp://HOST:PORT``, ``udp://HOST:PORT``,
+            ``serial:///dev/ttyUSB0?baudrate=38400``, or ``pty://``, which opens a pair of pseudo-terminals. For e-CAP:
+            ``http://HOST:PORT`` or ``https://HOST:PORT``. The default is port 5007 on TCP, on the loopback interface.
+            Port 0 selects a free port.
+        clients: maximum number of clients. If it is reached, an idle client that holds no object is disconnected to
+            make room for a new client; if there is no such client, the new client is refused.
+        per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
+            All addresses of this machine count as one address. All addresses of a /64 network of IPv6 also count as
+            one.
         objects: maximum number of objects of one client.
-        limits: bounds on packets.
+        limits: limits on packets.
         invoke_timeout: default limit on the duration of a call, s; a client can set another one.
-        dead_after: seconds without a reply from a client's machine after which its TCP connection counts as lost
-            (cable pulled, machine off): 2 to 7,200.
-        alive: seconds that a client on UDP, on a serial line, or over HTTP without a persistent connection may be silent
-            while its motions run and it has no call in progress: 0.5 to 3,600. After that it is disconnected.
+        dead_after: time in s after which a TCP connection counts as lost if the client's machine does not reply (cable
+            unplugged, machine switched off): 2 to 7,200.
+        alive: time in s during which a client without a persistent connection (UDP, serial line, or HTTP without
+            keep-alive) may be silent while its motions run and it has no call in progress: 0.5 to 3,600. After this
+            time, the client is disconnected.
         http: access control for HTTP, and the server's certificate for https.
 
     Use it with ``async with``, or call :meth:`start` and :meth:`close`.
@@ -90,14 +93,14 @@ class AsyncServer:
         """Open every address.
 
         Raises:
-            ConnectFailed: If an address cannot be opened; then none stays open.
+            ConnectFailed: If an address cannot be opened; the addresses already opened are closed again.
             MissingExtra: If a package that serial ports or HTTP require is not installed.
         """
         for address in self._addresses:
             try:
                 listener = await _listen(address, self._context, self._http)
             except BaseException:
-                await self._stop()  # not close(): the providers may be in use by another server
+                await self._stop()  # not close(), because another server may use the providers
                 raise
             self._listeners.append(listener)
             self.urls.append(listener.url)
@@ -133,7 +136,7 @@ def _parse_listen_address(url: str) -> AnyAddress:
     """Parse an address to listen at.
 
     Raises:
-        InvalidAddress: If it is not an address, or if no server can listen at it (such as a CAN bus).
+        InvalidAddress: If the URL is not an address, or if no server can listen at the address (for example a CAN bus).
     """
     address = parse_address(url)
     if not row_of(address).listener:
@@ -147,7 +150,7 @@ async def _listen(address: AnyAddress, context: ServerContext, http: HttpOptions
     opened = resolve(row.listener)(address, context, *((http,) if row.http else ()))
     try:
         listener: Listener = await opened
-    except ConnectFailed:  # already has its own hint
+    except ConnectFailed:  # its message already contains a remedy
         raise
     except (OSError, ValueError) as error:
         raise _listen_failed(address, error) from error

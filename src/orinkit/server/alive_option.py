@@ -1,4 +1,4 @@
-"""The ``alive`` option: how long a connectionless client may be silent while its motions run.
+"""The ``alive`` option: the time that a connectionless client may be silent while its motions run.
 
 :mod:`orinkit.server.liveness` applies it.
 """

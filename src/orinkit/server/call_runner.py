@@ -28,8 +28,9 @@ def result_of(work: Any) -> Awaitable[Any]:
 async def in_thread(function: Callable[[], Any]) -> Any:
     """Run a function in its own thread; return its result, or raise its exception.
 
-    asyncio's executor is not used for two reasons. A daemon thread does not prevent the program from exiting if the
-    function never returns. And the function may raise StopIteration, which a future cannot hold.
+    This function does not use asyncio's executor, for two reasons. If the function never returns, a daemon thread does
+    not prevent the program from exiting, but a thread of the executor does. The function may raise StopIteration, which
+    a future cannot hold.
     """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
@@ -38,7 +39,7 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     def run() -> None:
         try:
             outcome.append((True, function()))
-        except BaseException as error:  # noqa: BLE001 - raised again where it is awaited
+        except BaseException as error:  # noqa: BLE001 - in_thread raises it again
             outcome.append((False, error))
         try:
             loop.call_soon_threadsafe(finish)
@@ -54,8 +55,8 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     succeeded, value = outcome[0]
     if succeeded:
         return value
-    if isinstance(value, StopIteration):  # would end the coroutine instead of propagating
-        raise RuntimeError(f"StopIteration: {value}") from value  # noqa: TRY004 - as Python itself does
+    if isinstance(value, StopIteration):  # a coroutine cannot raise StopIteration
+        raise RuntimeError(f"StopIteration: {value}") from value  # noqa: TRY004 - Python itself raises RuntimeError
     raise value
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 DEFAULT_CLIENTS: Final = 344
-"""Maximum number of clients. Three quarters of them, 258, may have one address, so that one machine can have 256."""
+"""Maximum number of clients. Three quarters of them, 258, may have one address: one machine can run 256 clients."""
 
 
 def default_per_address(clients: int) -> int:
-    """Return the limit for one address: three quarters of all clients, rounded up; the rest is reserved for others."""
+    """Return the limit for one address: three quarters of all clients, rounded up; the rest is for other addresses."""
     return clients - clients // 4
 
 
@@ -26,6 +26,6 @@ class IncompleteRequests:
         self.bytes = 0
 
     def change(self, before: int, now: int) -> bool:
-        """Update the count for one request from ``before`` to ``now`` bytes; return False if the limit is exceeded."""
+        """Change the count of one request from ``before`` to ``now`` bytes; return False if the limit is exceeded."""
         self.bytes += now - before
         return now <= ALWAYS or now <= before or self.bytes <= PARTIAL

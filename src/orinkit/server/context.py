@@ -21,7 +21,7 @@ from orinkit.values.codec import PacketLimits
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
-_QUIET: Final = 10.0  # s after a warning during which the same kind of refusal is logged at DEBUG only
+_QUIET: Final = 10.0  # s; during this time after a warning, the same kind of refusal is logged at DEBUG
 
 
 class Listener(Protocol):
@@ -41,10 +41,10 @@ class Closable(Protocol):
     """An object that is closed with the server: a client, a connection, or a serial line."""
 
     def close(self) -> None:
-        """Close it after pending data has been sent and, over HTTP, calls in progress have completed."""
+        """Close the object after pending data has been sent and, over HTTP, calls in progress have completed."""
 
     def abort(self) -> None:
-        """Close it immediately."""
+        """Close the object immediately."""
 
 
 class Client(Closable, Protocol):
@@ -52,10 +52,10 @@ class Client(Closable, Protocol):
 
     @property
     def network(self) -> str:
-        """The network of its address (:func:`~orinkit.transport.address.network_of`); clients are limited per network."""
+        """The network of the client's address (:func:`~orinkit.transport.address.network_of`), for ``per_address``."""
 
     def idle_since(self) -> float | None:
-        """Return the loop time of its last request; ``None`` if it holds an object or has a call in progress."""
+        """Return the loop time of the last request; ``None`` if the client holds objects or has a call in progress."""
 
     def evict(self) -> None:
         """Disconnect immediately, to make room for another client; called only if this client is idle."""
@@ -66,27 +66,28 @@ class ServerContext:
 
     Args:
         host: the providers.
-        limits: bounds on packets; a transport may have narrower ones.
-        clients: maximum number of clients; a further one receives E_MAX_CONNECT, unless an idle client that holds no
-            object can be disconnected.
+        limits: limits on packets; a transport may have lower ones.
+        clients: maximum number of clients. If it is reached, an idle client that holds no object is disconnected to
+            make room for a new client; if there is no such client, the new client receives E_MAX_CONNECT.
         invoke_timeout: default limit on the duration of a call, s; see :class:`~orinkit.bcap.server.ServerConversation`.
         alive: seconds that a connectionless client may be silent while its motions run.
-        dead_after: seconds without a reply from a client's machine after which its TCP connection counts as lost.
+        dead_after: time in s after which a TCP connection counts as lost if the client's machine does not reply.
         per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
 
     Attributes:
         open: the connected clients.
-        all: everything that is closed with the server: the clients, connections that are being refused, serial lines
+        all: all objects that are closed with the server: the clients, connections that are being refused, serial lines
             without a client, HTTP connections.
-        turned_away: connections in ``all`` that are refused for lack of room and stay open to receive the reply.
+        turned_away: connections in ``all`` that are refused because a limit is reached; they stay open until they have
+            received the reply.
         partial: counts the bytes of incomplete requests.
         guesses: failed token attempts over HTTP, by address.
         held: number of delayed replies to wrong tokens, by address.
         opening: number of connections that have been accepted but are not yet in ``all``.
-        closing: whether the server is closing and accepts no connections.
-        empty: set when ``all`` becomes empty.
-        tasks: running handlers, including those of disconnected clients, and HTTP requests in progress.
-        numbers: allocates the handles of all HTTP clients, so that an expired handle never belongs to another client.
+        closing: True if the server is closing and accepts no connections.
+        empty: event that is set when ``all`` becomes empty.
+        tasks: tasks of running calls, including those of disconnected clients, and of HTTP requests in progress.
+        numbers: allocates the handles of all HTTP clients, so that an expired handle is never given to another client.
         worker: decodes large packets and encodes large results.
         buffer: receive buffer of all connections; they can share it because received data is processed immediately.
         view: memoryview of ``buffer``.
@@ -127,11 +128,13 @@ class ServerContext:
         self._warned: dict[str, float] = {}
 
     def refusal_level(self, now: float, kind: str = "") -> int:
-        """Return the log level for a refused client: WARNING once in 10 s, otherwise DEBUG, because there may be many.
+        """Return the log level for a refused client: WARNING once in 10 s, otherwise DEBUG.
+
+        There may be many refused clients.
 
         Args:
             now: time of the event loop, s.
-            kind: kind of refusal, one of a few constants; each kind has its own 10 s.
+            kind: kind of refusal, one of a few constants; the 10 s apply to each kind separately.
         """
         if now - self._warned.get(kind, -math.inf) < _QUIET:
             return logging.DEBUG
@@ -139,10 +142,13 @@ class ServerContext:
         return logging.WARNING
 
     def make_room(self, network: str) -> str:
-        """Return why a new client cannot be accepted, or ``""`` if it can, if necessary by disconnecting an idle client.
+        """Disconnect an idle client if a new client requires it.
 
         The client that has been idle longest is disconnected. If the limit of the new client's address is reached, only
-        clients of that address are considered: an address cannot displace others.
+        clients of that address are considered, so that one address cannot displace the clients of other addresses.
+
+        Returns:
+            The reason why the new client cannot be accepted; ``""`` if it can.
         """
         if self.closing:
             return "the server is closing"
@@ -161,12 +167,12 @@ class ServerContext:
             self.empty.set()
 
     async def close(self, seconds: float) -> None:
-        """Close all connections and wait for the handlers; abort what has not finished in time.
+        """Close all connections and wait for the running calls; abort those that have not finished in time.
 
         The listeners must be closed first.
 
         Args:
-            seconds: limit for each of the steps.
+            seconds: time limit for each of the steps, s.
         """
         for _ in range(_TURNS):
             if not self.opening:

@@ -1,7 +1,8 @@
 """Decoding and encoding of large packets and results in a worker thread, one at a time.
 
-Python runs one thread at a time. While the worker runs Python code, the event loop gets a turn every 5 ms. So there is one
-worker for all clients, and it makes no long call into C (:mod:`orinkit.values.codec` reads and writes arrays in slices).
+Python runs one thread at a time. While the worker executes Python code, the event loop gets a turn every 5 ms.
+Therefore one worker serves all clients, and it makes no long call into C (:mod:`orinkit.values.codec` reads and writes
+arrays in slices).
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from orinkit.values.variant import VARIANT_ARRAY, Variant
 
 T = TypeVar("T")
 
-_ELEMENT: Final = 16  # bytes counted per element of an array; more than its size, because dates are slow to convert
+_ELEMENT: Final = 16  # bytes counted per array element; more than the actual size, because dates are slow to convert
 
 
 def is_large(result: Variant) -> bool:
-    """Return True if a result takes long to encode, in binary or as text; inspects no more of it than necessary."""
+    """Return True if a result takes long to encode, in binary or as text; inspect as few elements as possible."""
     left = LARGE
     rest: list[Any] = [result]
     while rest and left >= 0:
@@ -50,13 +51,13 @@ class _Job(Generic[T]):
 
     def run(self) -> None:
         function, self.function = self.function, None
-        if function is None:  # cancelled before it began
+        if function is None:  # the job was cancelled before it began
             return
         try:
             self.result = function()
-        except BaseException as error:  # noqa: BLE001 - raised again where it is awaited
+        except BaseException as error:  # noqa: BLE001 - Worker.run raises it again
             self.error = error
-        del function  # frees the packet that it has decoded
+        del function  # frees the packet that the function has decoded
         try:
             self.loop.call_soon_threadsafe(self._finish)
         except RuntimeError:  # the server has been closed meanwhile
@@ -76,7 +77,10 @@ class Worker:
         self._running = False
 
     async def run(self, function: Callable[[], T]) -> T:
-        """Run a function; return its result, or raise its exception. If cancelled before it begins, it is not run."""
+        """Run a function; return its result, or raise its exception.
+
+        If this coroutine is cancelled before the function begins, the function is not executed.
+        """
         job = _Job(function, asyncio.get_running_loop())
         with self._lock:
             self._jobs.append(job)

@@ -1,9 +1,9 @@
 """Liveness of clients whose motions run: the motions of a silent client are stopped.
 
-There are two limits. The server's limit applies to connectionless clients, for which no connection loss can be detected: a
-client is disconnected if nothing is received for that long while it has no call in progress and its arm moves. The client's
-own limit (``Alive=<ms>``) applies on every transport, also during a call: if nothing is received, the motions are stopped;
-if the client stays silent, it is disconnected.
+There are two limits. The server's limit applies to connectionless clients, because the server cannot detect that they
+have disconnected. If a client has no call in progress, its arm moves, and nothing is received for this time, the client
+is disconnected. The client's own limit (``Alive=<ms>``) applies on every transport, also during a call. If nothing is
+received for this time, the motions are stopped; if the client remains silent, it is disconnected.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class MonitoredClient(Protocol):
 
     @property
     def client_silence_limit(self) -> float | None:
-        """The client's own limit (``Alive``), s; ``None`` if it has not set one."""
+        """The client's own limit (``Alive``), s; ``None`` if the client has not set it."""
 
     @property
     def server_silence_limit(self) -> float | None:
@@ -48,7 +48,7 @@ class MonitoredClient(Protocol):
         """The client's objects; ``None`` after it has disconnected."""
 
     def give_up(self, reason: str) -> None:
-        """Disconnect the client, which has become unreachable."""
+        """Disconnect the client, because it has become unreachable."""
 
 
 class LivenessMonitor:
@@ -63,15 +63,15 @@ class LivenessMonitor:
         self._loop = loop
         self._client = client
         self._timer: asyncio.TimerHandle | None = None
-        self._stopped_at = -1.0  # client.last_request_at when its motions were stopped
+        self._stopped_at = -1.0  # the value of client.last_request_at when the motions were stopped
 
     def start(self) -> None:
-        """Monitor the client from now on, until it is silent and nothing moves; called with every request."""
+        """Begin to monitor the client; called with every request. Monitoring ends if it is silent and nothing moves."""
         client_limit = self._client.client_silence_limit
         if self._timer is None:
             self._check()
         elif client_limit is not None and self._timer.when() > self._loop.time() + client_limit:
-            self._timer.cancel()  # set before the client sent Alive
+            self._timer.cancel()  # this timer was started before the client sent Alive
             self._check()
 
     def end(self) -> None:
@@ -95,7 +95,11 @@ class LivenessMonitor:
             self._timer = self._loop.call_at(min(due), self._check)
 
     def _check_server_limit(self, session: Session, now: float) -> float | None:
-        """Apply the server's limit; return the time of the next check, or ``None`` if none is due before a request."""
+        """Apply the server's limit.
+
+        Returns:
+            The time of the next check; ``None`` if no check is necessary before the next request.
+        """
         client = self._client
         server_limit = client.server_silence_limit
         if server_limit is None:

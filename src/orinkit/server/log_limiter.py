@@ -1,8 +1,8 @@
 """Rate limit of log messages per client: ten messages of a kind, then one every ten seconds, and a count of the rest.
 
-:func:`install` adds one :class:`LogLimiter` to the loggers that clients can trigger, regardless of the program's handlers.
-Servers set :data:`CLIENT` to the client on whose behalf they work. A kind of message is the combination of the logger, the
-level, the format string (``"%s: %s"``), and the record's ``kind`` if ``extra`` contains one.
+:func:`install` adds one :class:`LogLimiter` to the loggers whose messages clients can cause. The limiter acts before
+the handlers of the program. Servers set :data:`CLIENT` to the client whose request they process. A kind of message is
+the combination of the logger, the level, the format string (``"%s: %s"``), and ``kind`` if ``extra`` contains it.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from typing import Final, Protocol, TypeAlias
 from orinkit.core.i18n import printable, tr
 
 CLIENT: Final[ContextVar[str]] = ContextVar("client", default="")
-"""Address of the client on whose behalf the current context runs; ``""`` if there is none."""
+"""Address of the client whose request the current context processes; ``""`` if there is no client."""
 
 LOGGERS: Final = (
     "orinkit.server", "orinkit.session", "orinkit.bcap.server", "orinkit.gateway", "orinkit.rc8", "orinkit.virtual.rc8",
     "orinkit.ve026a",
 )  # fmt: skip
-"""Loggers whose records clients can trigger."""
+"""Loggers whose messages clients can cause."""
 
 BURST: Final = 10
-"""Messages of one kind from one client before any is suppressed."""
+"""Number of messages of one kind from one client before messages are suppressed."""
 INTERVAL: Final = 10.0
-"""Seconds until one more message is allowed, and until the number of suppressed messages is logged."""
+"""Seconds after which one more message is allowed, and after which the number of suppressed messages is logged."""
 
-_MAX_KINDS: Final = 1024  # counted separately; messages of further clients share one count
+_MAX_KINDS: Final = 1024  # number of combinations of client and kind with their own count; further clients share counts
 _REPORT: Final = "throttle_report"
 
 _Key: TypeAlias = tuple[str, str, int, str, str]  # client, logger, level, message, kind
@@ -55,8 +55,8 @@ class LogLimiter(logging.Filter):
     """Passes a burst of each kind of message of each client, then one per :data:`INTERVAL`.
 
     Args:
-        clock: returns the time, s.
-        later: schedules a function to be called after a number of seconds; returns a timer.
+        clock: callback that returns the time in s.
+        later: callback that schedules a function to be called after a number of seconds, and returns a timer.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class LogLimiter(logging.Filter):
         self._clock = clock
         self._later = later or _thread_timer
         self._lock = threading.Lock()
-        self._counts: dict[_Key, _MessageCount] = {}  # least recently used first
+        self._counts: dict[_Key, _MessageCount] = {}  # the least recently used count first
         self._timer: _Timer | None = None
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -102,7 +102,7 @@ class LogLimiter(logging.Filter):
         return count
 
     def _discard_quiet(self, now: float) -> bool:
-        """Discard the least recently used count; return False if even that one is still needed."""
+        """Discard the least recently used count; return False if that count is still required."""
         key, count = next(iter(self._counts.items()))
         quiet = not count.suppressed and count.left + (now - count.at) / INTERVAL >= BURST
         if quiet:
@@ -143,7 +143,7 @@ class LogLimiter(logging.Filter):
 def _first_line(record: logging.LogRecord) -> str:
     try:
         return record.getMessage().partition("\n")[0]
-    except Exception:  # noqa: BLE001 - the handlers report arguments that do not match the format
+    except Exception:  # noqa: BLE001 - if the arguments do not match the format, the handlers report it
         return str(record.msg)
 
 

@@ -32,8 +32,8 @@ _DRAIN_TURNS: Final = 3
 class Peer(ABC):
     """A client, or a peer that may become a client.
 
-    Each transport has a subclass. It sets ``_name``, ``_host``, ``_send`` and ``_is_closing`` once it is connected, and
-    passes the actions for received data to :meth:`_act`.
+    Each transport has a subclass. After a connection has been made, the subclass sets ``_name``, ``_host``, ``_send``
+    and ``_is_closing``. It passes the actions that follow from received data to :meth:`_act`.
 
     Args:
         context: the state shared by all clients of the server.
@@ -42,9 +42,10 @@ class Peer(ABC):
 
     Attributes:
         _name: the client's name in the log.
-        _host: the same without the port, so that it is the same client for the log limiter after it has reconnected.
-        _send: sends bytes without blocking, or drops them if the peer cannot receive them.
-        _is_closing: returns True if nothing can be sent to the peer any more.
+        _host: the client's name without the port. The log limiter uses it, because the port changes with each
+            connection.
+        _send: callback that sends bytes without blocking, or drops them if the peer cannot receive them.
+        _is_closing: callback that returns True if nothing can be sent to the peer any more.
         _session: the client's objects; ``None`` if the peer is not a client.
     """
 
@@ -71,7 +72,7 @@ class Peer(ABC):
     # --- identity ------------------------------------------------------------------------------------------------
 
     def _admit(self) -> Session | None:
-        """Open a session, unless the limits on clients are reached; return ``None`` in that case."""
+        """Open a session; return ``None`` if a limit on clients is reached."""
         context = self._context
         CLIENT.set(self._host)
         reason = context.make_room(self.network)
@@ -86,7 +87,8 @@ class Peer(ABC):
     def _leave(self, reason: object = None) -> None:
         """Close the session: release the client's objects and cancel the call in progress.
 
-        A blocking call continues, because a thread cannot be cancelled; an object that it creates is released afterwards.
+        A blocking call continues, because a thread cannot be cancelled. If it creates an object, the object is released
+        afterwards.
         """
         self._set_alarm(None)
         if self._liveness is not None:
@@ -98,25 +100,25 @@ class Peer(ABC):
         if task is not None and self._cancellable:
             task.cancel()
         if session is not None:
-            before = CLIENT.set(self._host)  # the server may be closing it from another context
+            before = CLIENT.set(self._host)  # the server may close the session from another context
             logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
             session.close()
             CLIENT.reset(before)
 
     @property
     def network(self) -> str:
-        """The network of its address; see :class:`~orinkit.server.context.Client`."""
+        """The network of the client's address; see :class:`~orinkit.server.context.Client`."""
         if self._network is None:
             self._network = network_of(self._host)
         return self._network
 
     def idle_since(self) -> float | None:
-        """Return the time of its last request; ``None`` if it holds an object or has a call in progress."""
+        """Return the time of the last request; ``None`` if the client holds an object or has a call in progress."""
         session = self._session
         return None if session is None or len(session) or self._task is not None else self._heard
 
     def evict(self) -> None:
-        """Disconnect, to make room for another client; called only if this client is idle."""
+        """Disconnect this client to make room for another one; called only if this client is idle."""
         self._end_session("idle; disconnected to make room for another client")
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
@@ -149,7 +151,7 @@ class Peer(ABC):
         return self._session
 
     def give_up(self, reason: str) -> None:
-        """Close the connection: the peer has become unreachable."""
+        """Close the connection, because the peer has become unreachable."""
         logger.warning("%s: closed: %s", self._name, reason)
         self.abort()
 
@@ -173,8 +175,9 @@ class Peer(ABC):
     def when_input_processed(self, handled: Callable[[], None]) -> None:
         """Invoke ``handled`` after all data received so far has been processed; may be called from any thread.
 
-        The next turn of the loop polls for received data, and the turn after it has processed the data. One more turn is
-        necessary because the loop may have polled already. If the loop is closed, ``handled`` is invoked immediately.
+        The next turn of the loop polls for received data, and the turn after that processes the data. One more turn is
+        necessary, because the current turn may have polled already. If the loop is closed, ``handled`` is invoked
+        immediately.
         """
         turns = iter(range(_DRAIN_TURNS - 1))
 
@@ -192,7 +195,7 @@ class Peer(ABC):
     # --- actions of the conversation ---------------------------------------------------------------------------------
 
     def _act(self, actions: Iterator[Action]) -> None:
-        CLIENT.set(self._host)  # not reset: every entry point of a connection sets it
+        CLIENT.set(self._host)  # requires no reset, because every entry point of a connection sets it
         for action in actions:
             if self._is_closing():  # further replies cannot be sent
                 return
@@ -232,24 +235,25 @@ class Peer(ABC):
         self._answer(call, CallReply(hresult.E_MAX_CONNECT))
 
     def _run_task(self, work: Coroutine[object, object, None], *, cancellable: bool) -> None:
-        """Run a coroutine for the current call; meanwhile the client receives S_EXECUTING."""
+        """Run a coroutine for the current call; until it ends, the client receives S_EXECUTING."""
         self._task = task = self._loop.create_task(work)
         self._cancellable = cancellable
         self._context.tasks.add(task)
         task.add_done_callback(self._context.tasks.discard)
         self._set_alarm(self._conversation.deadline())
 
-    def _hold(self) -> None:  # noqa: B027 - not every kind of connection does it
-        """Stop reading requests while the worker decodes one or encodes its result.
+    def _hold(self) -> None:  # noqa: B027 - only reliable transports override it
+        """Stop reading requests while the worker decodes a request or encodes its result.
 
-        Not needed on unreliable transports: there a request during that time may be dropped, as the client sends it again.
+        Unreliable transports do not require this: a request during that time may be dropped, because the client repeats
+        it.
         """
 
     def _unhold(self) -> None:  # noqa: B027
         """Resume reading requests."""
 
     def _resume(self) -> None:
-        """Process deferred actions, unless they are still held."""
+        """Process deferred actions, unless reading is still stopped."""
         if not (self._slow or self._held):
             waiting, self._waiting = self._waiting, None
             if waiting is not None:

@@ -105,7 +105,7 @@ class PseudoTerminal(asyncio.WriteTransport):
     # --- asyncio.WriteTransport -------------------------------------------------------------------------------------
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Send as much as possible now, and the rest as soon as the line accepts it."""
+        """Send as much data as possible now, and the rest as soon as the line accepts it."""
         if self._closing:
             return
         if not self._waiting:
@@ -119,7 +119,7 @@ class PseudoTerminal(asyncio.WriteTransport):
             self._protocol.pause_writing()
 
     def reset_write_buffer(self) -> None:
-        """Drop unsent data, here and in the system; has the name of the method of serial ports."""
+        """Drop unsent data in this object and in the operating system; serial ports have a method of the same name."""
         self._waiting.clear()
         if not self._closed:
             termios.tcflush(self._other_end, termios.TCIFLUSH)

@@ -25,11 +25,11 @@ logger = logging.getLogger("orinkit.server")
 REOPENED_EVERY: Final = 1.0
 """Seconds between attempts to reopen a port that has failed."""
 
-_MAX_UNSENT: Final = 16384  # bytes of unsent replies; further replies are dropped
+_MAX_UNSENT: Final = 16384  # bytes of unsent replies above which further replies are dropped
 
 
 class SerialClient(ConnectionlessClient, asyncio.Protocol):
-    """The client at the other end of a serial line; clients may succeed one another.
+    """The client at the other end of a serial line; after it has disconnected, another client may use the line.
 
     Args:
         context: the state shared by all clients of the server.
@@ -58,7 +58,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         """Handle the opening of the line."""
         self._transport = transport = cast(
             "asyncio.WriteTransport", transport
-        )  # some do not derive from WriteTransport
+        )  # the classes of some transports are not subclasses of WriteTransport
         self._is_closing = transport.is_closing
         transport.set_write_buffer_limits(_MAX_UNSENT)
         self._context.all.add(self)
@@ -73,7 +73,10 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
 
     def pause_writing(self) -> None:
-        """Drop further replies, because the client does not read or the line is slow; the client repeats its requests."""
+        """Drop further replies, because the client does not read them or the line is slow.
+
+        The client repeats its requests.
+        """
         self._full = True
         logger.debug("%s does not read its replies", self._name)
 
@@ -91,14 +94,14 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         if self._lost is not None:
             self._lost(exc)
 
-    # --- the shell ------------------------------------------------------------------------------------------------
+    # --- methods of Peer ------------------------------------------------------------------------------------------
 
     def _send(self, data: bytes | bytearray) -> None:
         if not self._full and not self._transport.is_closing():
             self._transport.write(data)
 
     def _on_silence(self) -> None:
-        """Abandon a partial packet, unless more of it has been received meanwhile."""
+        """Discard an incomplete packet, unless more of it has been received meanwhile."""
         self._silence = None
         if self._is_closing() or not self._conversation.stale_bytes:
             return
@@ -107,7 +110,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
         while self._conversation.stale_bytes and not self._is_closing():
-            # noise may be followed by several packets; all of them must be found without further bytes
+            # Noise may be followed by several complete packets; all of them must be found now, without further bytes.
             self._act(self._conversation.discard_incomplete(now))
 
     def _about(self) -> ClientInfo:
@@ -130,7 +133,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
 
     def abort(self) -> None:
         """Close the line immediately."""
-        self._drop_unsent()  # otherwise closing the port waits for unsent data
+        self._drop_unsent()  # unsent data would delay the closing of the port
         self._transport.abort()
 
     def _drop_unsent(self) -> None:
@@ -142,7 +145,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
 
 
 class PortListener:
-    """Serves a serial port; reopens the port if it fails, for example after it was unplugged.
+    """Serves a serial port; if the port fails, for example because it was unplugged, reopens it.
 
     Args:
         address: the port.
@@ -211,7 +214,7 @@ class PortListener:
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
     async def close(self) -> None:
-        """Stop reopening the port; :class:`SerialClient` closes it."""
+        """Stop reopening the port; :class:`SerialClient` closes the port."""
         self._closed = True
         if self._reopening is not None:
             self._reopening.cancel()
@@ -251,7 +254,7 @@ class PtyListener:
             ) from error
 
     async def close(self) -> None:
-        """Do nothing: :class:`SerialClient` closes it."""
+        """Do nothing, because :class:`SerialClient` closes the pseudo-terminal."""
 
 
 def _url(address: SerialAddress) -> str:

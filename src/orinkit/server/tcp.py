@@ -20,19 +20,22 @@ from orinkit.transport.tcp_keepalive import prepare
 logger = logging.getLogger("orinkit.server")
 
 PATIENCE: Final = 10.0
-"""Seconds that a client has to make its first call, to send each packet, and to read its last replies."""
+"""Time in s in which a client must make its first call, send each packet, and read its last replies."""
 PROGRESS: Final = 64 * 1024
-"""Bytes of a packet to be sent within :data:`PATIENCE` to get that time again; allows long packets on slow lines."""
+"""If a client sends this many bytes of a packet within :data:`PATIENCE`, the time starts again.
 
-_REFUSAL_TIME: Final = 5.0  # s for a refused client to make one call and receive E_MAX_CONNECT
-_MAX_REFUSED: Final = 64  # limit on the refused clients that stay connected for that; others are closed immediately
+This permits long packets on slow lines.
+"""
+
+_REFUSAL_TIME: Final = 5.0  # s in which a refused client can make one call and receive E_MAX_CONNECT
+_MAX_REFUSED: Final = 64  # maximum number of refused clients in this state; others are disconnected immediately
 
 
 class TcpConnection(Peer, asyncio.BufferedProtocol):
     """A client on TCP, or on another stream.
 
-    This is a BufferedProtocol because asyncio allocates a new block of 256 KiB for each chunk of data for a plain Protocol,
-    which takes longer than the rest of a call.
+    This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
+    received data. This would take longer than the rest of a call.
     """
 
     def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
@@ -40,15 +43,15 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._kind = profile.name
         context.opening += 1
         self._idle_timer: asyncio.TimerHandle | None = None
-        self._partial = 0  # bytes of the incomplete packet in ServerContext.partial
-        self._begun = 0.0  # start time of the incomplete packet; 0 if there is none
-        self._seen = 0, 0  # at that time: number of packets before it, and bytes of it
+        self._partial = 0  # bytes of the incomplete packet that ServerContext.partial includes
+        self._begun = 0.0  # time from which PATIENCE is measured for the incomplete packet; 0 if there is none
+        self._seen = 0, 0  # at that time: the number of complete packets, and the bytes of the incomplete packet
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Admit or refuse a client that has connected."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's class is not a subclass of it
         self._send = transport.write
         self._is_closing = transport.is_closing
         prepare(transport.get_extra_info("socket"), self._context.dead_after)
@@ -79,7 +82,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(bytes(self._context.view[:nbytes]), now))
         incomplete = self._conversation.incomplete_bytes
-        if (incomplete or self._partial) and not self._held:  # a packet in the worker counts until it is decoded
+        if (incomplete or self._partial) and not self._held:  # a packet counts until the worker has decoded it
             self._count(incomplete)
         if incomplete:
             self._await_packet(now)
@@ -146,12 +149,12 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Close the connection if the first call or the rest of a packet is overdue; otherwise restart the timer."""
         self._idle_timer = None
         now = self._loop.time()
-        if self._held:  # the server is busy with the packet, not the client
+        if self._held:  # the server is still processing a packet; the client is not late
             self._idle_timer = self._loop.call_at(now + PATIENCE, self._check_progress)
         elif not self._conversation.calls:
             self._give_up("no call received")
         elif self._begun:
-            # if the client does not read its replies, the server has stopped reading
+            # If the client does not read its replies, the server has stopped reading; the client is not late either.
             if self._slow or self._conversation.incomplete_bytes - self._seen[1] >= PROGRESS:
                 self._mark(now)
             if now < self._begun + PATIENCE:
@@ -164,7 +167,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         logger.log(level, "%s: closed: %s within %g s", self._name, reason, PATIENCE)
         self._transport.abort()
 
-    # --- the shell ------------------------------------------------------------------------------------------------
+    # --- methods of Peer ------------------------------------------------------------------------------------------
 
     def _about(self) -> ClientInfo:
         host, port = self._peername
@@ -175,7 +178,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self.close()
 
     def evict(self) -> None:
-        """Disconnect, to make room for another client; called only if this client is idle."""
+        """Disconnect this client to make room for another one; called only if this client is idle."""
         super().evict()
         self._transport.abort()
 
@@ -184,7 +187,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         return (self._transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
-        """Close the connection after pending data has been sent, at the latest in 10 s."""
+        """Close the connection after pending data has been sent, but after at most 10 s."""
         self._transport.close()
         if self._idle_timer is not None:
             self._idle_timer.cancel()

@@ -90,7 +90,7 @@ def serve(
 
     Raises:
         InvalidAddress: If a URL cannot be used.
-        ConnectFailed: If an address cannot be opened; then none stays open.
+        ConnectFailed: If an address cannot be opened; the addresses already opened are closed again.
         MissingExtra: If a package that serial ports or HTTP require is not installed.
     """
     from orinkit.server.aio_server import AsyncServer

@@ -22,12 +22,12 @@ from orinkit.values.variant import Variant
 logger = logging.getLogger("orinkit.server")
 
 IDLE_TIMEOUT: Final = 10.0
-"""Seconds of silence after which a client is disconnected (reference behaviour: docs/protocol.md)."""
+"""Idle time in s after which a client is disconnected (docs/protocol.md)."""
 
-_MAX_SIZE_ATTRIBUTE: Final = "max_size"  # asyncio's receive size; its default of 256 KiB per datagram is slow
-_MAX_DATAGRAM: Final = 65536  # bytes of the longest datagram
+_MAX_SIZE_ATTRIBUTE: Final = "max_size"  # attribute of asyncio: buffer size per datagram; the default, 256 KiB, is slow
+_MAX_DATAGRAM: Final = 65536  # length of the longest datagram, bytes
 
-_SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host, port, and more for IPv6
+_SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host and port, for IPv6 two more elements
 
 
 class UdpClient(ConnectionlessClient):
@@ -89,15 +89,15 @@ class UdpClient(ConnectionlessClient):
         self._context.discard(self)
 
     def give_up(self, reason: str) -> None:
-        """Close the session of an unreachable client, and forget its address."""
+        """Close the session of an unreachable client, and discard its address."""
         self._forget(reason)
 
     def close(self) -> None:
-        """Close the session, and forget the client's address."""
+        """Close the session, and discard the client's address."""
         self._forget()
 
     def abort(self) -> None:
-        """Close the session, and forget the client's address."""
+        """Close the session, and discard the client's address."""
         self._forget()
 
 
@@ -115,7 +115,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
         self._clients: dict[_SocketAddress, UdpClient] = {}
-        self._without_session: dict[_SocketAddress, UdpClient] = {}  # those of them without a session, oldest first
+        self._without_session: dict[_SocketAddress, UdpClient] = {}  # the clients without a session, the oldest first
         self._closed = asyncio.Event()
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         """Process a datagram of a client or of an unknown sender."""
         client = self._clients.get(addr)
         if client is None:
-            client = UdpClient(self, addr)  # stored only if the datagram is a call
+            client = UdpClient(self, addr)  # the client is stored only if the datagram is a call
         client.received(data)
 
     def error_received(self, exc: Exception) -> None:
@@ -169,7 +169,10 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._without_session.pop(client.socket_address, None)
 
     def keep_for_duplicates(self, client: UdpClient) -> None:
-        """Store a client without a session, to detect duplicates; at most as many as clients, as any sender may become one."""
+        """Store a client whose session has ended, to detect duplicates of its requests.
+
+        The number of such clients is limited, because any sender may become a client.
+        """
         if client.socket_address not in self._clients:
             return
         self._without_session[client.socket_address] = client
@@ -177,7 +180,7 @@ class UdpSocket(asyncio.DatagramProtocol):
             next(iter(self._without_session.values())).close()
 
     def drop(self, client: UdpClient) -> None:
-        """Forget a client."""
+        """Remove a client."""
         self._clients.pop(client.socket_address, None)
         self._without_session.pop(client.socket_address, None)
 
@@ -193,7 +196,10 @@ class UdpSocket(asyncio.DatagramProtocol):
 
 
 def _bound(family: int, socket_address: _SocketAddress) -> socket.socket:
-    """Return a bound socket; uvloop neither closes a socket that it cannot bind nor reports why.
+    """Return a bound socket.
+
+    The event loop does not bind it, because uvloop does not close a socket that it cannot bind, and does not report the
+    reason.
 
     Raises:
         OSError: If the address cannot be used.

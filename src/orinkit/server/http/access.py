@@ -16,7 +16,7 @@ from orinkit.server.http.options import HttpOptions
 
 Headers: TypeAlias = dict[bytes, bytes]
 
-_CACHED: Final = 64  # accepted header values in each cache
+_CACHED: Final = 64  # maximum number of accepted header values in each cache
 _FORM: Final = b"application/x-www-form-urlencoded"
 _UTF8: Final = (b"utf-8", b"utf8")
 _WEB: Final = {"http": "80", "https": "443"}  # schemes of web pages, and their default ports
@@ -27,7 +27,7 @@ class AccessCheck:
 
     Args:
         options: access control options.
-        secure: whether the listener uses https.
+        secure: True if the listener uses https.
     """
 
     def __init__(self, options: HttpOptions, *, secure: bool) -> None:
@@ -61,7 +61,8 @@ class AccessCheck:
     def _is_ours(self, given: bytes) -> bool:
         """Return True if a Host header names this server.
 
-        Addresses are always accepted. Other names are not, because a web page can make its own name resolve to this server.
+        Addresses are always accepted. Unknown names are refused, because the owner of a web page can make the name of
+        the page resolve to this server.
         """
         host, _ = _host_and_port(given.decode("latin-1").lower(), "")
         name = host.removesuffix(".")
@@ -71,7 +72,7 @@ class AccessCheck:
         return False
 
     def _is_same_origin(self, origin: bytes, host: bytes) -> bool:
-        """Return True if the origin of a web page is this server itself."""
+        """Return True if this server itself is the origin of the web page that sends the request."""
         scheme, mark, netloc = origin.decode("latin-1").lower().partition("://")
         called = host.decode("latin-1").lower()
         scheme_port = _WEB.get(scheme, "")
@@ -108,7 +109,8 @@ def plain(status: int, text: str, headers: dict[str, str] | None = None) -> Plai
 def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | None:
     """Return the response to a request with an ambiguous header, or ``None`` if the header is unambiguous.
 
-    A proxy may have interpreted an ambiguous header in the other way. Equal lengths do not count: h11 has merged them.
+    A proxy may have interpreted an ambiguous header differently. Repeated Content-Length headers with equal values are
+    accepted, because h11 has merged them.
     """
     names = [name for name, _ in headers]
     for name in _ONCE:
@@ -127,13 +129,13 @@ def closed() -> PlainTextResponse:
 
 
 def too_many_guesses() -> PlainTextResponse:
-    """Return the response to a request whose token is not checked, because its address has sent too many wrong tokens."""
+    """Return the response if a token is not checked, because the client's address has sent too many wrong tokens."""
     text = tr("too many wrong tokens from this address. Try: repeat the request after 1 s")
     return plain(429, text, {**_CLOSE, "Retry-After": "1"})
 
 
 def full() -> PlainTextResponse:
-    """Return the response to a body for which there is no room, because other clients are sending too much."""
+    """Return the response to a body that is refused because the requests of all clients exceed the limit on bytes."""
     return plain(
         503,
         tr("too many requests in progress. Try: repeat the request later"),
@@ -183,7 +185,7 @@ def _host_and_port(netloc: str, default: str) -> tuple[str, str]:
     """Split ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
     host, bracket, rest = netloc.rpartition("]")
     name, colon, port = (rest if bracket else netloc).partition(":")
-    if bracket and name:  # something between the bracket and the port
+    if bracket and name:  # there are characters between the bracket and the port
         return netloc, ""
     return (host + bracket if bracket else name), (port if colon else default)
 

@@ -40,12 +40,12 @@ _STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # permitted eve
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
 _NO_TOKEN: Final = 401
-_HELD: Final = 32  # limit on the delayed replies to wrong tokens of one address
+_HELD: Final = 32  # maximum number of delayed replies to wrong tokens of one address
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
-_DO_NOT_READ: Final = -1  # limit on the body to be read before a refusal: do not read it
-_LONGEST_DETAIL: Final = 500  # characters
-_PIECE: Final = 1024 * 1024  # bytes of a response per send
-_INTERVALS: Final = range(80, 60_001)  # ms
+_DO_NOT_READ: Final = -1  # a limit for Exchange.refuse: the body is not read before the refusal
+_LONGEST_DETAIL: Final = 500  # maximum number of characters of an error description
+_PIECE: Final = 1024 * 1024  # bytes of a response that one call of send transfers
+_INTERVALS: Final = range(80, 60_001)  # valid intervals of keep-alive bytes, ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
 _EXECUTING: Final = b"orinkit-executing"
@@ -61,7 +61,7 @@ class App:
     Args:
         context: the state shared by all clients of the server.
         options: options for HTTP.
-        secure: whether the listener uses https.
+        secure: True if the listener uses https.
     """
 
     def __init__(self, context: ServerContext, options: HttpOptions, *, secure: bool) -> None:
@@ -74,7 +74,10 @@ class App:
         self._codes = context.host.dialect.codes
 
     def listens_at(self, port: int) -> None:
-        """Set the port. The cookie's name contains it, because a client sends its cookies to every port of the host."""
+        """Set the port of the listener.
+
+        The name of the cookie contains the port, because a client sends a cookie to every port of the host.
+        """
         self._cookie = b"orinkit-%d" % port
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -158,9 +161,9 @@ class App:
             except CallError as error:
                 await self._answer(exchange, CallReply(error.code, detail=error.detail))
                 return None
-            finally:  # a body in the worker counts until it is decoded
+            finally:  # the body counts until the worker has decoded it
                 exchange.give_room(self._context.partial)
-            if session is None or session.ended:  # it may have ended while the body was read
+            if session is None or session.ended:  # the session may have ended while the body was read
                 session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
                 if session is not None:
                     self._enter(session, exchange)
@@ -189,11 +192,15 @@ class App:
         return ""
 
     def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
-        """Return the session of a request without a valid cookie, if necessary a new one; ``None`` if there is none."""
+        """Return the session of a request without a valid cookie, or create one.
+
+        Returns:
+            The session; ``None`` if a limit is reached, or for a Service_Stop without a session.
+        """
         address, port = exchange.scope["client"] or ("", 0)
         if _EXECUTING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
             keeps_cookies = True
-        if function_id == _SERVICE_STOP:  # never opens a session
+        if function_id == _SERVICE_STOP:  # this function never opens a session
             return None if keeps_cookies else self._sessions.by_address(address)
         if keeps_cookies:
             session = self._sessions.create(address, port)
@@ -247,11 +254,11 @@ class App:
         return _call_immediately(session.session, request)
 
     async def _wait(self, exchange: Exchange, session: HttpSession, call: RunningCall) -> CallReply:
-        """Wait for the reply of a long-running call; meanwhile send keep-alive bytes if the client has requested them."""
+        """Wait for the reply of a long-running call; meanwhile send keep-alive bytes if the client requested them."""
         seconds = session.invoke_timeout
         timer = asyncio.get_running_loop().call_later(seconds, _time_out, call, seconds)
         exchange.connection.on_closed = call.give_up
-        if exchange.connection.is_closed:  # it was closed while the request was read
+        if exchange.connection.is_closed:  # the client closed it while the request was read
             call.give_up()
         try:
             if exchange.interval:
@@ -300,8 +307,8 @@ class Exchange:
         headers: headers of the request; the names are in lower case.
         connection: the connection of the request.
         interval: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
-        begun: whether the response has begun.
-        has_room: whether there is room for the body of the request.
+        begun: True if the response has begun.
+        has_room: False if the limit on the bytes of incomplete requests does not permit the body of the request.
     """
 
     __slots__ = (
@@ -351,16 +358,16 @@ class Exchange:
         return int(self.headers.get(b"content-length", b"0"))
 
     def give_room(self, partial: IncompleteRequests) -> None:
-        """Stop counting the body of the request."""
+        """Subtract the body of the request from the bytes of incomplete requests."""
         partial.change(self._counted, 0)
         self._counted = 0
 
     async def body(self, limit: int, partial: IncompleteRequests) -> bytes | None:
-        """Return the body of the request, or ``None`` if it is too long or there is no room for it (``has_room``).
+        """Return the body of the request, or ``None`` if it is too long or ``has_room`` is False.
 
         Args:
             limit: limit on the length, bytes.
-            partial: counts the bytes, until :meth:`give_room`.
+            partial: the count of the bytes of incomplete requests; it includes the body until :meth:`give_room`.
         """
         if self._length() > limit:
             return None
@@ -381,12 +388,12 @@ class Exchange:
         """Send a response without a return code.
 
         The body of the request is read first and discarded, because a client that is still sending would not read the
-        response. If the body is longer than 2 * ``limit``, or if the client waits for ``100 Continue``, it is not read;
-        the connection is closed after the response.
+        response. If the body is longer than 2 * ``limit``, or if the client waits for ``100 Continue``, the body is not
+        read, and the connection is closed after the response.
 
         Args:
             refusal: the response.
-            limit: limit on the length of a body, bytes; negative to read no body.
+            limit: half of the maximum length of a body that is read, bytes; if it is negative, no body is read.
         """
         count = 0
         reads_body = b"expect" not in self.headers and self._length() <= 2 * limit
@@ -416,17 +423,17 @@ class Exchange:
             detail: description of the error.
         """
         if not self.begun:
-            if hresult.failed(code):  # for users of curl
+            if hresult.failed(code):  # curl users see the error in this header
                 self._add_text(b"orinkit-error", str(error_for(code)))
             if detail:
                 self._add_text(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
         elif detail and hresult.failed(
             code
-        ):  # the header has been sent; clients that requested keep-alives read the detail after the code
+        ):  # the header has been sent already; clients that requested keep-alive bytes read the detail after the code
             body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
         at = 0
-        while len(body) - at > _PIECE:  # in one piece it would be copied several times without a turn of the loop
+        while len(body) - at > _PIECE:  # one large piece would be copied several times within one turn of the loop
             await self._send({"type": "http.response.body", "body": body[at : at + _PIECE], "more_body": True})
             await asyncio.sleep(0)
             at += _PIECE

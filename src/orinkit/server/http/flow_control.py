@@ -1,4 +1,4 @@
-"""Flow control for a connection of uvicorn that limits the data buffered behind a request."""
+"""Flow control for a connection of uvicorn: limits the data that is buffered while a request is in progress."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from typing import Final
 from uvicorn.protocols.http.flow_control import FlowControl
 
 HELD: Final = 64 * 1024
-"""Bytes buffered behind a request in progress; from this number on, reading pauses until the response is sent."""
+"""Maximum number of bytes received after a request in progress; then reading pauses until the response is sent."""
 
 
 class BoundedFlowControl(FlowControl):
-    """Flow control that does not resume reading while the buffer is full; uvicorn resumes with each request and response.
+    """Flow control that does not resume reading while the buffer is full.
+
+    uvicorn's own flow control resumes reading with each request and response.
 
     Args:
         transport: transport of the connection.
-        held: returns the number of bytes buffered behind a request.
+        held: callback that returns the number of bytes received after the request in progress.
     """
 
     def __init__(self, transport: asyncio.Transport, held: Callable[[], int]) -> None:
@@ -37,6 +39,6 @@ class BoundedFlowControl(FlowControl):
             super().resume_reading()
 
     def resume_if_possible(self) -> None:
-        """Resume reading if that was refused before and the buffer has room now."""
+        """Resume reading if :meth:`resume_reading` could not and the buffer has room now."""
         if self._refused:
             self.resume_reading()

@@ -1,7 +1,7 @@
 """uvicorn's HTTP/1.1 protocol with limits on the number of connections and on the time that a client may take.
 
-uvicorn itself waits without limit for the rest of a request and for a client to read its response. It also does not detect
-the disconnection of a client that has sent data behind a request in progress.
+uvicorn itself waits indefinitely for the rest of a request, and until a client has read its response. If a client has
+sent data after a request in progress, uvicorn does not detect that the client disconnects.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ KEPT_ALIVE: Final = 75.0
 
 _LONG_HEADER: Final = 431
 _PIECE: Final = 64 * 1024  # bytes parsed at a time; uvloop reads up to 256 KiB
-_MIN_CONNECTIONS: Final = 85  # minimum of the limit on connections; 64 for one address
+_MIN_CONNECTIONS: Final = 85  # smallest limit on connections; 64 of them may come from one address
 _own = logging.getLogger("orinkit.server.uvicorn")
-_own.setLevel(logging.ERROR)  # its warnings are about requests, and less specific than ours
+_own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit logs them in more detail
 
 
 class Stage(Enum):
-    """State of a connection: the event that it waits for, and the time limit, s."""
+    """State of a connection: the event that the server waits for, and the time limit in s."""
 
     NEW = "a request", 10.0
     HEADER = "the rest of a request's header", 10.0
@@ -85,17 +85,17 @@ class HttpClientState(Protocol):
 class ConnectionLimiter:
     """Counts the connections of a listener. When the limit is exceeded, an idle connection is evicted.
 
-    If the limit of one address is exceeded, a connection of that address is evicted. The limiter evicts the oldest
-    connection without any response so far, so that peers that only connect displace each other and not clients. If there
-    is none, it evicts the connection with the oldest last response.
+    If the limit of one address is exceeded, a connection of that address is evicted. The limiter first evicts the
+    oldest of the connections on which no response has been sent, so that peers that only connect displace each other
+    and not clients. If there is no such connection, it evicts the one whose last response is the oldest.
 
     Args:
         context: the state shared by all clients of the server.
 
     Attributes:
         context: the state shared by all clients of the server.
-        limit: limit on connections; above the limit on clients, because a client that opens a connection for each call
-            may have several at times.
+        limit: limit on connections. It is higher than the limit on clients, because a client that opens a connection
+            for each call may have several connections for a short time.
         per_address: limit on connections of one address.
     """
 
@@ -103,8 +103,8 @@ class ConnectionLimiter:
         self.context = context
         self.limit = max(_MIN_CONNECTIONS, context.clients + context.clients // 2)
         self.per_address = max(default_per_address(self.limit), context.per_address)
-        self._unproven: dict[LimitedConnection, None] = {}  # without a response so far; oldest first
-        self._proven: dict[LimitedConnection, None] = {}  # oldest last response first
+        self._unproven: dict[LimitedConnection, None] = {}  # no response has been sent; the oldest connection first
+        self._proven: dict[LimitedConnection, None] = {}  # in the order of their last responses, the oldest first
 
     def __len__(self) -> int:
         """Return the number of connections."""
@@ -158,7 +158,8 @@ class HeaderCoalescer(h11.Connection):
 class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     """An HTTP connection with limits.
 
-    This is a BufferedProtocol because asyncio allocates a new block of 256 KiB for each chunk of data for a plain Protocol.
+    This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
+    received data.
 
     Args:
         guard: the connection limiter.
@@ -166,8 +167,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         state: server state of uvicorn.
 
     Attributes:
-        is_closed: whether the connection has been closed.
-        carried: the clients with requests on this connection; they are notified when it ends.
+        is_closed: True if the connection has been closed.
+        carried: the clients that have sent requests on this connection; they are notified when it ends.
     """
 
     def __init__(self, guard: ConnectionLimiter, config: Config, state: ServerState) -> None:
@@ -183,7 +184,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._unsent = 0
         self.is_closed = False
-        self._half_closed = False  # the client has closed its side
+        self._half_closed = False  # True if the client has closed its side of the connection
         self.carried: set[HttpClientState] = set()
         self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
 
@@ -214,7 +215,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     @property
     def on_closed(self) -> Callable[[], None] | None:
-        """Callback invoked when the connection is closed during a long-running call; ``None`` if there is no such call."""
+        """Callback invoked if the connection is closed during a long-running call; ``None`` if no such call runs."""
         return self._on_closed
 
     @on_closed.setter
@@ -222,7 +223,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._on_closed = callback
         if callback is not None and not self.is_closed:
             self.handle_events()
-            if self._half_closed:  # cannot be distinguished from a client that has disconnected
+            if self._half_closed:  # the server cannot determine if the client has disconnected; assume that it has
                 self.transport.close()
 
     @property
@@ -241,7 +242,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         prepare(self.transport.get_extra_info("socket"), self._context.dead_after)
         CLIENT.set(self.host)
         keep_from_children(self)
-        if self.scheme == "http":  # TlsAcceptor has counted an https connection
+        if self.scheme == "http":  # for https, TlsAcceptor has decremented the count
             self._context.opening -= 1
         early, self._early = self._early, None
         self._context.all.add(self)
@@ -275,7 +276,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             return
         try:
             super().data_received(data[:_PIECE])
-            for start in range(_PIECE, len(data), _PIECE):  # in pieces, so that h11 checks the length of the header
+            for start in range(_PIECE, len(data), _PIECE):  # h11 checks the length of the header after each piece
                 if not self.transport.is_closing():
                     super().data_received(data[start : start + _PIECE])
         except Exception:
@@ -284,7 +285,10 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._update_stage()
 
     def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn always closes
-        """Handle the end of the client's data; without TLS, a short call in progress is completed before the close."""
+        """Handle the end of the client's data.
+
+        Without TLS, a short call in progress is completed before the connection is closed.
+        """
         self._half_closed = self._early is None and self.scheme == "http" and self._whole and self._on_closed is None
         return self._half_closed
 
@@ -318,18 +322,18 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     # --- uvicorn calls these --------------------------------------------------------------------------------------
 
     def handle_events(self) -> None:
-        """Process received data; behind a request in progress, only buffer it, up to a limit."""
+        """Process received data; while a request is in progress, only buffer the data, up to a limit."""
         if not self._whole:
             super().handle_events()
         if not self._whole:
             self._flow.resume_if_possible()
         elif self._on_closed is not None and self._held() < HELD:
-            self.flow.resume_reading()  # the end of the connection is detected only while reading
+            self.flow.resume_reading()  # a disconnection is detected only while reading
         elif self._held():
             self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
-        """Continue after a complete response."""
+        """Handle the end of a response."""
         self._guard.mark_replied(self)
         super().on_response_complete()
         if self._half_closed and not self._whole:
@@ -338,7 +342,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def send_400_response(self, msg: str) -> None:
         """Refuse data that is not HTTP."""
-        error = sys.exception()  # the exception that uvicorn has caught; uvicorn does not pass on its status
+        error = sys.exception()  # the exception that uvicorn has caught; its status is not passed to this method
         too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
         level = self._context.refusal_level(self.loop.time())
         logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
@@ -373,7 +377,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._stage = stage
         self._until = self.loop.time() + stage.seconds
         self._unsent = self.transport.get_write_buffer_size() if stage in (Stage.TAKING, Stage.LEAVING) else 0
-        if self._until < self._armed:  # an early timer is cheaper than a new one for each request
+        if self._until < self._armed:  # a timer that expires too early costs less than a new timer for each request
             self._arm()
 
     def _arm(self) -> None:

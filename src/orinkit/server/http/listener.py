@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("orinkit.server")
 
 LEAST_TOKEN: Final = 16
-"""Number of characters below which a token causes a warning."""
+"""A token with fewer characters causes a warning."""
 
 
 class HttpListener(StreamListener):
@@ -52,7 +52,7 @@ class HttpListener(StreamListener):
         from orinkit.server.http.tls import TlsAcceptor
 
         tls_context = _context(address, options) if address.scheme == "https" else None
-        if ":" not in address.host:  # an IPv6 address needs no entry: any address is accepted as a Host
+        if ":" not in address.host:  # an IPv6 address requires no entry, because the Host header may be any address
             options = replace(options, hosts=(*options.hosts, address.host))
         app = App(context, options, secure=tls_context is not None)
         config = _config(app)
@@ -93,7 +93,7 @@ def _warn_of_token(address: HttpAddress, options: HttpOptions) -> None:
 
 
 def _config(app: App) -> Config:
-    """Return the configuration of uvicorn's protocol; nothing else of uvicorn is used."""
+    """Return the configuration of uvicorn's protocol; orinkit uses no other part of uvicorn."""
     from uvicorn.config import Config
 
     from orinkit.server.http.limits import KEPT_ALIVE, LONGEST_HEADER, LimitedProtocol
@@ -130,14 +130,17 @@ def _context(address: HttpAddress, options: HttpOptions) -> ssl.SSLContext:
     try:
         context.load_cert_chain(
             options.cert, options.key or None, password=lambda: ""
-        )  # prevents a prompt on the terminal
+        )  # without the password argument, OpenSSL would ask for a password on the terminal
     except (OSError, ValueError) as error:
         raise _unusable(address, _reason(options, error)) from error
     return context
 
 
 def _reason(options: HttpOptions, error: Exception) -> str:
-    """Return why the certificate and the key cannot be used; OpenSSL itself reports "PEM lib" for nearly every reason."""
+    """Return the reason why the certificate and the key cannot be used.
+
+    OpenSSL itself reports "PEM lib" for nearly every reason.
+    """
     cert, key = options.cert, options.key or options.cert
     if isinstance(error, ssl.SSLError) and error.reason == "KEY_VALUES_MISMATCH":
         return tr("the key in {key} does not match the certificate in {cert}", key=key, cert=cert)

@@ -22,14 +22,14 @@ class HttpOptions:
     Attributes:
         token: the token that clients must send as ``Authorization: Bearer ...``; if empty, no token is required.
         cert: PEM file with the server's certificate, for ``https://``.
-        key: PEM file with its key; if empty, ``cert`` contains the key too.
-        hosts: further host names of this server, as clients send them in the Host header; addresses, ``localhost`` and the
-            name of the machine are always accepted.
-        idle: seconds of silence after which a client's session ends and its objects are released.
+        key: PEM file with the private key of the certificate; if empty, ``cert`` also contains the key.
+        hosts: further host names of this server that clients may send in the Host header. Addresses, ``localhost`` and
+            the name of the machine are always accepted.
+        idle: idle time in s after which a client's session ends and its objects are released.
 
     Raises:
-        InvalidValue: If the token contains characters that a header cannot carry, if a host name is invalid, or if ``idle``
-            is not from 0.1 to 86,400.
+        InvalidValue: If the token contains characters that are not allowed in a header, if a host name is invalid, or
+            if ``idle`` is not from 0.1 to 86,400.
     """
 
     token: str = ""
@@ -54,4 +54,4 @@ class HttpOptions:
 
 
 DEFAULT_HTTP: Final = HttpOptions()
-"""No access control; a session ends after one minute of silence."""
+"""The default options: no token is required, and a session ends after an idle time of one minute."""

@@ -1,9 +1,10 @@
-"""Sessions of e-CAP clients. As HTTP has no lasting connection, a client is identified by its cookie or by its address.
+"""Sessions of e-CAP clients. A client is identified by its cookie or its address, not by its HTTP connections.
 
-A client that supports cookies is identified by its cookie. Clients that do not (``curl``, a PLC) are identified by their
-address: all requests from one address without a cookie belong to one session. Service_Start does not show which kind of
-client it is, so its session can be reached either way until a second request shows it. A session that has been used
-without its cookie can no longer be reached by the cookie, so that clients never share objects by accident.
+A client that supports cookies is identified by its cookie. Clients without cookies (``curl``, a PLC) are identified by
+their address: all requests from one address without a cookie belong to one session. Service_Start, as the first
+request, does not show if a client supports cookies. Its session can therefore be reached both by the cookie and by the
+address until the second request arrives, with or without the cookie. A session that has been used without its cookie
+can no longer be reached by the cookie, so that clients never share objects by accident.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ from orinkit.transport.address import network_of
 logger = logging.getLogger("orinkit.server")
 
 CALLS: Final = 8
-"""Limit on the calls of one client in progress."""
-_MAX_CALLS: Final = 8 * CALLS  # including abandoned ones
+"""Maximum number of calls in progress of one client."""
+_MAX_CALLS: Final = 8 * CALLS  # including calls for whose result the client does not wait any more
 IDLE_TIMEOUT: Final = 10.0
-"""Seconds of silence after which a session ends if its connection broke during a call, or if its cookie was never sent
-back."""
+"""Idle time in s after which a session ends if its connection broke during a call, or if the client has never sent the
+cookie."""
 
 _SERVICE_START: Final = 1
-_YOUNG: Final = 1.0  # s for a client to send its cookie before its session may be replaced
-_RECONNECT_TIME: Final = 0.3  # s in which a client may replace its last connection while its arm moves
+_YOUNG: Final = 1.0  # s; a client must send its cookie within this time, or its session may be ended for a new client
+_RECONNECT_TIME: Final = 0.3  # s; while its arm moves, a client must replace its last connection within this time
 
 
 class RunningCall:
@@ -45,12 +46,12 @@ class RunningCall:
 
     Args:
         loop: the event loop of the session.
-        cancellable: whether the call can be cancelled.
+        cancellable: True if the call can be cancelled.
 
     Attributes:
         reply: future of the reply; its result is ``None`` if the client has disconnected.
         task: the task that executes the call.
-        client_waits: whether the client receives the result; False after a time-out or a disconnection.
+        client_waits: True if the client will receive the result; False after a time-out or a disconnection.
     """
 
     __slots__ = ("cancellable", "client_waits", "reply", "task")
@@ -91,11 +92,11 @@ class HttpSession:
         address: host address of the client.
         session: the client's objects.
         invoke_timeout: limit on the duration of a call, s.
-        known: whether the client has sent the cookie back.
-        plain: whether the session has been used without a cookie.
-        ended: whether the session has ended.
-        address_session: the session of the client's address, to which the Service_Start of this session may also belong.
-        client_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if it has not set one.
+        known: True if the client has sent the cookie.
+        plain: True if the session has been used without a cookie.
+        ended: True if the session has ended.
+        address_session: the session of the client's address, if the Service_Start of this session may belong to it.
+        client_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set it.
         last_request_at: loop time of the last request, s.
     """
 
@@ -113,7 +114,7 @@ class HttpSession:
         self._loop = sessions.loop
         self._name = f"{address}:{port}/http"
         self._calls: set[RunningCall] = set()
-        self._waiting = 0  # requests in progress
+        self._waiting = 0  # number of requests in progress
         self._broken = False
         self._closing = False
         self.ended = False
@@ -121,7 +122,7 @@ class HttpSession:
         self.last_request_at = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
-        ] = {}  # open connections; the value: whether it has carried several requests
+        ] = {}  # open connections; the value is True after the second request on a connection
         self._liveness = LivenessMonitor(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._idle_limit(), self._check_idle_time)
         logger.info("%s connected", self._name)
@@ -142,9 +143,10 @@ class HttpSession:
         self._liveness.start()
 
     def disconnected(self, connection: Hashable) -> None:
-        """End the session soon if its last persistent connection has been closed while its arm moves.
+        """Handle a closed connection: if it was the last persistent one while the arm moves, end the session soon.
 
-        A client that cancels a call closes the connection, and makes its next call over a new one.
+        The session does not end immediately, because a client that cancels a call closes the connection and makes its
+        next call over a new one.
         """
         kept = self._connections.pop(connection, False)
         if kept and not self.ended and not self._has_persistent:
@@ -172,7 +174,7 @@ class HttpSession:
 
     @property
     def server_silence_limit(self) -> float | None:
-        """Limit on silence while the client's motions run, s; ``None`` while the client has a persistent connection."""
+        """The server's limit on silence while motions run, s; ``None`` while the client has a persistent connection."""
         return None if self._has_persistent and not self.plain else self._context.alive
 
     def give_up(self, reason: str) -> None:
@@ -184,7 +186,7 @@ class HttpSession:
         """Note the end of a request.
 
         Args:
-            broken: whether the connection was closed before the response was sent.
+            broken: True if the connection was closed before the response was sent.
         """
         self._waiting -= 1
         self._heard = self._loop.time()
@@ -196,7 +198,7 @@ class HttpSession:
 
     @property
     def at_call_limit(self) -> bool:
-        """True if the limit on calls in progress is reached; abandoned calls have a higher limit of their own."""
+        """True if the limit on calls in progress is reached, or the higher limit that includes abandoned calls."""
         awaited = sum(call.client_waits for call in self._calls)
         return awaited >= CALLS or len(self._calls) >= _MAX_CALLS
 
@@ -227,7 +229,7 @@ class HttpSession:
             self.address_session.set_options(options)
 
     def begin(self, pending: Pending) -> RunningCall:
-        """Start a long-running call. It continues if the connection breaks, until the session ends."""
+        """Start a long-running call. If the connection breaks, the call continues until the session ends."""
         call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
@@ -236,7 +238,7 @@ class HttpSession:
         def done(_: object) -> None:
             self._context.tasks.discard(task)
             if iscoroutine(pending.work):
-                pending.work.close()  # prevents a warning if it was cancelled before it began
+                pending.work.close()  # a coroutine that was cancelled before it began would cause a warning
 
         task.add_done_callback(done)
         return call
@@ -258,7 +260,7 @@ class HttpSession:
     # --- end of the session --------------------------------------------------------------------------------------------------
 
     def on_address_lost(self) -> None:
-        """Restart the idle timer: from now on the session can be reached only by its cookie."""
+        """Restart the idle timer, because the session can now be reached only by its cookie."""
         self._restart_timer()
 
     def _idle_limit(self) -> float:
@@ -280,14 +282,15 @@ class HttpSession:
             self.end("nothing received")
 
     def is_abandoned(self) -> bool:
-        """Return True if the client is idle and has not sent its cookie back in time."""
+        """Return True if the client is idle and has not sent its cookie in time."""
         short_lived = self.idle and not self.known and not self._sessions.is_reachable_by_address(self)
         return short_lived and self._loop.time() >= self._heard + _YOUNG
 
     def end(self, reason: object = None) -> None:
         """End the session: release the client's objects and cancel its calls.
 
-        A blocking call continues, because a thread cannot be cancelled; an object that it creates is released afterwards.
+        A blocking call continues, because a thread cannot be cancelled. If it creates an object, the object is released
+        afterwards.
         """
         if self.ended:
             return
@@ -306,7 +309,7 @@ class HttpSession:
         self._context.discard(self)
 
     def close(self) -> None:
-        """End the session after the requests in progress have completed: the server is closing."""
+        """End the session after the requests in progress have completed; called when the server is closing."""
         self._closing = True
         if not self._waiting:
             self.end()
@@ -321,18 +324,21 @@ class HttpSessions:
 
     Args:
         context: the state shared by all clients of the server.
-        idle: seconds of silence after which a session ends.
+        idle: idle time in s after which a session ends.
     """
 
     def __init__(self, context: ServerContext, idle: float) -> None:
         self.context = context
         self.loop = asyncio.get_running_loop()
         self.idle = idle
-        self._by_key: dict[str, HttpSession] = {}  # oldest first
+        self._by_key: dict[str, HttpSession] = {}  # the oldest session first
         self._by_address: dict[str, HttpSession] = {}
 
     def by_key(self, key: str) -> HttpSession | None:
-        """Return the session of a cookie. As its client supports cookies, it is no longer the session of its address."""
+        """Return the session of a cookie.
+
+        The client supports cookies, so that the session can no longer be reached by its address.
+        """
         found = self._by_key.get(key)
         if found is not None and not found.known:
             found.known = True
@@ -367,9 +373,9 @@ class HttpSessions:
     def for_service_start(self, address: str, port: int) -> HttpSession | None:
         """Return the session for a Service_Start without a cookie; ``None`` if the limit is reached.
 
-        The session is a new one, because the client may support cookies and have none yet. As the client may also be one
-        without cookies, the new session becomes that of its address, unless the present session of the address has
-        already been used without a cookie. In that case Service_Start applies to both sessions.
+        The session is a new one, because the client may support cookies but have no cookie yet. The client may also be
+        one without cookies. Therefore the new session becomes the session of the address, unless the current session of
+        the address has already been used without a cookie. In that case, Service_Start applies to both sessions.
         """
         current = self._by_address.get(address)
         made = self.create(address, port)

@@ -1,4 +1,7 @@
-"""The TLS handshake of an HTTPS connection; the connection counts towards the limits, as the handshake may never end."""
+"""The TLS handshake of an HTTPS connection.
+
+During the handshake, the connection counts towards the limits, because a client may never complete the handshake.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ class TlsAcceptor(asyncio.Protocol):
     Args:
         guard: the connection limiter.
         tls_context: the TLS context, with the certificate.
-        make: factory of the protocol for the time after the handshake.
+        make: factory of the protocol that is used after the handshake.
     """
 
     def __init__(
@@ -40,12 +43,12 @@ class TlsAcceptor(asyncio.Protocol):
     has_call = False
 
     def data_received(self, data: bytes) -> None:
-        """Buffer data received before the server's side of the handshake has begun."""
+        """Buffer data that arrives before the server begins the handshake."""
         self._early += data
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Start the handshake, or refuse the connection."""
-        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's do not derive from Transport
+        self._transport = transport = cast("asyncio.Transport", transport)  # uvloop's class is not a subclass of it
         keep_from_children(self)
         self.network = network_of(str((transport.get_extra_info("peername") or ("",))[0]))
         context = self._guard.context
@@ -76,7 +79,7 @@ class TlsAcceptor(asyncio.Protocol):
         )
         try:
             await asyncio.sleep(0)  # start_tls schedules connection_made of the TLS protocol, and resume_reading
-            await asyncio.sleep(0)  # both have run; nothing has been read yet
+            await asyncio.sleep(0)  # now both have run, and nothing has been read yet
             self._hand_over(transport)
             secured = await securing
         except OSError as error:  # includes TimeoutError and SSLError
@@ -111,7 +114,7 @@ class TlsAcceptor(asyncio.Protocol):
     def abort(self) -> None:
         """Close the connection immediately."""
         self._task.cancel()
-        if self._transport is not None:  # a task cancelled before it begins would leave it open
+        if self._transport is not None:  # a task that is cancelled before it begins does not close the transport
             self._transport.abort()
         self._guard.discard(self)
         self._guard.context.discard(self)
