@@ -167,7 +167,7 @@ __all__ = [
     "variable",
 ]
 
-for _name in __all__:  # help() and tracebacks show the public names
+for _name in __all__:  # so that help() and tracebacks show orinkit as the module of the public names
     _public = globals()[_name]
     if isinstance(_public, type) or getattr(_public, "__name__", "") == _name:
         _public.__module__ = __name__

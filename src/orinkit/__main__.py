@@ -8,9 +8,9 @@ from orinkit.core.i18n import tr
 
 
 def main() -> int:
-    """Run the command line and return the exit code. Ctrl-C is handled from the beginning, including the imports."""
+    """Run the command line and return the exit code. Ctrl-C is also handled while the command line is imported."""
     try:
-        from orinkit.cli.app import main as run  # slow import: handle Ctrl-C during it, too
+        from orinkit.cli.app import main as run  # inside "try", because this import is slow
 
         return run()
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""The asyncio interface: the classes and functions of :mod:`orinkit`, for asyncio.
+"""The asyncio counterparts of the classes and functions of :mod:`orinkit`.
 
 ::
 
@@ -64,7 +64,7 @@ connect = _opening(controller.connect)
 open_client = _opening(AsyncClient.open)
 serve = AsyncServer
 
-for _name in __all__:  # help() and tracebacks show the public names
+for _name in __all__:  # so that help() and tracebacks show orinkit.aio as the module of the public names
     _public = globals()[_name]
     if isinstance(_public, type) or getattr(_public, "__name__", "") == _name:
         _public.__module__ = __name__

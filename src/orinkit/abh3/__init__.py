@@ -1,6 +1,7 @@
 """Waco Giken ABH3 motor drivers on CAN.
 
-The document is "ABH3 CAN 通信 ホスト用サンプルソフト仕様". :mod:`orinkit.abh3.aio` is the asyncio counterpart.
+In this package, "the document" is Waco Giken's "ABH3 CAN 通信 ホスト用サンプルソフト仕様". Section numbers refer to it.
+:mod:`orinkit.abh3.aio` is the asyncio counterpart of this module.
 
 >>> from orinkit import abh3
 >>> with abh3.connect("can://socketcan/can0") as driver:  # doctest: +SKIP

@@ -53,10 +53,10 @@ def connect(
     init: bool = True,
     **settings: Unpack[Settings],
 ) -> AwaitableContext[AsyncDriver[Any, Any]]:
-    """Open a CAN bus with one driver, as :func:`orinkit.abh3.connect`; for ``async with`` or ``await``."""
+    """Open a CAN bus with one driver, for ``async with`` or ``await``; see :func:`orinkit.abh3.connect`."""
     return AwaitableContext(bus.connect(at, dialect=dialect, init=init, **settings))
 
 
 def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> AwaitableContext[AsyncMotorBus]:
-    """Open a CAN bus for several drivers, as :func:`orinkit.abh3.open_bus`; for ``async with`` or ``await``."""
+    """Open a CAN bus for several drivers, for ``async with`` or ``await``; see :func:`orinkit.abh3.open_bus`."""
     return AwaitableContext(bus.open_bus(at, **settings))

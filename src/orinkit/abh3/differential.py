@@ -1,13 +1,14 @@
 """Conversion between the motion of a differential-drive vehicle and the motor commands of its ABH3.
 
-With the motor-axis model the commands are those of motors A and B, with the travel-axis model they are Y (travel)
-and X (turn): ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not define how these become a motion; the
-formulas here are those of the vendor's ROS programs::
+With the motor-axis model, the commands are the velocities of motors A and B. With the travel-axis model, they are Y
+(travel) and X (turn): ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not define the motion of the vehicle
+for these velocities. The formulas here are taken from the vendor's ROS programs (v in m/s, omega in rad/s, X and Y in
+min^-1)::
 
     v     =  Y / 60 * gear * wheel_diameter * pi
     omega = -X / 60 * gear * wheel_diameter * pi / (track / 2)
 
-So B is the motor of the right wheel: if B is faster, the vehicle turns left and omega is positive.
+Therefore B is the motor of the right wheel: if B is faster, the vehicle turns left and omega is positive.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Twist(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Differential:
-    """The dimensions of a vehicle. They have no defaults: a wrong value causes a wrong velocity.
+    """The dimensions of a vehicle. They have no defaults, because a wrong value would cause a wrong velocity.
 
     Attributes:
         wheel_diameter: Wheel diameter in m.
@@ -107,7 +108,7 @@ class Differential:
         return Twist(check_finite("v", v), 0.0 - check_finite("omega", omega))
 
     def to_motors(self, v: float, omega: float) -> MotorVelocities:
-        """Return the velocities of the motors A and B in min^-1 for a motion, as for :meth:`to_travel`.
+        """Return the velocities of motors A and B in min^-1 for a motion; the arguments are those of :meth:`to_travel`.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
@@ -116,7 +117,7 @@ class Differential:
         return MotorVelocities(check_finite("a", y + x), check_finite("b", y - x))
 
     def from_motors(self, a: float, b: float) -> Twist:
-        """Return the motion in m/s and rad/s for velocities of the motors A and B in min^-1.
+        """Return the motion in m/s and rad/s for velocities of motors A and B in min^-1.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.

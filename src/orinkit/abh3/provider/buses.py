@@ -33,7 +33,7 @@ class SharedBus:
         return self._opening.result()
 
     async def wait_opened(self) -> None:
-        """Wait until the bus is open; a client that disconnects meanwhile does not cancel the opening for others."""
+        """Wait until the bus is open. If the waiting client disconnects, the bus is still opened for other clients."""
         await asyncio.shield(self._opening)
 
     async def close(self) -> None:
@@ -44,7 +44,7 @@ class SharedBus:
 
 
 class Buses:
-    """The open buses by their keys, so that different spellings of an address share a bus.
+    """The open buses by their keys. All spellings of an address have the same key and therefore share a bus.
 
     Args:
         given: The only bus of the server; ``None`` if clients select buses.
@@ -56,7 +56,7 @@ class Buses:
         self._closing: dict[Key, asyncio.Task[None]] = {}
 
     async def enter(self, wanted: DriverSelection) -> SharedBus:
-        """Return the bus that a client selected; it has to be given back with :meth:`leave`.
+        """Return the bus that a client selected; the caller must release it with :meth:`leave`.
 
         Raises:
             CallError: E_CAO_REMOTE_PROVIDER: If the bus does not open in time.
@@ -85,7 +85,7 @@ class Buses:
         return shared
 
     def leave(self, shared: SharedBus) -> None:
-        """Give a bus back; after the last client, a task closes it."""
+        """Release a bus. After the last client has released it, a task closes it."""
         self._drop(shared)
 
     def _drop(self, shared: SharedBus) -> None:

@@ -40,10 +40,10 @@ class CommandArbiter(Protocol):
         """Return True if the client has the right to command its driver."""
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that commands the same driver."""
+        """Return the client that commands the same driver, ``None`` if no client does."""
 
     def release(self, controller: ABH3Controller) -> None:
-        """Withdraw the right from a client."""
+        """Withdraw the right to command from a client."""
 
     def disconnect(self, controller: ABH3Controller) -> None:
         """Remove a client that has disconnected."""
@@ -58,7 +58,7 @@ class ABH3Controller(ControllerObject):
         shared: The bus.
         motor: The driver on that bus.
         wanted: The driver and the settings selected by the client.
-        reason: Returns the text of the client's last error with a given code.
+        reason: Function that returns the text of the client's last error with a given return code.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ABH3Controller(ControllerObject):
 
     @property
     def holding(self) -> bool:
-        """True while this client commands the driver: it has commanded something and still makes calls."""
+        """True while this client commands the driver: it has sent commands, and its idle time has not expired."""
         if self._writing:
             return True
         if self._wanted.period:
@@ -136,7 +136,7 @@ class ABH3Controller(ControllerObject):
         return await run(self, *[read(value) for read, value in zip(readers, values, strict=False)])
 
     def release(self) -> None:
-        """Release the controller and stop the motor, as its client has disconnected."""
+        """Release the controller and stop the motor, because the client has disconnected."""
         if not self._released:
             self._released = True
             self._owner.disconnect(self)
@@ -151,11 +151,12 @@ class ABH3Controller(ControllerObject):
                 return await get(self.motor)
 
     async def write(self, put: Callable[[Motor], Awaitable[T]], *, safe_when_stopped: bool = False) -> T:
-        """Command the driver, and keep the command alive while the client is connected.
+        """Command the driver, and begin a keep-alive that repeats the command.
 
         Args:
-            put: Sends the command.
-            safe_when_stopped: The command starts no motion, so it is executed even if the motor was stopped meanwhile.
+            put: Function that sends the command.
+            safe_when_stopped: True if the command starts no motion. It is then executed even if the motor was stopped
+                after the client's previous command.
         """
         with map_errors():
             async with self._call_lock:
@@ -165,7 +166,7 @@ class ABH3Controller(ControllerObject):
                 self._begin()
                 self._owner.acquire(self)
                 self._report_stop(safe_when_stopped=safe_when_stopped)
-                self._writing = True  # no other client can take the command meanwhile
+                self._writing = True  # until "put" has returned, no other client can get the right to command
                 try:
                     result = await put(self.motor)
                     if self._wanted.period and not self.motor.kept_alive:
@@ -176,7 +177,7 @@ class ABH3Controller(ControllerObject):
                 return result
 
     async def stop(self) -> Feedback:
-        """Stop the motor, whichever client commands it; if another one does, its next write raises E_ABORT."""
+        """Stop the motor, even if another client commands it; the next write of that client raises E_ABORT."""
         holder = self._owner.owner(self)
         if holder is None or holder is self:
             return await self.write(lambda motor: motor.stop(), safe_when_stopped=True)
@@ -185,14 +186,14 @@ class ABH3Controller(ControllerObject):
             return await holder.preempt()
 
     async def preempt(self) -> Feedback:
-        """Stop the motor for another client, and end the keep-alive so that the other client can take the command."""
+        """Stop the motor for another client, and end the keep-alive so that the other client can get the right."""
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()
         self._stopped = True
         return feedback
 
     async def release_command(self) -> None:
-        """Stop the motor, switch the servo off and release the command, if this client has it."""
+        """If this client has the right to command, stop the motor, switch the servo off and release the right."""
         with map_errors():
             async with self._call_lock:
                 self._begin()
@@ -204,10 +205,10 @@ class ABH3Controller(ControllerObject):
                 self._owner.release(self)
 
     def _begin(self) -> None:
-        """Restart the idle time; refuse a call that has already been reported as timed out.
+        """Restart the idle time; raise an exception if the call has already been reported as timed out.
 
         Raises:
-            CallError: E_TIMEOUT: If the call timed out while it waited for its turn.
+            CallError: E_TIMEOUT: If the call timed out while it waited for an earlier call of the client.
         """
         if client_gave_up():
             raise error_for(hresult.E_TIMEOUT)
@@ -215,15 +216,15 @@ class ABH3Controller(ControllerObject):
         self.motor.feed()
 
     def _report_stop(self, *, safe_when_stopped: bool) -> None:
-        """Report once that the motor was stopped meanwhile.
+        """Report once that the motor was stopped after the client's previous command.
 
         Raises:
-            CallError: E_ABORT: If it was stopped, unless the call is safe.
+            CallError: E_ABORT: If the motor was stopped and ``safe_when_stopped`` is False.
         """
         if not self._stopped and (not self._keeps_alive or self.motor.kept_alive):
             return
         self._keeps_alive = self._stopped = False
-        self.motor.end_keep_alive()  # discards its pending time-out, which is reported here
+        self.motor.end_keep_alive()  # also discards its pending DriverTimeout, which must not be reported twice
         if safe_when_stopped:
             return
         raise error_for(
@@ -262,11 +263,11 @@ class ABH3Variable(VariableObject):
         self._accessed = datetime.now()
 
     def get_date_time(self) -> datetime:
-        """Return when this client last read or wrote the variable, without microseconds."""
+        """Return the time at which this client last read or wrote the variable, without microseconds."""
         return self._accessed.replace(microsecond=0)
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of that time."""
+        """Return the microseconds of the time that :meth:`get_date_time` returns."""
         return self._accessed.microsecond
 
 
@@ -310,7 +311,7 @@ def _bit(value: Any) -> int:
 
 
 def _word(value: Any) -> int:
-    """Convert a value to an unsigned 32-bit word; a signed one (VT_I4) keeps its bits."""
+    """Convert a value to an unsigned 32-bit word; a negative value (VT_I4) becomes the word with the same bits."""
     if to_variant(value).type == VarType.BOOL:
         raise invalid(tr("the value must be a 32-bit word, not VT_BOOL"))
     number = _whole(value)
@@ -320,7 +321,7 @@ def _word(value: Any) -> int:
 
 
 def _name(value: Any) -> int | str:
-    """Convert a value to the number or the name of an input; decimal text is a number."""
+    """Convert a value to the number or the name of an input; a text of decimal digits is a number."""
     if isinstance(value, str) and not value.strip().isdecimal():
         return value.strip().lower()
     return _whole(value)
@@ -395,7 +396,7 @@ COMMANDS: Final[Mapping[str, tuple[tuple[Reader, ...], int, Run]]] = {
     "ReadMonitor": ((_whole,), 1, _read_monitor),
     "Release": ((), 0, _release),
 }
-"""The commands of Execute: converters of the values, minimum number of values, and implementation."""
+"""The commands of Execute by name: converters of the values, minimum number of values, and implementation."""
 
 
 def _plain(record: Record) -> list[float]:

@@ -23,8 +23,8 @@ _CODES: Final[tuple[tuple[tuple[type[OrinError], ...], int], ...]] = (
 )
 
 
-class map_errors:  # noqa: N801 - reads as a statement
-    """Context manager that raises driver exceptions as CallError with their texts; E_FAIL if no other code fits."""
+class map_errors:  # noqa: N801 - used like a statement
+    """Context manager that converts driver exceptions to CallError with the same text; E_FAIL if no other code fits."""
 
     def __enter__(self) -> None:
         return None

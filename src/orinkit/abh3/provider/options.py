@@ -1,4 +1,4 @@
-"""The option string of Controller_Connect: which ABH3 a client selects, and with which settings."""
+"""The option string of Controller_Connect, by which a client selects an ABH3 and its settings."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ _BUS_OPTIONS: Final = ("Interface", "Channel", "Bitrate", "Bus")
 _NUMBERS: Final = ("address", "host", "group", "priority")
 _REALS: Final = ("timeout", "load_unit")
 _CLIENT_OPTIONS: Final = ("port", "tty_baudrate", "sleep_after_open")
-"""URL options that clients may set; the others open files and connections on the server's computer."""
+"""URL options that clients may set; all others could open files and connections on the server's computer."""
 _MULTICAST: Final = "udp_multicast"
 _GROUP: Final = "239.74.163.2"
 _PORT: Final = 43113
 _PERIOD: Final = 0.1
-_SHORTEST_PERIOD, _LONGEST_PERIOD = 0.01, 0.4  # s: a driver stops by itself after 0.5 s
+_SHORTEST_PERIOD, _LONGEST_PERIOD = 0.01, 0.4  # s; a driver stops by itself if no command arrives for 0.5 s
 _IDLE: Final = 1.0
 _LONGEST: Final = 3600
 
 
 class BusKey(NamedTuple):
-    """Identifies a bus independently of how its address is spelled.
+    """Identifies a bus independently of the spelling of its address.
 
     Attributes:
         interface: Interface of python-can.
-        channel: Channel of the interface; a device file by its real path.
+        channel: Channel of the interface; for a device file, its real path.
         port: Port of a multicast bus; 0 otherwise.
     """
 
@@ -79,7 +79,7 @@ def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> 
     Args:
         option: Option string of Controller_Connect.
         defaults: Settings for options that are not in the string.
-        own_bus: URL of the server's only bus, or ``True`` if that bus has no URL; clients cannot select another one.
+        own_bus: URL of the server's only bus, ``True`` if that bus has no URL, ``False`` if clients select the bus.
 
     Raises:
         CallError: E_INVALIDARG: If the option string is not valid.
@@ -181,7 +181,9 @@ def _settings(options: Options, defaults: Mapping[str, Any]) -> HostSettings:
 
 
 def _check_names(options: Options) -> None:
-    """Check that every option is known and occurs once: a mistyped Address would move another motor.
+    """Check that every option is known and occurs once.
+
+    Without this check, a client that misspells ``Address`` would move the motor with the default address.
 
     Raises:
         CallError: E_INVALIDARG: If an option is unknown or repeated.

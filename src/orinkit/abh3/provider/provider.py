@@ -4,8 +4,8 @@ A client selects the driver by the option string of Controller_Connect::
 
     Interface=socketcan, Channel=can0, Bitrate=500000, Address=1, Host=2, Group=5
 
-Several clients may read one driver. The first one that writes gets the command, until it releases it, disconnects, or
-makes no call during its idle time.
+Several clients may read one driver. The first client that writes gets the right to command the driver. It has this
+right until it releases the right, disconnects, or makes no call for its idle time (option ``Idle``).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class ABH3Provider(Provider):
     """Serves ABH3 drivers to CAO clients; a provider belongs to one server at a time.
 
     Args:
-        bus: URL of the only bus that clients can use, or a python-can bus; with ``None`` each client selects a bus. Every
-            client of the server can then open every CAN interface of this computer.
+        bus: URL of the only bus that clients can use, or a python-can bus. With ``None``, each client selects a bus, so
+            every client of the server can open every CAN interface of this computer.
         **defaults: Settings for options that a client omits: ``dialect``, and those of
             :class:`orinkit.abh3.api.names.HostSettings`.
     """
@@ -58,7 +58,9 @@ class ABH3Provider(Provider):
         option: str,
         client: ClientInfo,
     ) -> ControllerObject:
-        """Return a driver for one client; its errors are requested to check that it replies, but nothing is commanded.
+        """Return a driver for one client.
+
+        The errors of the driver are requested to check that the driver replies. No command is sent.
 
         Raises:
             CallError: E_INVALIDARG: If the option string is not valid; E_CAO_REMOTE_PROVIDER: If the bus cannot be opened;
@@ -84,7 +86,7 @@ class ABH3Provider(Provider):
 
     async def close(self) -> None:
         """Stop all motors and close every bus."""
-        if self._loop is not asyncio.get_running_loop():  # called by a server that could not get this provider
+        if self._loop is not asyncio.get_running_loop():  # called by a server that does not own this provider
             return
         for controller in list(self._clients):
             controller.release()
@@ -94,7 +96,7 @@ class ABH3Provider(Provider):
         self._loop = None
 
     def _bind(self) -> None:
-        """Bind the provider to the running event loop, to which buses and motors belong.
+        """Bind the provider to the running event loop, because its buses and drivers can be used in one loop only.
 
         Raises:
             CallError: E_FAIL: If another server uses this provider.
@@ -114,7 +116,7 @@ class ABH3Provider(Provider):
         """Give a client the right to command its driver.
 
         Raises:
-            CallError: E_ACCESSDENIED: If another client has it.
+            CallError: E_ACCESSDENIED: If another client has this right.
         """
         owner = self._owners.setdefault(controller.key, controller)
         if owner is controller:
@@ -129,7 +131,7 @@ class ABH3Provider(Provider):
                     address=address,
                 ),
             )
-        owner.motor.relinquish()  # so that nothing is sent for it when it disconnects
+        owner.motor.relinquish()  # so that no stop is sent when the previous owner disconnects
         self._owners[controller.key] = controller
 
     def owns(self, controller: ABH3Controller) -> bool:
@@ -137,17 +139,17 @@ class ABH3Provider(Provider):
         return self._owners.get(controller.key) is controller
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that now commands the driver of a client, ``None`` if there is no such client."""
+        """Return the client that now commands the same driver as ``controller``, ``None`` if no client does."""
         owner = self._owners.get(controller.key)
         return owner if owner is not None and owner.holding else None
 
     def release(self, controller: ABH3Controller) -> None:
-        """Withdraw the right to command from a client, if it has it."""
+        """Withdraw the right to command from a client, if the client has this right."""
         if self.owns(controller):
             del self._owners[controller.key]
 
     def disconnect(self, controller: ABH3Controller) -> None:
-        """Remove a client: stop its motor if it commands it, and close the bus after the last client."""
+        """Remove a client: stop the motor if this client commands it, and close the bus after the last client."""
         self._clients.discard(controller)
         task = asyncio.get_running_loop().create_task(self._leave(controller))
         self._closing.add(task)

@@ -1,4 +1,7 @@
-"""The CAO variables of an ABH3, derived from the table of ABH3: description, type, and how to read and write them."""
+"""The CAO variables of an ABH3 with description, type, and functions for reading and writing.
+
+They are derived from the table in :mod:`orinkit.abh3.table.signals`.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +28,9 @@ class VariableEntry:
     Attributes:
         name: Name for clients.
         type: VARIANT type of its value.
-        describe: Returns the description, with the unit, in the current language.
-        get: Reads the value.
-        put: Writes the value; ``None`` for a read-only variable.
+        describe: Function that returns the description, with the unit, in the current language.
+        get: Function that reads the value.
+        put: Function that writes the value; ``None`` for a read-only variable.
         count: Number of values of an array; 0 otherwise.
     """
 
@@ -116,7 +119,10 @@ def _put_input(name: str) -> Put:
 
 
 def _feedback(dialect: Dialect) -> list[VariableEntry]:
-    """Return the variables for those fields of the feedback (DP0R) that no broadcast has; reading requests the feedback."""
+    """Return the variables for the feedback (DP0R): one for each field that no broadcast contains, and one for all.
+
+    Reading one of these variables requests the feedback from the driver.
+    """
     known = {field.name for layout in dialect.broadcasts.values() for field in layout.fields}
     fields = [field for field in dialect.layouts["DP0R"].fields if field.name not in known]
 
