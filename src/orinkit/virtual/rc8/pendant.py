@@ -1,4 +1,4 @@
-"""The teach pendant and the operator's panel: what a person operates at the controller, for tests and for users."""
+"""The teach pendant and the operator's panel of the virtual controller, operated by tests and by users."""
 
 from __future__ import annotations
 
@@ -24,19 +24,22 @@ _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
 class Pendant:
     """The teach pendant and the operator's panel. Every method is thread-safe.
 
-    If the state of the controller does not allow an operation, it raises :class:`orinkit.CallError` with the code of
-    the controller; an invalid argument raises :class:`ValueError`.
+    If the state of the controller does not allow an operation, the method raises :class:`orinkit.CallError` with the
+    code of the controller. If an argument is invalid, the method raises :class:`ValueError`.
     """
 
     def __init__(self, state: RC8State) -> None:
         self._state = state
 
     def mode(self, mode: int) -> None:
-        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic. Stops a motion and switches the motor off."""
+        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.
+
+        A change of the mode stops the arm and then switches the motor off.
+        """
         self._state.set_mode(mode)
 
     def token(self, token: Token | str) -> None:
-        """Give the executable token (RC8 2.1): ``any``, ``tp``, ``io``, ``ethernet``, ``ethernet:192.168.0.7``."""
+        """Assign the executable token (RC8 2.1): ``any``, ``tp``, ``io``, ``ethernet``, ``ethernet:192.168.0.7``."""
         self._state.set_token(token if isinstance(token, Token) else Token.parse(token))
 
     def emergency_stop(self, on: bool = True) -> None:
@@ -52,7 +55,10 @@ class Pendant:
         self._state.auto_enable(on)
 
     def deadman(self, on: bool = True) -> None:
-        """Hold or release the enable switch; outside automatic mode, releasing it stops the arm and cuts the motor."""
+        """Hold or release the enable switch.
+
+        Outside automatic mode, releasing it stops the arm and then switches the motor off.
+        """
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
             if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
@@ -62,8 +68,8 @@ class Pendant:
         """Switch the motor on or off, which takes about a second.
 
         Raises:
-            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF; E_ACCESSDENIED if the
-                enable switch is not held outside automatic mode; MOTOR_OFF_WHILE_MOVING.
+            CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF,
+                MOTOR_OFF_WHILE_MOVING; outside automatic mode, E_ACCESSDENIED if the enable switch is not held.
         """
         with self._state.cycles:
             if on:
@@ -81,11 +87,12 @@ class Pendant:
             distance: Distance, deg; mm for a linear axis.
 
         Returns:
-            The ticket of the motion; ``ticket.state`` is its progress.
+            The ticket of the motion; ``ticket.state`` is the progress of the motion.
 
         Raises:
-            CallError: REFUSED_IN_AUTO_MODE; E_ACCESSDENIED if the enable switch is not held; MOTOR_NOT_ON;
-                ROBOT_MOVING; the error of the axis if the target is outside its soft limits.
+            CallError: REFUSED_IN_AUTO_MODE; EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT; E_ACCESSDENIED if the
+                enable switch is not held; MOTOR_NOT_ON; ROBOT_PAUSED; ROBOT_MOVING; the error of the axis if the target
+                is outside its soft limits.
             ValueError: If the axis does not exist.
         """
         with self._state.cycles:
@@ -111,11 +118,11 @@ class Pendant:
             return arm.enqueue(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
 
     def teach(self, kind: str, index: int, values: Sequence[float]) -> None:
-        """Write a pose into a global variable: P (7 numbers), J (8), T (10) or V (3).
+        """Write a pose or a vector to a global variable: P (7 numbers), J (8), T (10) or V (3).
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG if the number of values does not match the pose type.
-            ValueError: If the pose type is not one of these.
+            ValueError: If the pose type is not P, J, T or V.
         """
         if kind not in ("P", "J", "T", "V"):
             raise ValueError(tr("{kind!r} is not P, J, T or V", kind=kind))
@@ -123,7 +130,7 @@ class Pendant:
             self._state.variables.write(CLASSES[kind], index, Variant(int(VarType.R8) | ARRAY, list(values)))
 
     def speed(self, percent: float) -> None:
-        """Set the external speed, and the external accelerations to their default (speed squared / 100).
+        """Set the external speed in %, and external acceleration and deceleration to the default (speed squared / 100).
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE.
@@ -145,7 +152,7 @@ class Pendant:
             self._state.switches.slave_limit = limit
 
     def machine_lock(self, on: bool = True) -> None:
-        """Set or clear the machine lock: with it, motions are executed, but the arm does not move.
+        """Set or clear the machine lock: while it is set, motions are executed, but the arm does not move.
 
         Raises:
             CallError: MOTOR_IS_ON.
@@ -169,7 +176,7 @@ class Pendant:
         self._state.clear_errors()
 
     def restart(self) -> None:
-        """Reset errors, motor, motions and programs, as switching the controller off and on does."""
+        """Reset errors, motor, motions and programs, as if the controller were switched off and on."""
         self._state.restart()
 
     def status(self) -> Mapping[str, object]:
@@ -196,7 +203,7 @@ class Pendant:
             }
 
     def _require_enabled(self) -> None:
-        """Raise E_ACCESSDENIED outside automatic mode unless the enable switch is held."""
+        """Raise E_ACCESSDENIED if the mode is not automatic and the enable switch is not held."""
         switches = self._state.switches
         if switches.mode is not ModeSwitch.AUTOMATIC and not switches.deadman:
             raise error_for(

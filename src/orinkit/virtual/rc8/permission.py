@@ -1,8 +1,8 @@
 """Communication permission: which clients may read, and which may also write (RC8 2.1).
 
-On an RC8 it is set per device on the pendant; here it is set per client address or network. The most specific
-entry that contains the address applies. It applies to every transport; a client without an IP address (a serial line,
-an in-process client) has the default.
+On an RC8, the communication permission is set for each device on the pendant. Here it is set for each address or
+network of clients. The most specific entry that contains the address of the client applies, for every transport. A
+client without an IP address (on a serial line, or in the same process) has the default rights.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Permission:
     """The access rights of clients by address.
 
     Args:
-        default: ``"rw"``, ``"r"`` or ``"none"`` for every address that is not listed.
-        by_address: The right by IPv4 or IPv6 address, or by network such as ``"10.0.0.0/8"``.
+        default: The right of every address that is not listed: ``"rw"``, ``"r"`` or ``"none"``.
+        by_address: The right for each IPv4 or IPv6 address, or for each network such as ``"10.0.0.0/8"``.
 
     Raises:
-        ValueError: If an address, a network or a right is not valid, or an address is listed twice.
+        ValueError: If an address, a network or a right is not valid, or if an address is listed twice.
     """
 
     def __init__(self, default: str = "rw", by_address: Mapping[str, str] | None = None) -> None:
@@ -52,7 +52,7 @@ class Permission:
 
     @classmethod
     def parse(cls, text: str) -> Permission:
-        """Return the permission of a text such as ``"192.168.0.7=r,10.0.0.0/8=rw,*=none"``; ``*`` is the default.
+        """Parse a text such as ``"192.168.0.7=r,10.0.0.0/8=rw,*=none"``; ``*`` is the default.
 
         Raises:
             ValueError: If the text is not valid; the message quotes the invalid part.

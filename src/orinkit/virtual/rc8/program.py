@@ -1,4 +1,4 @@
-"""The controller as seen by a running program: variables, I/O, the arm, time (PacScript's ``HostInterface``)."""
+"""The functions of the controller for a running program: variables, I/O, arm, time (PacScript's ``HostInterface``)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class TaskHost:
     Args:
         operator: The task.
         suspend: Callback that suspends the task.
-        arm, moves: The robot.
+        arm, moves: The arm, and the planner of its motions.
         variables: Global variables and I/O.
         seconds: Callback that returns the controller's time, s.
         show: Callback invoked with each printed text: task, type, text.
@@ -60,7 +60,7 @@ class TaskHost:
     # --- suspend, continue, end ---------------------------------------------------------------------------------
 
     def pause_motion(self) -> None:
-        """Bring the arm to standstill on its path if this program holds it."""
+        """If this program holds the arm, bring the arm to standstill on its path."""
         if self._arm.holder is self._operator and self._arm.busy and not self._arm.held:
             self._paused = True
             self._arm.hold()
@@ -72,7 +72,7 @@ class TaskHost:
         self._paused = self._holding = False
 
     def leave(self, *, halt: bool) -> None:
-        """Release the arm; with ``halt`` its motion is stopped, otherwise it runs to its end."""
+        """Release the arm; with ``halt``, stop its motion, otherwise let the motion continue to its end."""
         self._paused = self._holding = False
         if self._arm.holder is self._operator:
             if halt:
@@ -92,11 +92,11 @@ class TaskHost:
         self._global(lambda: self._variables.write(CLASSES[kind], index, given))
 
     def read_io(self, kind: PointKind, point: int) -> int:
-        """Return the state of an I/O point, or the number in 8, 16 or 32 points."""
+        """Return the state of an I/O point, or the number in the 8, 16 or 32 points from this point on."""
         return int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
-        """Set an I/O point, or 8, 16 or 32 points to the lowest bits of a number."""
+        """Set an I/O point, or set the 8, 16 or 32 points from this point on to the lowest bits of a number."""
         bits = CLASSES[kind].bits
         lowest = value & (1 << bits) - 1
         if kind in ("IOW", "IOD") and lowest >> bits - 1:
@@ -227,9 +227,10 @@ class TaskHost:
         return np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
 
     def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
-        """Begin a motion as soon as the queue has room; the wait is complete when the motion has ended or been passed.
+        """Begin a motion as soon as the queue has room.
 
-        With ``Next`` the wait is complete when the motion is in the queue.
+        The wait is complete when the motion has ended or has reached its pass mark; with ``Next``, when it is in the
+        queue.
         """
         require(name, self._arm, self._operator)
         begun: list[Deferred[None]] = []
@@ -249,7 +250,7 @@ class TaskHost:
         try:
             return access()
         except CallError as error:
-            if error.code == hresult.VARIABLE_INDEX_INVALID:  # programs have their own code for it
+            if error.code == hresult.VARIABLE_INDEX_INVALID:  # programs have another code for it
                 raise error_for(hresult.GLOBAL_VARIABLE_OUT_OF_RANGE, error.detail) from None
             if error.code == hresult.DISP_E_TYPEMISMATCH:
                 raise error_for(hresult.VARIABLE_CHANGE_FAILED, tr("the value has another type")) from None

@@ -1,4 +1,4 @@
-"""The virtual RC8 as a provider, and its operation from Python: errors, mode, emergency stop."""
+"""The virtual RC8 as a provider, and its operation in Python: errors, mode, emergency stop."""
 
 from __future__ import annotations
 
@@ -48,24 +48,24 @@ class VirtualRC8(Provider):
         samples: Put the sample programs into the file store if it is empty.
         slave_licence: True if the licence of the slave function is registered; without it slave mode is refused.
         slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
-        strict_time: If True, a late set-point ends slave mode at once, as on a real controller (0x84201482; in mode 1
-            the arm stops in place). Otherwise the controller's time stands still until the set-point arrives, for up to
-            250 ms, and :attr:`set_point_lateness` counts it.
+        strict_time: If True, the controller does not wait for a late set-point, as on a real controller: slave mode
+            ends with 0x84201482, or in mode 1 the arm stops in place. If False, the controller's time stands still
+            until the set-point arrives, for up to 250 ms. :attr:`set_point_lateness` counts late set-points.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
-        accept_pc_provider: Also accept ``CaoProv.DENSO.RC8``, the provider that runs on a PC and that some clients
-            send by mistake; a real controller refuses it.
+        accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
+            that runs on a PC, but some clients send it by mistake; a real controller refuses it.
         serial_no: Serial number.
         version: Software version.
-        language: Language of the texts: ``"en"``, ``"ja"``, or ``None`` for that of the process.
+        language: Language of the texts: ``"en"``, ``"ja"``, or ``None`` for the language of the process.
 
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
-        pendant: The pendant, for a person or a test.
+        pendant: The pendant, operated by tests and by users.
 
     Raises:
-        ValueError: If a count, class, language, model, mode, token or limit is not valid, or the arm cannot reach the
-            joint position.
+        ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
+            the joint position.
         StateError: If the state directory cannot be used.
     """
 
@@ -92,7 +92,7 @@ class VirtualRC8(Provider):
         language: Language | None = None,
     ) -> None:
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
-        translator(language)  # refuse an unknown language before anything is created
+        translator(language)  # raises an exception for an unknown language, before anything is created
         if state is not None and not os.fspath(state):
             raise ValueError(tr("the name of the state directory is empty"))
         if not isinstance(permission, Permission | None):
@@ -153,7 +153,7 @@ class VirtualRC8(Provider):
         )
 
     def close(self) -> None:
-        """Stop the controller, save the variables and release the state directory; does nothing the second time."""
+        """Stop the controller, save the variables and release the state directory; a second call has no effect."""
         self.state.close()
         self._forget()
 
@@ -179,12 +179,12 @@ class VirtualRC8(Provider):
         )
 
     def clear_errors(self) -> None:
-        """Clear the current errors; the log keeps them."""
+        """Clear the current errors; they remain in the log."""
         self.state.clear_errors()
 
     @property
     def set_point_lateness(self) -> Lateness:
-        """The lateness of the set-points of the current stream in slave mode, or of the last one."""
+        """The lateness of the set-points of the current stream in slave mode, or of the last stream."""
         with self.guard:
             return self.state.arm.slave.lateness(0)
 

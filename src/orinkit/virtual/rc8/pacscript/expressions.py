@@ -288,7 +288,7 @@ class Expressions:
 
     def _relation(self, operator: str, left: Compiled, right: Compiled) -> Compiled:
         compare, first, second = RELATIONS[operator], left.run, right.run
-        if operator in _POINT_COMPARED and (left.point or right.point):  # a set point equals True (-1) and On (1)
+        if operator in _POINT_COMPARED and (left.point or right.point):  # an I/O point that is on equals True and On
             if operator == "EQUAL":
                 return Compiled(lambda f: -1 if truth(first(f)) is truth(second(f)) else 0, logical=True)
             return Compiled(lambda f: 0 if truth(first(f)) is truth(second(f)) else -1, logical=True)

@@ -1,8 +1,8 @@
 """Lexer: converts the source to the tokens of the grammar in :mod:`orinkit.virtual.rc8.pacscript.grammar`.
 
-A word is a command only at the start of a statement: ``Speed`` is one in ``Speed 50``, but not in
-``Move P, P1, Speed = 50``. The lexer therefore tracks the starts of statements. The errors for unsupported words of
-PacScript contain the word.
+Some words are commands only at the start of a statement: ``Speed`` is a command in ``Speed 50``, but not in
+``Move P, P1, Speed = 50``. The lexer therefore tracks the starts of statements. The error for an unsupported word of
+PacScript contains the word.
 """
 
 from __future__ import annotations

@@ -30,7 +30,14 @@ _PASSED = (TicketState.PASSED, TicketState.DONE)
 
 @dataclass(slots=True)
 class _Waiting:
-    """A caller waiting for a motion: until it is passed, commanded to its end, or arrived there."""
+    """A call that waits for a motion.
+
+    Attributes:
+        ticket: The motion.
+        passing: True if the call completes when the motion reaches its pass mark.
+        arrived: True if the call completes only when the encoders have reached the end of the motion.
+        done: The Deferred of the call.
+    """
 
     ticket: Ticket
     passing: bool
@@ -48,7 +55,7 @@ class RC8Arm:
         faults: The errors of the controller.
         variables: The variables of the controller.
         seconds: Callback that returns the time since the controller was switched on, s.
-        fault: Callback invoked with an error of the controller: code and detail.
+        fault: Callback that raises an error of the controller; invoked with code and detail.
 
     Attributes:
         holder: Holder of the arm semaphore (TakeArm), or ``None``.
@@ -56,7 +63,7 @@ class RC8Arm:
         queue: Running and queued motions.
         servo: Encoders and loads.
         motor, speeds, space, log: Motor supply, speeds, frames and kinematics, control log.
-        slave: Slave mode, in which a client sends the commands.
+        slave: Slave mode, in which a client sends a set-point for each cycle.
     """
 
     def __init__(
@@ -81,14 +88,14 @@ class RC8Arm:
         self._waiting: list[_Waiting] = []
         self._still: list[Deferred[None]] = []
         self._takers: list[tuple[Operator, Deferred[None]]] = []  # operators waiting for standstill to take the arm
-        self._stop_code: int | None = None  # during a stop: the code of failed motions; 0 if they are skipped
+        self._stop_code: int | None = None  # during a stop: the code with which motions fail; 0 if they are skipped
         self._cut = False
 
     # --- state --------------------------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
-        """True while a motion runs, is paused or is being stopped; in slave mode, while the command moves."""
+        """True while a motion runs, is paused or is being stopped; in slave mode, while the command position moves."""
         return self.queue.state is not QueueState.IDLE
 
     @property
@@ -98,7 +105,7 @@ class RC8Arm:
 
     @property
     def settled(self) -> bool:
-        """True if the arm is at standstill at its command position, including the encoders."""
+        """True if no motion is in progress and the encoders have reached the command position."""
         return not self.busy and self.servo.settled
 
     # --- arm semaphore ------------------------------------------------------------------------------------------
@@ -116,7 +123,8 @@ class RC8Arm:
         Args:
             operator: New holder of the arm.
             keep: As for :meth:`take`.
-            check: Raises an exception if the operator may not take the arm at that moment; the Deferred fails with it.
+            check: Called at that standstill; if it raises an exception, the operator does not receive the arm, and the
+                Deferred fails with the exception.
         """
         deferred = Deferred[None]()
         self._takers.append((operator, deferred))
@@ -141,11 +149,11 @@ class RC8Arm:
         self.holder = None
 
     def add_robot_object(self, operator: Operator) -> None:
-        """Count a Robot object of a client; the client keeps the arm while it has one."""
+        """Count a Robot object of a client; a client can keep the arm while it has at least one Robot object."""
         self._objects[operator] += 1
 
     def remove_robot_object(self, operator: Operator) -> None:
-        """Discount a Robot object of a client; with the last one, stop the client's motions and release the arm."""
+        """Uncount a Robot object of a client; if it was the last one, stop the client's motions and release the arm."""
         self._objects[operator] -= 1
         if self._objects[operator] <= 0:
             self.forget(operator)
@@ -170,7 +178,7 @@ class RC8Arm:
         return ticket
 
     def when_done(self, ticket: Ticket) -> Deferred[None]:
-        """Return a Deferred that resolves when a motion ends according to its pass mark and fails if it is stopped."""
+        """Return a Deferred that resolves when a motion ends according to its pass mark, and fails if it is stopped."""
         mark = ticket.motion.mark.mode
         wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Deferred[None]())
         if not self._finish(wait):
@@ -187,10 +195,10 @@ class RC8Arm:
         return done
 
     def stop(self, code: int) -> None:
-        """Stop the arm within its limits and discard its motions; ends slave mode.
+        """Stop the arm within its limits, discard its motions and end slave mode.
 
         Args:
-            code: Error code with which the motions fail; that of the first stop applies.
+            code: Error code with which the motions fail; if the arm is already stopping, the first code applies.
         """
         self.held = False
         if self.slave.on:
@@ -198,7 +206,7 @@ class RC8Arm:
         if self.busy:
             self._stop_code = code if self._stop_code is None else self._stop_code
             self.queue.halt()
-            self._answer()  # a paused arm is at standstill already
+            self._answer()  # a paused arm is already at standstill, so its calls complete now
             self._cycles.wake()
 
     def stop_and_power_off(self, code: int) -> None:
@@ -210,7 +218,7 @@ class RC8Arm:
             self.motor.cut()
 
     def hold(self) -> None:
-        """Pause: stop the arm on its path and keep its motions."""
+        """Pause: stop the arm on its path without discarding its motions."""
         self.held = True
         if self.busy and not self.stopping:
             self.queue.hold()
@@ -229,7 +237,7 @@ class RC8Arm:
             self.stop(hresult.S_OK)
 
     def switch_motor(self, on: bool) -> Deferred[None]:
-        """Begin to switch the motor; return a Deferred that resolves when it is switched.
+        """Begin to switch the motor on or off; return a Deferred that resolves when it is switched.
 
         Raises:
             CallError: MOTOR_SWITCHING_OFF, also during a stop that will switch the motor off.
@@ -244,7 +252,10 @@ class RC8Arm:
         return done
 
     def lock(self, on: bool) -> None:
-        """Set or clear the machine lock, which holds the arm; clearing it resets the command position to the arm."""
+        """Set or clear the machine lock, which keeps the arm in place.
+
+        Clearing it sets the command position to the actual position of the arm.
+        """
         self.switches.machine_lock = on
         self.servo.frozen = on
         if not on:
@@ -255,7 +266,7 @@ class RC8Arm:
         """Set the joint position without a motion, before the controller runs.
 
         Raises:
-            ValueError: If the number of joints does not match the arm, or a joint is outside its limits.
+            ValueError: If the number of joints does not match the arm, or if a joint is outside its limits.
         """
         position = (*map(float, joints), *self.model.home[len(joints) :])
         finite = len(position) == len(self.model.axes) and all(map(math.isfinite, position))
@@ -280,7 +291,7 @@ class RC8Arm:
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Execute one cycle; return True if the arm is still busy in any way."""
+        """Execute one cycle; return True if the arm requires another one."""
         if self.slave.on:
             self.slave.step()
         self.queue.step()

@@ -22,6 +22,6 @@ class Operator(Protocol):
         """Return the error code of a refused write, or 0 if the operator may write."""
 
     def token_refusal(self, switches: Switches) -> int:
-        """Return the error code of a refused start, or 0 if it has the executable token (RC8 2.1)."""
+        """Return the error code of a refused start, or 0 if the operator has the executable token (RC8 2.1)."""
 
     def __str__(self) -> str: ...

@@ -1,7 +1,7 @@
-"""The conditions under which the controller executes a function: THE TABLE of commanding functions and conditions.
+"""THE TABLE of the functions that command the robot, and of the conditions under which the controller executes them.
 
-Each function lists its conditions in the order of the checks; the first violated one determines the error code.
-``docs/howto/robot.md`` has the table of the resulting codes, and a test compares both.
+The conditions of each function are in the order of the checks; the first violated one determines the error code.
+``docs/howto/robot.md`` has a table of the resulting codes, and a test compares both tables.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Condition(Enum):
     """A condition of a function."""
 
     WRITE = "right to write"
-    TOKEN = "executable token"  # noqa: S105 - a start right
+    TOKEN = "executable token"  # noqa: S105 - the right to start, not a secret
     AUTO = "automatic mode"
     ENABLED = "auto enable"
     NO_EMERGENCY = "no emergency stop"
@@ -63,7 +63,10 @@ def _arm(arm: RC8Arm, operator: Operator) -> int:
 
 
 def _resumer(arm: RC8Arm, operator: Operator) -> int:
-    """A program paused with its arm cannot continue by itself, so any client may continue it."""
+    """Return 0 if the operator may resume the arm, otherwise the error code.
+
+    A program that was paused while it held the arm cannot resume by itself, so any client may resume it.
+    """
     return 0 if arm.holder is not None and arm.holder.program else _arm(arm, operator)
 
 
@@ -150,7 +153,7 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
     "Task_Start": _START,
     "Task_Stop": (C.WRITE,),
 }
-"""The conditions of every commanding function, by its name."""
+"""The conditions of every function that commands the robot, by the name of the function."""
 
 
 def refusal(name: str, arm: RC8Arm, operator: Operator) -> int:
@@ -163,7 +166,7 @@ def refusal(name: str, arm: RC8Arm, operator: Operator) -> int:
 
 
 def require(name: str, arm: RC8Arm, operator: Operator) -> None:
-    """Raise an exception unless a function is allowed at present.
+    """Raise an exception if a function is not allowed at present.
 
     Raises:
         CallError: The code of the first violated condition.

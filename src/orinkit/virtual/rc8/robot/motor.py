@@ -1,4 +1,4 @@
-"""The motor supply of the arm: switching takes time, except for a cut in an emergency."""
+"""The motor supply of the arm: switching takes time, except in an emergency, in which the supply is cut."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 
 ON_CYCLES: Final = 125
-"""Cycles to switch on: 1 s, the shortest time of controllers of this type (1 to 3 s)."""
+"""Number of 8 ms cycles to switch on: 1 s, the shortest time of controllers of this type (1 to 3 s)."""
 
 OFF_CYCLES: Final = 38
-"""Cycles to switch off: the brakes engage first, about 0.3 s."""
+"""Number of 8 ms cycles to switch off: about 0.3 s, in which the brakes engage."""
 
 
 class MotorState(Enum):
@@ -40,14 +40,14 @@ class Motor:
 
     @property
     def switching(self) -> bool:
-        """True while it is being switched on or off."""
+        """True while the motor is being switched on or off."""
         return self._cycles > 0
 
     def switch(self, on: bool) -> Deferred[None]:
-        """Begin to switch; return a Deferred that resolves when the motor is on, or off.
+        """Begin to switch the motor on or off; return a Deferred that resolves when it is switched.
 
         Raises:
-            CallError: MOTOR_SWITCHING_OFF if it is to be switched on while it is being switched off.
+            CallError: MOTOR_SWITCHING_OFF if ``on`` is True while the motor is being switched off.
         """
         done = Deferred[None]()
         if on:
@@ -65,15 +65,15 @@ class Motor:
         return done
 
     def cut(self) -> None:
-        """Switch off at once, for an error or an emergency stop."""
-        if self.state is MotorState.SWITCHING_OFF:  # completes the pending calls that switch off
+        """Switch the motor off immediately, for an error or an emergency stop."""
+        if self.state is MotorState.SWITCHING_OFF:  # complete the pending calls that switch the motor off
             self._arrive()
         self._cycles = 0
         self.state = MotorState.OFF
         self._break_off(hresult.MOTOR_ON_FAILED)
 
     def step(self) -> bool:
-        """Execute one cycle; return True if it is still switching."""
+        """Execute one cycle; return True if the motor is still being switched."""
         if not self._cycles:
             return False
         self._cycles -= 1

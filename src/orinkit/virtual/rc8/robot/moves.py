@@ -1,4 +1,4 @@
-"""Motion functions of clients and programs: plans motions and queues them on the arm."""
+"""The motion functions of clients and programs: they plan motions and put them into the queue of the arm."""
 
 from __future__ import annotations
 
@@ -37,18 +37,19 @@ _PATHS: Final = 20
 _LEAST_RATE: Final = 1e-15  # slower than any valid motion, but not rounded to 0
 
 _Plan: TypeAlias = Callable[[Joints], Motion]
-"""Plans a motion that starts from joints."""
+"""Plans a motion that starts from a joint position."""
 
 
 class Moves:
     """Plans motions for an arm and puts them into its queue.
 
-    Every method returns the tickets of its motions; the caller has checked the conditions.
+    Every method that begins motions returns their tickets. Callers check the conditions first.
 
     Args:
         arm: The arm.
-        variables: Global variables, for poses and speeds that refer to one.
-        report: Callback invoked with a motion error that stops the controller: code and detail.
+        variables: Global variables, for poses and speeds that refer to a variable.
+        report: Callback that raises an error of the controller; invoked with code and detail of a planning error whose
+            level stops the robot.
     """
 
     def __init__(self, arm: RC8Arm, variables: VariableTable, report: Callable[[int, str], None]) -> None:
@@ -102,7 +103,7 @@ class Moves:
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move to the approach position of a pose: ``distance`` mm back along its tool's -Z."""
+        """Move to the approach position of a pose: ``distance`` mm from the pose in the -Z direction of its tool."""
         mark = mark or target.mark
 
         def make(start: Joints) -> Motion:
@@ -113,7 +114,7 @@ class Moves:
     def depart(
         self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move back by ``distance`` mm along the tool's -Z, with the smallest change of the joints."""
+        """Move by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
 
         def make(start: Joints) -> Motion:
             here = Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
@@ -124,7 +125,9 @@ class Moves:
     def drive(
         self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move axes (number from 1; deg or mm) by or to values.
+        """Move axes by values, or with ``absolute`` to values, in deg (mm for linear axes).
+
+        ``pairs`` are numbers of axes, counted from 1, with their values.
 
         Raises:
             CallError: E_INVALIDARG if an axis does not exist; errors of planning.
@@ -140,7 +143,10 @@ class Moves:
         return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
 
     def rotate(self, axis: Matrix, point: Matrix, angle: float, options: MotionOptions) -> list[Ticket]:
-        """Rotate by ``angle`` deg about an axis (3) through a point (3, mm) of the base frame (RC8 provider Rotate)."""
+        """Rotate by ``angle`` deg about an axis through a point (RC8 provider, Rotate).
+
+        The direction of the axis and the point (mm) are vectors of the base frame, three numbers each.
+        """
 
         def make(start: Joints) -> Motion:
             return planner.plan_rotation(
@@ -177,7 +183,7 @@ class Moves:
         return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
 
     def point(self, target: Target) -> Matrix:
-        """Return the point of a pose or of a vector in the base frame, mm.
+        """Return the point of a pose or of a vector, in the base frame, mm.
 
         Raises:
             CallError: As for :meth:`FrameContext.numbers`.
@@ -203,7 +209,7 @@ class Moves:
         """Add a pose to a stored path for free curves.
 
         Raises:
-            CallError: E_INVALIDARG if the path does not exist; E_OUTOFMEMORY if it is full; errors of the pose.
+            CallError: E_INVALIDARG if the path does not exist; E_OUTOFMEMORY if the path is full; errors of the pose.
         """
         path = self._paths.setdefault(_path(number), [])
         if len(path) >= _LONGEST_PATH:
@@ -302,9 +308,10 @@ class Moves:
         return [self._arm.enqueue(motion) for motion in motions]
 
     def _report_error(self, error: CallError) -> CallError:
-        """Return an error of planning, after reporting it to the controller if its level stops the robot.
+        """Return an error of planning; if its level stops the robot, first report it to the controller.
 
-        An error of a program is not reported here: the controller raises it anyway, with its line.
+        An error of a program is not reported here, because the controller raises it later, with the line of the
+        program.
         """
         holder = self._arm.holder
         stops = error.code >> 24 & 0xF >= _RAISED_LEVEL and error.info.family is hresult.CodeFamily.MOTION

@@ -1,4 +1,4 @@
-"""Parameters of the robot's extended commands, as sent by clients: arrays, scalars, or everything in one string."""
+"""Parameters of the robot's extended commands, as sent by clients: arrays, scalars, or all values in one string."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from orinkit.virtual.rc8.variables import conversion
 _MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
 _BETWEEN: Final = re.compile(r"[\s,]*")
-_MOST_ELEMENTS: Final = 64  # of an array; more than any command takes
-_LONGEST: Final = 1024  # characters of a string that is not a pose
+_MOST_ELEMENTS: Final = 64  # maximum number of elements of an array; no command has as many
+_LONGEST: Final = 1024  # maximum length of a string that is not a pose, in characters
 
 
 def elements(parameter: Variant) -> list[Variant]:
     """Return the elements of an array, or a scalar as the only element; VT_EMPTY and ``""`` have no elements.
 
     Raises:
-        CallError: E_INVALIDARG if there are more than any command takes.
+        CallError: E_INVALIDARG if the array has more elements than any command accepts.
     """
     if parameter.type & ARRAY and len(parameter.value) > _MOST_ELEMENTS:
         raise _count(len(parameter.value), 0, _MOST_ELEMENTS)
@@ -69,7 +69,7 @@ def whole(value: float) -> int:
     """Return a number as an integer.
 
     Raises:
-        CallError: E_INVALIDARG if it has a fraction.
+        CallError: E_INVALIDARG if the number has a fraction.
     """
     if value != int(value):
         raise error_for(hresult.E_INVALIDARG, tr("{value:g} is not a whole number", value=value))
@@ -91,7 +91,7 @@ def pose(parameter: Variant) -> Target:
     """Return the single pose of a parameter.
 
     Raises:
-        CallError: E_INVALIDARG if it is not valid, or if there are several.
+        CallError: E_INVALIDARG if the pose is not valid, or if the parameter has several poses.
     """
     targets = read_targets(parameter)
     if len(targets) != 1:
@@ -100,7 +100,7 @@ def pose(parameter: Variant) -> Target:
 
 
 def position(target: Target) -> Target:
-    """Return an untyped pose as a position (P); other poses are not changed.
+    """Return an untyped pose as a position (P), and any other pose unchanged.
 
     Raises:
         CallError: E_INVALIDARG if the number of values does not match a position.
@@ -112,10 +112,12 @@ def position(target: Target) -> Target:
 
 
 def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:
-    """Return a pose and the elements after it: ``[pose, tool, work]``; a pose alone may have any form of a pose.
+    """Return a pose and the elements after it, as in ``[pose, tool, work]``.
+
+    If no elements follow it, the pose may have any form that :func:`pose` accepts.
 
     Raises:
-        CallError: E_INVALIDARG if there are more than ``most`` elements after it; as for :func:`pose`.
+        CallError: E_INVALIDARG if more than ``most`` elements follow the pose; otherwise as for :func:`pose`.
     """
     if parameter.type == VARIANT_ARRAY:
         given = elements(parameter)
@@ -131,7 +133,7 @@ def poses(parameter: Variant, count: int) -> list[Target]:
     """Return a given number of poses.
 
     Raises:
-        CallError: E_INVALIDARG if there are more or fewer, or one is not valid.
+        CallError: E_INVALIDARG if the number of poses is different, or if a pose is not valid.
     """
     given = elements(parameter)
     found = [pose(each) for each in given] if len(given) == count else list(read_targets(parameter))
@@ -144,7 +146,7 @@ def pass_mark(text: str) -> PassMark:
     """Return the pass mark of a string.
 
     Raises:
-        CallError: E_INVALIDARG if it is not valid.
+        CallError: E_INVALIDARG if the string is not a valid pass mark.
     """
     try:
         return PassMark.parse(text)
@@ -153,7 +155,7 @@ def pass_mark(text: str) -> PassMark:
 
 
 def marked(given: Variant) -> tuple[PassMark | None, str]:
-    """Return the pass mark at the start of a string, and the rest: ``"@P 10"``; a number is returned as a string.
+    """Return the pass mark at the start of a string such as ``"@P 10"``, and the rest; convert a number to a string.
 
     Raises:
         CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH.
@@ -174,10 +176,10 @@ def marked_number(given: Variant) -> tuple[PassMark | None, float]:
 
 
 def mark_and_axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
-    """Return pass mark and (axis, value) pairs: one string ``"@0 (1,10),(2,20)"``, or arrays of two elements.
+    """Return pass mark and (axis, value) pairs of one string ``"@0 (1,10),(2,20)"``, or of arrays of two elements.
 
     Raises:
-        CallError: E_INVALIDARG if there are no pairs, or if there is anything else between them.
+        CallError: E_INVALIDARG if there are no pairs, or if the string has other characters between them.
     """
     if len(given) == 1 and isinstance(given[0].value, str):
         mark, text = marked(given[0])
@@ -200,7 +202,7 @@ def check_length(text: str) -> str:
     """Return a string after checking its length.
 
     Raises:
-        CallError: E_INVALIDARG if it is longer than any parameter other than a pose.
+        CallError: E_INVALIDARG if the string has more than 1,024 characters, which only a pose may have.
     """
     if len(text) > _LONGEST:
         raise error_for(

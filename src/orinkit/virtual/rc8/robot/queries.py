@@ -36,7 +36,7 @@ POSES: Final[Mapping[str, Callable[[ArmPosition], Numbers]]] = {
     "Jnt": ArmPosition.angles,
     "Trn": ArmPosition.trans,
 }
-"""The suffix of Cur, HighCur and Dest in a command's name, and the function that reads the pose."""
+"""The suffixes of commands such as CurPos, HighCurJnt and DestTrn, each with the function that reads the pose."""
 
 
 def pose(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
@@ -73,7 +73,7 @@ def convert(given: Kind, wanted: Kind) -> Answer:
 
 
 def _named(parameter: Variant, kind: Kind) -> Target:
-    """Return a pose; untyped values have the pose type of the command's name if their number matches."""
+    """Return a pose; untyped values have the pose type in the command's name if their number matches this type."""
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.unwrap_single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
@@ -85,7 +85,7 @@ def _named(parameter: Variant, kind: Kind) -> Target:
 
 
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
-    """Convert a P to a T or a T to a P in the same frame, even out of reach; the figure is kept as given."""
+    """Convert a P to a T, or a T to a P, in the same frame, even if the pose is out of reach; keep the given figure."""
     kind, values = arm.space.numbers(target, arm.servo.command)
     frame = arm.space.frame_in_base(kind, values, 0)
     result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
@@ -93,7 +93,7 @@ def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
 
 
 def dev(arm: RC8Arm, parameter: Variant) -> Variant:
-    """Dev: return a pose displaced along, and rotated about, the axes of the work frame by another pose."""
+    """Dev: return a pose after displacing and rotating it by another pose, relative to the axes of the work frame."""
     first, second, fig = _two(arm, parameter)
     moved = np.eye(4)
     moved[:3, :3] = second[:3, :3] @ first[:3, :3]
@@ -102,7 +102,7 @@ def dev(arm: RC8Arm, parameter: Variant) -> Variant:
 
 
 def dev_hand(arm: RC8Arm, parameter: Variant) -> Variant:
-    """DevH: return a pose displaced along, and rotated about, the axes of its tool frame by another pose."""
+    """DevH: return a pose after displacing and rotating it by another pose, relative to the axes of its own tool."""
     first, second, fig = _two(arm, parameter)
     return _position(np.asarray(first @ second), fig)
 
@@ -127,7 +127,11 @@ def _position(frame: Matrix, fig: float) -> Variant:
 
 
 def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
-    """OutRange: return 0 for a pose within reach, bits of axes beyond their limits, -1 out of reach, -2 singular."""
+    """OutRange: return 0 if the arm can reach a pose.
+
+    Otherwise return the bits of the axes that exceed their limits, -1 if the pose is out of reach, or -2 if it is
+    singular.
+    """
     space, start = arm.space, arm.servo.command
     target, rest = parameters.pose_and_rest(parameter, 2)
     tool, work = [conversion.whole(each) for each in rest] + [_IN_USE] * (2 - len(rest))
@@ -149,7 +153,7 @@ _TIP_SPEED: Final = 17
 
 
 def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: return item 2 deviation (deg), 4 load (%), or 17 speed of the tool tip (mm/s, first element)."""
+    """GetSrvData: return an item: 2 deviation (deg), 4 load (%), or 17 speed of the tool tip (mm/s, first element)."""
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
         return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))

@@ -19,15 +19,15 @@ from orinkit.virtual.rc8.variables.table import VariableTable
 
 _MILLI: Final = 1_000
 _MICRO: Final = 1_000_000
-_LARGEST_TIME: Final = 0x7FFF_FFFF  # wraps to 0 afterwards; in µs after 36 minutes
+_LARGEST_TIME: Final = 0x7FFF_FFFF  # after this value the time wraps to 0: in µs, after 36 minutes
 
 
 class FeedbackSources(NamedTuple):
-    """The sources of the values of a result.
+    """The sources of the values in a result of slvMove.
 
     Attributes:
         arm: The arm.
-        here: Pose of its encoders, as CurPos, CurJnt and CurTrn return it.
+        here: Pose of the arm's encoders, as returned by CurPos, CurJnt and CurTrn.
         variables: Variables of the controller, for its I/O.
         receive: The client's format.
         window: The requested user I/O.
@@ -41,7 +41,7 @@ class FeedbackSources(NamedTuple):
 
 
 def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
-    """Return the result in a client's format; poses are those of the encoders, like CurPos, CurJnt and CurTrn.
+    """Return the result in a client's format; its poses are those of the encoders, as in CurPos, CurJnt and CurTrn.
 
     Args:
         arm: The arm.
@@ -55,7 +55,7 @@ def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, wind
 
 
 def require_sources(receive: ReceiveFormat) -> None:
-    """Raise an exception unless this controller can provide every field of a receive format.
+    """Raise an exception if this controller cannot provide every field of a receive format.
 
     Raises:
         CallError: E_NOTIMPL if a field is not simulated.
@@ -96,4 +96,4 @@ SOURCES: Final[dict[str, Callable[[FeedbackSources], Any]]] = {
     "user": _user,
     "current": _currents,
 }
-"""The source of each field's value, by the names of the table."""
+"""The function that returns each field's value, by the field's name in :mod:`orinkit.rc8.slave_fields`."""

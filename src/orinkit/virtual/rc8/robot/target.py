@@ -1,4 +1,4 @@
-"""Converts poses of clients to joint positions of the arm or frames in its base, using work, tool and figure."""
+"""Converts poses of clients to joint positions or to frames in the base of the arm, using work, tool and figure."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class FrameContext:
         return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
 
     def in_work(self, tcp: Matrix) -> Matrix:
-        """Return a frame of the base in the current work frame."""
+        """Convert a frame in the base to a frame in the current work frame."""
         return np.asarray(frames.inverse_of(self.works.matrix()) @ tcp)
 
     def position(self, joints: Sequence[float]) -> list[float]:
@@ -75,7 +75,7 @@ class FrameContext:
         return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
-        """Return X, Y, Z, RX, RY, RZ of a frame of the base in the current work frame."""
+        """Return X, Y, Z, RX, RY, RZ, in the current work frame, of a frame in the base."""
         return [float(value) for value in frames.position_of_matrix(self.in_work(tcp))]
 
     def trans(self, joints: Sequence[float]) -> list[float]:
@@ -86,11 +86,11 @@ class FrameContext:
     # --- from a pose to joints ----------------------------------------------------------------------------------
 
     def numbers(self, target: Target, start: Joints) -> tuple[Kind, tuple[float, ...]]:
-        """Return pose type and values of a pose; a variable is read now.
+        """Return type and values of a pose; if it refers to a variable, return the current values of the variable.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID; E_INVALIDARG if there are too few values; FIGURE_OUT_OF_RANGE if Fig is
-                not valid; DISP_E_TYPEMISMATCH if it is not a pose.
+                not valid; DISP_E_TYPEMISMATCH if the target is not a pose.
         """
         values = target.value
         kind: Kind = target.kind or ("P" if isinstance(values, int) else _BY_LENGTH.get(len(values), ""))
@@ -123,16 +123,16 @@ class FrameContext:
         return kind, values
 
     def joints(self, target: Target, start: Joints, tool: int = -1, work: int = -1) -> Joints:
-        """Return the end of a point-to-point motion to a pose, all axes.
+        """Return the joint position, with all axes, at the end of a point-to-point motion to a pose.
 
         Args:
             target: The pose.
-            start: Joint position at the start; it decides if the figure is open.
+            start: Joint position at the start; if the pose has no figure, it determines which solution is chosen.
             tool: Number of the tool of the pose, -1 for the current one.
             work: Number of the work frame of the pose, -1 for the current one.
 
         Raises:
-            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; as for :meth:`numbers`.
+            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; otherwise as for :meth:`numbers`.
         """
         kind, values = self.numbers(target, start)
         if kind == "J":
@@ -163,14 +163,14 @@ class FrameContext:
         """Return the end of a path.
 
         Raises:
-            CallError: FIGURE_MISMATCH if the figure of the pose is not that of the arm; as for :meth:`goal`.
+            CallError: FIGURE_MISMATCH if pose and arm have different figures; otherwise as for :meth:`goal`.
         """
         goal = self.goal(target, start)
         self.check_figure(goal, start)
         return goal
 
     def check_figure(self, goal: Goal, start: Joints) -> None:
-        """Check that a path from a joint position can end with the figure of a pose; DOUBLE bits may change on the way.
+        """Check that a path from a joint position can end with the figure of a pose; the path may change DOUBLE bits.
 
         Raises:
             CallError: FIGURE_MISMATCH if the figures differ.
@@ -201,13 +201,13 @@ class FrameContext:
             else:
                 found = self.kinematics.inverse(flange, figure, near)
         except CallError as error:
-            if error.code == hresult.OUT_OF_WORKING_RANGE:  # before any motion: a refusal, not a stop
+            if error.code == hresult.OUT_OF_WORKING_RANGE:  # no motion has begun: a refusal, not a stop
                 raise error_for(hresult.TARGET_OUT_OF_RANGE, error.detail) from None
             raise
         return tuple(float(angle) for angle in found)
 
     def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
-        """Return the joints with the extended joints of ``EX`` or ``EXA``.
+        """Return joints after replacing the extended joints by those of ``EX`` or ``EXA``.
 
         Raises:
             CallError: E_INVALIDARG if the arm does not have such an extended joint.
@@ -228,7 +228,8 @@ class FrameContext:
         """Return P or T values of a work frame (-1 for the current one) as a frame in the base.
 
         Raises:
-            CallError: TARGET_OUT_OF_RANGE beyond the reach of any arm; E_INVALIDARG for invalid vectors of a T.
+            CallError: TARGET_OUT_OF_RANGE if the position is beyond the reach of any arm; E_INVALIDARG if the vectors
+                of a T are not valid.
         """
         check_reach(*values[:3])
         make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
@@ -236,7 +237,7 @@ class FrameContext:
 
 
 def check_reach(*lengths: float) -> None:
-    """Raise an exception if a length, mm, is beyond the reach of any arm.
+    """Raise an exception if a length (mm) is beyond the reach of any arm.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE.

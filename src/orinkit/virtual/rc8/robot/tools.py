@@ -78,7 +78,7 @@ class FrameSet:
         return self._values.get(self.check(number), _ZERO)
 
     def matrix(self, number: int = -1) -> Matrix:
-        """Return a frame as a matrix; -1 is the current one."""
+        """Return a frame as a matrix; -1 is the current frame."""
         number = self.current if number == -1 else self.check(number)
         matrix = self._matrices.get(number)
         if matrix is None:

@@ -13,10 +13,10 @@ _JOINTS: Final = ReceiveFormat()
 
 @dataclass(slots=True)
 class Formats:
-    """The formats of one client's slvMove; they apply while it is connected (RC8 table 4-1).
+    """The formats of one client's slvMove; they apply while the client is connected (RC8 table 4-1).
 
     Attributes:
-        send: Fields of a set-point beside the pose.
+        send: Fields that a set-point has in addition to the pose.
         receive: Fields of the result.
     """
 

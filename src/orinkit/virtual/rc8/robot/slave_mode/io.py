@@ -1,6 +1,7 @@
-"""The I/O beside the poses of slave mode (RC8 tables 4-1 to 4-3), in the mini allocation.
+"""The I/O that slvMove transfers in addition to the poses (RC8 tables 4-1 to 4-3), in the mini allocation.
 
-A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a given point. A result also has inputs.
+A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a given point on. The result contains
+inputs as well.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _MINI: Final = (0, 32)  # first point, number of points
 _MINI_OUT: Final = (16, 16)
 _HAND_IN: Final = (48, 8)
 _HAND_OUT: Final = (64, 8)
-_OUT: Final = {"mini": _MINI_OUT, "hand": _HAND_OUT}  # by the names of the table of fields
+_OUT: Final = {"mini": _MINI_OUT, "hand": _HAND_OUT}  # keys: the names of the fields
 _BACK: Final = {"mini": _MINI, "hand": _HAND_OUT}
 
 
@@ -41,7 +42,9 @@ class OutputRange:
 
 
 def require_sent(variables: VariableTable, send: SendBits) -> None:
-    """Check that the points of a send format exist; those of user I/O are given by each set-point.
+    """Check that the points of a send format exist.
+
+    The points of user I/O are not part of the format: each set-point specifies them.
 
     Raises:
         CallError: E_INVALIDARG if the controller has fewer points.
@@ -52,7 +55,7 @@ def require_sent(variables: VariableTable, send: SendBits) -> None:
 
 
 def require_received(variables: VariableTable, receive: ReceiveFormat) -> None:
-    """Check that the points of a receive format exist; see :func:`require_sent`.
+    """Check that the points of a receive format exist, except the points of user I/O, as in :func:`require_sent`.
 
     Raises:
         CallError: E_INVALIDARG if the controller has fewer points.
@@ -105,7 +108,7 @@ def mini(variables: VariableTable) -> int:
 
 
 def hand(variables: VariableTable) -> int:
-    """Return the hand I/O: inputs 48 to 55 in the lowest byte, outputs 64 to 71 in the next."""
+    """Return the hand I/O: inputs 48 to 55 in the lowest byte, outputs 64 to 71 in the next byte."""
     return variables.points(*_HAND_IN) | variables.points(*_HAND_OUT) << _BYTE
 
 

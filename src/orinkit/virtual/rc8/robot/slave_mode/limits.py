@@ -19,12 +19,12 @@ _SERVO: Final = (SlaveLimit.SERVO, SlaveLimit.SERVO_EXTERNAL)
 
 
 class SlaveLimits:
-    """The limits that apply by the parameter "153: b-CAP Slave speed setting".
+    """The limits that the parameter "153: b-CAP Slave speed setting" selects.
 
     Args:
         model: The arm model.
-        switches: The switches of the controller, with the setting.
-        speeds: The speeds of the arm; some settings include the external ones.
+        switches: The switches of the controller, including this parameter.
+        speeds: The speeds of the arm; some settings multiply the limits by the external speeds.
     """
 
     def __init__(self, model: ArmModel, switches: Switches, speeds: Speeds) -> None:
@@ -33,10 +33,12 @@ class SlaveLimits:
         self._speeds = speeds
 
     def fault(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
-        """Return the first limit that a command violates: velocities before accelerations, lower axes first.
+        """Return the first limit that a command violates, or None.
+
+        The velocities of all axes are checked before the accelerations; axes are checked in the order of their numbers.
 
         Args:
-            before: The command one cycle ago, deg or mm.
+            before: The command one cycle before the present one, deg or mm.
             now: The present command.
             wanted: The next command.
             lenient: Multiply the limits by :data:`~orinkit.virtual.engine.set_point_buffer.LENIENCY`.

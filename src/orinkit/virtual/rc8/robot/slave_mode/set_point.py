@@ -14,14 +14,15 @@ from orinkit.values.poses import Extra
 from orinkit.virtual.engine.motion.soft_limits import check_end
 from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Joints, figure_of
 
-# the arm is already moving: a stop, not a refusal
+# The arm is already moving, so the code of a stop replaces the code of a refused motion.
 _AS_STOP: Final = {hresult.TARGET_OUT_OF_RANGE: hresult.OUT_OF_WORKING_RANGE}
 
 
 def joints_of(space: FrameContext, kind: PoseKind, point: SetPoint, start: Joints) -> Joints:
     """Return the joint position of a set-point, all axes.
 
-    A pose without figure uses the solution closest to the start. Extended joints move only if the set-point has them.
+    For a pose without figure, the solution closest to the start is used. Extended joints move only if the set-point has
+    values for them.
 
     Args:
         space: The frames of the arm, with the current tool and work frame.

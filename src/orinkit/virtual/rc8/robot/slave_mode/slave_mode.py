@@ -50,10 +50,10 @@ class StreamedArm(FollowingArm, Protocol):
         """True while the arm moves or has motions queued."""
 
     def stop(self, code: int) -> None:
-        """Stop within the limits, and fail waiting calls with a code."""
+        """Stop within the limits; calls that wait fail with the code."""
 
     def stop_and_power_off(self, code: int) -> None:
-        """Stop and then switch the motor off, and fail waiting calls with a code."""
+        """Stop and then switch the motor off; calls that wait fail with the code."""
 
 
 class RC8SlaveMode(SetPointBuffer):
@@ -63,11 +63,11 @@ class RC8SlaveMode(SetPointBuffer):
         arm: The arm; it calls :meth:`step` and :meth:`complete_waiting` in each cycle while the mode is on, and :meth:`end`
             when it is stopped.
         cycles: The control loop of the controller.
-        fault: Callback invoked with an error of the controller: code and detail.
+        fault: Callback that raises an error of the controller; invoked with code and detail.
 
     Attributes:
         mode: The active mode, or ``None``.
-        owner: Operator that has turned it on.
+        owner: Operator that has switched the mode on, or ``None``.
         newest: Joint position of the last accepted set-point.
     """
 
@@ -91,7 +91,7 @@ class RC8SlaveMode(SetPointBuffer):
 
     @property
     def taking(self) -> bool:
-        """True if it is on and accepts set-points, that is, has not been asked to end."""
+        """True if slave mode is on and accepts set-points, because no call has requested its end."""
         return self.on and not self._leaving
 
     @property
@@ -101,10 +101,10 @@ class RC8SlaveMode(SetPointBuffer):
 
     @property
     def starving(self) -> bool:
-        """True if the next cycle needs a set-point and there is none.
+        """True if the next cycle needs a set-point and the buffer has none.
 
-        In mode 1 a repeated set-point does not count if the arm cannot stop there: the client repeats it while it waits
-        for the next cycle (RC8 4.3.2).
+        In mode 1, a client repeats its set-point while it waits for the next cycle (RC8 4.3.2). A repeated set-point
+        therefore does not count if the arm cannot stop there within its limits.
         """
         if not self.taking or not self.moving:
             return False
@@ -118,12 +118,13 @@ class RC8SlaveMode(SetPointBuffer):
     # --- functions of clients -----------------------------------------------------------------------------------
 
     def begin(self, owner: Operator, mode: SlaveMode, when_input_processed: WhenInputProcessed | None) -> None:
-        """Turn slave mode on; the caller has checked the conditions, and the arm is at standstill.
+        """Switch slave mode on; the caller has checked the conditions, and the arm is at standstill.
 
         Args:
-            owner: The operator.
+            owner: The operator that switches it on.
             mode: The mode.
-            when_input_processed: Drains the input of its client, see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Drains the input of the operator's connection; see
+                :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
@@ -131,7 +132,11 @@ class RC8SlaveMode(SetPointBuffer):
         self._open(when_input_processed, strict=self._arm.switches.strict_time)
 
     def leave(self) -> Deferred[None]:
-        """Turn slave mode off once the buffer is empty and the arm at standstill; return a Deferred of that."""
+        """Switch slave mode off when the buffer is empty and the arm is at standstill.
+
+        Returns:
+            A Deferred that resolves when slave mode is off.
+        """
         done = Deferred[None]()
         self._leaving.append(done)
         self._resume()
@@ -141,7 +146,7 @@ class RC8SlaveMode(SetPointBuffer):
         return done
 
     def require_room(self) -> None:
-        """Raise an exception if the buffer is full in mode 0; in the other modes a set-point is accepted or waits.
+        """Raise an exception if the buffer is full in mode 0; in the other modes, a set-point is accepted or waits.
 
         Raises:
             CallError: E_BUF_FULL (mode 0).
@@ -160,7 +165,7 @@ class RC8SlaveMode(SetPointBuffer):
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take the command of this cycle from the buffer; call it before the step of the arm's queue."""
+        """Take the command of this cycle from the buffer; must be called before the step of the arm's queue."""
         queue = self._arm.queue
         if self._buffer:
             self._carry_out(self._buffer.popleft())
@@ -175,7 +180,7 @@ class RC8SlaveMode(SetPointBuffer):
         self._end_cycle()
 
     def complete_waiting(self) -> None:
-        """Refill the buffer and complete waiting calls; call it at the end of a cycle."""
+        """Refill the buffer and complete waiting calls; must be called at the end of a cycle."""
         self._refill()
         if self._leaving and not self._buffer and not self._arm.busy:
             leaving = self._leaving
@@ -184,7 +189,10 @@ class RC8SlaveMode(SetPointBuffer):
                 done.set_result()
 
     def end(self, code: int) -> None:
-        """Turn slave mode off at once, clear the buffer, fail waiting calls with a code. The caller stops the arm."""
+        """Switch slave mode off immediately and clear the buffer; calls that wait fail with the code.
+
+        The caller stops the arm.
+        """
         leaving = self._leaving
         for reply in self._turn_off():
             reply.set_exception(error_for(code))
@@ -195,7 +203,7 @@ class RC8SlaveMode(SetPointBuffer):
         """Raise an error of the controller, which ends slave mode and stops the arm (RC8 4.7)."""
         logger.warning("%s: slave mode: %s", self.owner, error_for(code, detail))
         self._fault(code, detail)
-        self._arm.stop(code)  # an error of a low level does not stop it
+        self._arm.stop(code)  # needed because an error of a low level does not stop the arm
 
     def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
         """Return the first limit that a command violates, see :class:`SlaveLimits`."""
@@ -208,13 +216,13 @@ class RC8SlaveMode(SetPointBuffer):
             try:
                 if command.set_outputs is not None:
                     command.set_outputs()
-            except Exception as error:  # the arm moves: an error of the outputs must not interrupt the cycle
+            except Exception as error:  # an error of the outputs must not interrupt the cycle while the arm moves
                 logger.exception("outputs")
                 self.fail(hresult.UNDEFINED_ERROR, f"{type(error).__name__}: {error}")
                 self._arm.stop_and_power_off(hresult.UNDEFINED_ERROR)
 
     def _stops_hard(self, joints: Joints) -> bool:
-        """Return True if repeating this joint position would be a stop beyond the limits."""
+        """Return True if this joint position repeats the last command, and a stop there would exceed the limits."""
         queue = self._arm.queue
         return (
             joints == queue.joints
@@ -222,7 +230,7 @@ class RC8SlaveMode(SetPointBuffer):
         )
 
     def _turn_off(self) -> list[Deferred[Value]]:
-        """Turn slave mode off; return the replies that still wait."""
+        """Switch slave mode off; return the replies that still wait."""
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
