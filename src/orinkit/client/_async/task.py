@@ -1,6 +1,6 @@
 """Asynchronous tasks: programs of a controller that can be started, stopped and monitored.
 
-The synchronous version is generated from this file (:mod:`orinkit.client._async.controller`).
+The synchronous version is generated from this file; :mod:`orinkit.client._async.controller` describes how.
 """
 
 from __future__ import annotations
@@ -40,11 +40,13 @@ class AsyncTask(AsyncObjectContainer):
         """Start the program, or resume it if it is suspended.
 
         Args:
-            mode: ``"cycle"`` (1) to run it once, ``"continuous"`` (2) to repeat it, ``"step"`` (3) to execute one statement.
+            mode: ``"cycle"`` (1) to run it once, ``"continuous"`` (2) to repeat it, ``"step"`` (3) to execute one
+                statement.
             option: Option string of Task_Start.
 
         Raises:
-            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error log.
+            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error
+                log.
         """
         try:
             await self._call(f.task_start, task_mode(TaskMode, mode), option)
@@ -57,8 +59,8 @@ class AsyncTask(AsyncObjectContainer):
         """Stop the program.
 
         Args:
-            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3) after the
-                current cycle, ``"initialize"`` (4).
+            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3)
+                after the current cycle, ``"initialize"`` (4).
             option: Option string of Task_Stop.
         """
         await self._call(f.task_stop, task_mode(StopMode, mode), option)
@@ -66,11 +68,12 @@ class AsyncTask(AsyncObjectContainer):
     async def wait(self, timeout: float | None = None, *, check: bool = False) -> TaskStatus:
         """Wait until the program no longer runs; return its status.
 
-        After an error, the status of the program is READY. The error is in ``errors()`` of the controller; ``check`` raises it.
+        After an error, the status of the program is READY. The error is then in ``errors()`` of the controller; with
+        ``check``, it is raised.
 
         Args:
             timeout: Maximum time to wait in s; the default is no limit.
-            check: Raise the error that the controller reports for this program, if any.
+            check: True to raise the error that the controller reports for this program, if any.
 
         Raises:
             TimeoutError: If the program still runs after the time-out.
