@@ -54,7 +54,7 @@ class CallRequest(NamedTuple):
 
     Attributes:
         function: Function of CAO.
-        arguments: Its arguments, bound.
+        arguments: Arguments of the function, in order, with defaults filled in.
         seconds: Time-out in s; on UDP and serial lines, of each attempt.
         exact: True to return the result with its type.
         deadline: Maximum duration of the call in s; ``None`` for no limit.
@@ -115,7 +115,7 @@ def error_count(value: Any) -> int:
 
 
 def is_bad_index(error: CallError) -> bool:
-    """Return True if an index is out of range, as after the list of errors was shortened."""
+    """Return True if an index is out of range, for example because errors have been cleared in the meantime."""
     return error.code == hresult.DISP_E_BADINDEX
 
 
@@ -131,10 +131,11 @@ def error_info(value: Any) -> ErrorInfo:
 
 
 def service_option(option: str | None, profile: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
-    """Return the option of Service_Start: the given one, or by default a watchdog, so that calls may outlast the time-out.
+    """Return the option string of Service_Start: the given one, or by default a request for the watchdog.
 
-    The watchdog interval must be above 80 ms and below the time-out (RC8 table 3-1). No watchdog is requested if that is
-    impossible, or if the controller reports in another way that a call is still executing.
+    With the watchdog, calls may take longer than the time-out. The watchdog interval must be above 80 ms and below the
+    time-out (RC8 table 3-1). No watchdog is requested if such an interval is impossible, or if the controller reports
+    in another way that a call is still executing.
     """
     if option is not None:
         return option or None
@@ -163,10 +164,10 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
 
 
 def check_no_watchdog(option: str | None) -> None:
-    """Check that an option of Service_Start requests no watchdog, if repeated requests serve as signs of life.
+    """Check that an option string of Service_Start requests no watchdog, if repeated requests serve as signs of life.
 
     Raises:
-        InvalidValue: If the option contains ``WDT``, because S_EXECUTING would postpone the next repetition.
+        InvalidValue: If the option string contains ``WDT``, because S_EXECUTING would postpone the next repetition.
     """
     if option is not None and "wdt=" in option.replace(" ", "").lower():
         raise InvalidValue(
@@ -178,14 +179,17 @@ def check_no_watchdog(option: str | None) -> None:
 
 
 def with_alive(option: str | None, seconds: float | None) -> str | None:
-    """Return the option of Service_Start with ``Alive`` added; unchanged if the interval in s is ``None``."""
+    """Return the option string of Service_Start with ``Alive`` added; unchanged if the interval in s is ``None``."""
     if seconds is None:
         return option
     return ",".join(part for part in (option, f"Alive={round(seconds * 1000)}") if part)
 
 
 def motor_state(dialect: Dialect, *, on: bool) -> Value:
-    """Return the parameter of Motor. If the dialect permits, it requests to wait until the motor is on or off."""
+    """Return the parameter of Motor.
+
+    If the dialect permits, the parameter requests that the controller reply when the motor is on or off.
+    """
     return Variant(VarType.I2, int(on)) if dialect.short_numbers else [int(on), 0]
 
 
@@ -195,7 +199,7 @@ def clear_error_parameter(dialect: Dialect) -> Value:
 
 
 def dialect_of(name: str | None, provider: str) -> Dialect | None:
-    """Return the dialect with a name, or the dialect that follows from the provider name; ``None`` if neither decides.
+    """Return the dialect with a name. Without a name, return the dialect that the provider name implies, or ``None``.
 
     Raises:
         InvalidValue: If no dialect has the name.
@@ -245,7 +249,7 @@ def check_deadline(seconds: float | None) -> float | None:
 
 
 def check_tries(number: int) -> int:
-    """Return how often a request is sent at most, clamped to 1 to 7 (RC8 table 5-1).
+    """Return the maximum number of times that a request is sent, clamped to 1 to 7 (RC8 table 5-1).
 
     Raises:
         InvalidValue: If the value is not an integer.
@@ -265,7 +269,7 @@ def check_tries(number: int) -> int:
 
 
 def text_list(value: Any) -> list[str]:
-    """Return the result of a ...Names function as a list; a controller returns VT_EMPTY for an empty one."""
+    """Return the result of a ...Names function as a list; a controller returns VT_EMPTY for an empty list."""
     return [] if value is None else [value] if isinstance(value, str) else [str(name) for name in value]
 
 
@@ -325,7 +329,7 @@ def logged_message(value: Any, code: int) -> str:
 
 
 def is_file_not_found(error: CallError) -> bool:
-    """Return True if the name is valid but no file has it."""
+    """Return True if the name in the call is valid, but no file has this name."""
     return error.code == hresult.FILE_NOT_FOUND
 
 
@@ -403,8 +407,9 @@ def check_content(kind: type[T], content: T) -> T:
 class HandleTable:
     """The handles of a connection: those in use, and those of objects that were deleted without being closed.
 
-    The latter are released before the next object is created. A controller may return the same handle for several objects
-    (``@IfNotMember``; a VE026A always does); it is released with the last of them.
+    The handles of deleted objects are released before the next object is created. A controller may return the same
+    handle for several objects (with ``@IfNotMember``; a VE026A always does). Such a handle is released with the last of
+    these objects.
     """
 
     def __init__(self) -> None:
@@ -418,7 +423,7 @@ class HandleTable:
             self._shared[release.id, handle] += 1
 
     def drop_reference(self, release: Function[[int], None], handle: int) -> bool:
-        """Count one object less; return True if it was the last one, so that the handle must be released."""
+        """Count one object fewer with this handle; return True if it was the last one, so that the handle is released."""
         with self._lock:
             self._shared[release.id, handle] -= 1
             if self._shared[release.id, handle] > 0:

@@ -37,7 +37,7 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
         tries: Maximum number of times that a request is sent.
 
     Raises:
-        InvalidAddress: If a client cannot use the URL.
+        InvalidAddress: If the URL is not an address that clients can connect to.
         InvalidValue: If timeout or tries is invalid.
     """
     address = parse_address(url)
@@ -65,7 +65,7 @@ def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace |
 
 @runtime_checkable
 class _RepeatableLink(Protocol):
-    """A link on which nothing else can be sent during a call, but which can be opened again."""
+    """A link on which nothing else can be sent during a call; a second link to the same address can be opened."""
 
     def another(self) -> Self: ...
 
@@ -75,8 +75,8 @@ class _RepeatableLink(Protocol):
 def link_for_closing(link: L) -> L:
     """Return the link over which to send the closing requests.
 
-    If nothing can be sent during a call of another thread or task, this is a new link to the same address, and the given one
-    is closed: that ends the call, and no other call can intervene.
+    If nothing can be sent on the given link during a call of another thread or task, the link is closed, which ends
+    that call. A new link to the same address is then returned; no other call can use it.
     """
     if isinstance(link, _RepeatableLink):
         link.close()
@@ -100,13 +100,13 @@ def enable_concurrent_send(link: object) -> None:
 
 
 def send_during_call(link: object, data: bytes) -> None:
-    """Send data on a link while a call is executing, if the link supports it; not on a detached link."""
+    """Send data on a link while a call is executing. If the link does not support this, or is detached, do nothing."""
     if isinstance(link, _ConcurrentLink):
         link.send_concurrently(data)
 
 
 def another(link: L) -> L | None:
-    """Return a second link of the same client to the same address; ``None`` if the link does not support it."""
+    """Return a second link of the same client to the same address; ``None`` if the link does not support this."""
     return link.another() if isinstance(link, _RepeatableLink) else None
 
 

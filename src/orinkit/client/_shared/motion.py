@@ -23,16 +23,16 @@ UNFINISHED: Final = 0.999
 """Maximum progress of an unfinished motion."""
 
 _DIRECTION: Final = 0.005  # tolerance of unit vectors, about 0.3 deg
-_MAX_CHAIN: Final = 16  # motions; controllers queue up to ten
+_MAX_CHAIN: Final = 16  # number of motions that are tracked; controllers queue up to ten
 _MANUAL: Final = 1
 _TEACH_CHECK: Final = 2
 
 
 class MotionSegment:
-    """The start and the end of a motion, as far as they are known.
+    """The start and the end of a motion, if they are known.
 
-    DestJnt returns the end of the motion that is *executing*. While the previous motion may still be executing, DestJnt
-    belongs to this motion only if it differs from the end of the previous one.
+    DestJnt returns the end of the motion that is *executing*. While the previous motion may still be executing, the
+    result of DestJnt belongs to this motion only if it differs from the end of the previous motion.
 
     Attributes:
         target: End of the motion according to the commanded pose; ``None`` if the pose does not determine it.
@@ -60,7 +60,7 @@ class MotionSegment:
 
     @property
     def awaits_start(self) -> bool:
-        """True if the beginning of the motion can still be detected, but has not been."""
+        """True if the beginning of the motion has not been detected yet, but can still be detected."""
         return not self.begun and self.before is not None
 
     def begin(self, before: MotionSegment, start: J | None, destination: J) -> None:
@@ -98,14 +98,14 @@ class MotionSegment:
             self.before = None
 
     def left_behind(self, destination: J) -> bool:
-        """Return True if the arm certainly executes a later motion: this one has begun, and DestJnt is another end."""
+        """Return True if the arm certainly executes a later motion: this one has begun, and DestJnt is not its end."""
         return self.begun and self.end is not None and not near(destination, self.end)
 
     def fraction(self, now: J) -> float:
         """Return the progress of the motion for given joints, from 0 to slightly below 1; 0 if unknown.
 
-        This is the covered part of the distance in joint space. It equals the covered part of the path if the path is a line
-        in joint space, and approximates it otherwise.
+        The progress is the covered part of the distance in joint space. If the path is a line in joint space, this is
+        also the covered part of the path; otherwise, it is an approximation.
         """
         if self.start is None or self.end is None:
             return 0.0
@@ -124,7 +124,10 @@ def same_place(one: P, other: P) -> bool:
 
 
 def _directions(pose: P) -> tuple[float, ...]:
-    """Return the approach and orient vectors of Rz * Ry * Rx. They are unique, whereas several angles are equivalent."""
+    """Return the approach and orient vectors of the rotation Rz * Ry * Rx.
+
+    An orientation has only one pair of these vectors, whereas several triples of angles may describe it.
+    """
     (sa, ca), (sb, cb), (sc, cc) = ((math.sin(angle), math.cos(angle)) for angle in map(math.radians, pose[3:6]))
     approach = (cc * sb * ca + sc * sa, sc * sb * ca - cc * sa, cb * ca)
     orient = (cc * sb * sa - sc * ca, sc * sb * sa + cc * ca, cb * sa)
@@ -222,7 +225,7 @@ def _rounded(pose: J | P) -> J | P:
 
 
 def note_failure(error: BaseException, problem: OrinError, profile: TransportProfile) -> None:
-    """Add a note to an exception that a step of the clean-up failed, too; a lost connection is noted only once."""
+    """Add a note on a failed step of the clean-up to an exception; a lost connection is noted only once."""
     if not isinstance(problem, TransportError):
         error.add_note(tr("orinkit: error during clean-up: {problem}", problem=problem))
         return
@@ -252,7 +255,7 @@ def closed_note(profile: TransportProfile) -> str:
 
 
 def _if_packet_lost(profile: TransportProfile) -> str:
-    """Return, in brackets, when the arm stops if the controller is not notified of the client's end."""
+    """Return, as a text in brackets, when the arm stops if the controller is not notified of the client's end."""
     if profile.shared:
         return tr(" (if the closing packet is lost: when the next client connects)")
     if profile.memory and not profile.lossy:

@@ -26,7 +26,7 @@ HOLDING_COMMANDS: Final = frozenset(("takearm", "givearm", "motor"))
 """Commands, in lower case, that never move the arm."""
 
 _MISSING: Final = (hresult.E_NOTIMPL, hresult.E_INVALID_CMD_NAME, hresult.E_INVALIDARG, hresult.FUNCTION_NOT_DEFINED)
-_MAX_DEPTH: Final = 32  # of nested lists; more than a VARIANT may have
+_MAX_DEPTH: Final = 32  # levels of nested lists; a VARIANT may have fewer
 _PASSING: Final = re.compile(r"@\s*(?:[Pp]|[0-9.+]*[1-9])")
 _MAX_PERCENT: Final = 100.0
 _MAX_SECONDS: Final = 3600.0
@@ -55,14 +55,14 @@ class MoveOptions(TypedDict, total=False):
 
 
 class _Default:
-    """The default of an option in a signature: what the controller is set to."""
+    """The default of an option in a signature; it stands for the setting of the controller."""
 
     def __repr__(self) -> str:
         return "..."
 
 
 def with_options(function: F) -> F:
-    """Give a function the signature that ``help()`` shows: that of its last overload, with all options of a motion."""
+    """Set the signature that ``help()`` shows for a function: its last overload, with all options of a motion."""
     *_, shown = get_overloads(function) or [function]
     signature = inspect.signature(shown)
     named = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
@@ -107,7 +107,7 @@ def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
 
 
 def waits(option: str) -> bool:
-    """Return True if the controller replies at the end of a motion with this option string."""
+    """Return True if the controller replies to a motion with this option string only at the end of the motion."""
     return all(part.strip().upper() not in ("NEXT", "NEXT=1") for part in str(option).split(","))
 
 
@@ -189,7 +189,7 @@ _DRIVE_RAW: Final = _form("axis", "value", "option", options=False, option="")
 def sendable(value: Value, depth: int = 0) -> Value:
     """Return a value of CAO in which each pose, also in lists, is replaced by its text.
 
-    The numbers of a pose alone do not determine its type: a controller could interpret those of a J as a P.
+    The numbers alone do not determine the type of a pose: a controller could interpret the numbers of a J as a P.
     """
     given: Any = value
     if isinstance(given, P | T | J | V | Target):
@@ -323,7 +323,7 @@ def literal_end(pose: PoseLike) -> J | P | None:
     """Return the end of a motion to a pose; ``None`` if the pose alone does not determine it."""
     try:
         end = as_target(pose)
-    except ValueError:  # the controller will report the error
+    except ValueError:  # the controller reports the error
         return None
     if end.extra is not None:
         return None

@@ -23,13 +23,13 @@ from orinkit.values.poses import J, P, T
 POLL: Final = 0.002
 """Polling interval of the streaming process in s."""
 LOOK_NS: Final = 10_000_000
-"""Maximum time in ns that set-points are queued without yielding to other tasks."""
+"""Maximum time in ns for which set-points are queued without yielding to other tasks."""
 SETTLE: Final = 2.0
 """Maximum time in s to wait for standstill of the arm before slave mode begins."""
 PREFETCH: Final = 25
 """Number of set-points that are read from an iterator before the first one is sent."""
 TRIES: Final = 3
-"""Maximum number of attempts to recover (reference: recovery that users implemented)."""
+"""Maximum number of attempts to recover, as in the recovery that users have implemented."""
 
 POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
 """Class of each pose type."""
@@ -80,7 +80,7 @@ class Timing:
         return max(self.gaps, default=0.0)
 
     def histogram(self, width: float = 0.001) -> dict[int, int]:
-        """Return a histogram of the gaps: key n counts the gaps from n to below n + 1 times the width (s)."""
+        """Return a histogram of the gaps: key n has the number of gaps from n * width to below (n + 1) * width, in s."""
         counts: dict[int, int] = {}
         for gap in self.gaps:
             place = int(gap / width)
@@ -107,8 +107,9 @@ class StreamResult:
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.
-        late: Late set-points for which a virtual controller waited or, with strict time in mode 1, stopped the arm in place.
-            Real controllers do not count them: they stop the arm.
+        late: Late set-points, counted by virtual controllers only. For each, the virtual controller waited or, with
+            strict time in mode 1, stopped the arm in place. Real controllers stop the arm and do not count late
+            set-points.
     """
 
     sent: int
@@ -205,8 +206,9 @@ class SampleReader:
         shared: Memory shared with the streaming process.
         next: Number of the next sample.
         missed: Number of samples that were overwritten before they were read.
-        period: Cycle time in s, to number the samples from ``began_ns``; 0 to number them from the start of this stream.
-        began_ns: Time origin in ns, the start of an earlier stream; 0 for the start of this stream.
+        period: Cycle time in s. With it, the samples are numbered from ``began_ns``; with 0, from the start of this
+            stream.
+        began_ns: Origin of the times in ns: the start of an earlier stream; 0 for the start of this stream.
     """
 
     shared: StreamMemory
@@ -317,7 +319,7 @@ class SampleRecording:
 
         self._recorder = open_recorder(path, kind=options.mode.kind, period=options.period, start_ns=time_ns())
         self._period = options.period
-        self._began_ns = 0  # start of the first stream; streams after recover() continue its time
+        self._began_ns = 0  # start of the first stream; the times of streams after recover() refer to it
         self._end = Event()
         self._threads: list[Thread] = []
 

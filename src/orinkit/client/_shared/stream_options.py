@@ -1,4 +1,4 @@
-"""Options of slave mode and their checks, before anything is sent; no I/O."""
+"""Options of slave mode, and their checks before anything is sent; no I/O."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 
 FeedbackField: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
-"""Feedback that a controller can return for each set-point; by default its time and the joints. These are the names of the
-table of fields, repeated for type checkers."""
+"""Feedback that a controller can return for each set-point; by default, its time and the joints.
+
+The names are those of the table of fields (:mod:`orinkit.rc8.slave_fields`), repeated here for type checkers.
+"""
 OnRange: TypeAlias = Literal["clamp", "refuse"]
 """Handling of a live target beyond the arm's range."""
 
@@ -40,7 +42,7 @@ PERIOD: Final = 0.008
 _POSES: Final[dict[frozenset[str], int]] = {
     frozenset(POSES[kind].name for kind in kinds): number for number, kinds in POSE_PARTS.items()
 }
-_JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also the default
+_JOINTS: Final = _POSES[frozenset({POSES["J"].name})]  # also used if ``recv`` names no pose
 _POSE_NAMES: Final = frozenset(row.name for row in POSES.values())
 _FLAGS: Final = {row.name: row.receive for row in WORDS if row.receive}
 _STAMP: Final = sum(row.receive for row in RECEIVED if row.form is FieldType.STAMP)
@@ -256,7 +258,7 @@ def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits
                 )
             )
         if options.mode.kind == "J" and options.mode.buffering == 1 and type_name == VE026A.name:
-            # each cycle uses the newest set-point only: two in one cycle add up to one step (VE026A 2.2)
+            # each cycle uses the newest set-point only: two set-points in one cycle make one larger step (VE026A 2.2)
             limits = Limits.of_model(model).scaled(_UNEVEN, 1.0, 1.0)
         elif options.mode.kind == "J":
             limits = Limits.of_model(model)
