@@ -1,8 +1,9 @@
 """The state shared by all clients of one virtual RC8: variables, arm, programs, files, errors, logs, switches, time.
 
-The objects of clients (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and hold no state of
-the controller themselves. Reading or changing it requires the lock ``cycles``: the server holds it around every call of
-a client, the control loop while it steps, and the methods here acquire it, so that they are thread-safe.
+The objects of clients (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and contain no state
+of the controller themselves. The lock ``cycles`` protects the state: the server holds it during every call of a client,
+and the control loop during every cycle. The methods of this module that change the state acquire it themselves, so they
+are thread-safe.
 """
 
 from __future__ import annotations
@@ -72,10 +73,10 @@ class Identity:
     """The identity that the controller reports.
 
     Attributes:
-        serial_no: Serial number, ``@SERIAL_NO`` and SysInfo 0.
-        version: Software version, ``@VERSION``.
-        maker: ``@MAKER_NAME``.
-        type: ``@TYPE``, and the source of its messages.
+        serial_no: Serial number (``@SERIAL_NO``, SysInfo 0).
+        version: Software version (``@VERSION``).
+        maker: Maker (``@MAKER_NAME``).
+        type: Type of the controller (``@TYPE``); also the source of its messages.
     """
 
     serial_no: str
@@ -86,7 +87,12 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The originator of an operation: a client (name of its controller object, address), or empty if there is none."""
+    """The client that has caused an operation; both attributes are empty if no client has caused it.
+
+    Attributes:
+        caller: Name of the client's controller object.
+        address: Address of the client.
+    """
 
     caller: str = ""
     address: str = ""
@@ -100,23 +106,23 @@ class RC8State:
 
     Args:
         clock: The clock of the controller.
-        identity: The identity that it reports.
+        identity: The identity that the controller reports.
         permission: Access rights by client address.
-        language: Language of its texts; None for the current language of the process.
+        language: Language of the controller's texts; None for the current language of the process.
         counts: Number of variables of each class.
         io_points: Number of I/O points.
-        store: Database of its variables, or ``None`` to keep them in memory only.
-        model: Its arm.
-        files: Directory of its files.
+        store: Database of the variables, or ``None`` to keep them in memory only.
+        model: The arm model.
+        files: Directory of the controller's files.
         switches: Initial state of the switches.
 
     Attributes:
         cycles: The 8 ms control loop, which is also the lock of the whole state.
-        arm, moves: The robot, and the planner of its motions.
-        hand, timers: The electric hand; operations that end after a time.
+        arm, moves: The arm, and the planner of its motions.
+        hand, timers: The electric hand, and the timers of the controller.
         tasks: The programs.
         supervisors_running: Number of running supervisory (TSR) tasks.
-        battery_due: When the encoder batteries have to be replaced.
+        battery_due: Local date and time at which the encoder batteries have to be replaced.
     """
 
     def __init__(
@@ -167,7 +173,7 @@ class RC8State:
 
     @property
     def last_cycle_time(self) -> float:
-        """Seconds from switching the controller on to its last cycle, in which the joint position was last read."""
+        """Time of the last cycle, in s since the controller was switched on; it is the time stamp of poses."""
         return self.cycles.last_cycle_time
 
     @property
@@ -195,14 +201,14 @@ class RC8State:
         """Add an error to the current errors and to the log, and notify the clients; a notice is only logged.
 
         Args:
-            code: Signed or unsigned; level 0 and successes are notices.
+            code: Return code, signed or unsigned; codes of level 0 and of success are notices.
             message: Text; ``None`` for the text of the code.
             subcode: Additional code.
             program: Name of the program in which the error occurred.
             line: Line of that program, counted from 1.
             file_id: Number of that program's file.
             original: Code that caused this error.
-            origin: Client that caused it.
+            origin: Client that caused this error.
 
         Raises:
             ValueError: If the code has more than 32 bits.
@@ -220,7 +226,7 @@ class RC8State:
                 self._react(code)
 
     def _react(self, code: int) -> None:
-        """Apply the effect of an error of this code to robot and programs (docs/howto/robot.md)."""
+        """Apply the effect of an error with this code to robot and programs (docs/howto/robot.md)."""
         level = level_of(code)
         if level < _STOPPING_LEVEL:
             return
@@ -232,10 +238,10 @@ class RC8State:
         self.tasks.stop_all()
 
     def clear_errors(self, origin: Origin = _NOBODY) -> None:
-        """Clear the current errors; the log keeps them.
+        """Clear the current errors; they remain in the log.
 
         Raises:
-            CallError: FATAL_ERROR_BEFORE if an error has level 5: the controller has to be restarted.
+            CallError: FATAL_ERROR_BEFORE if an error has level 5; the controller has to be restarted.
         """
         with self.cycles:
             if self.faults.fatal:
@@ -244,7 +250,7 @@ class RC8State:
             self.log(Operation.CLEAR_ERROR, self.say("Errors cleared"), origin)
 
     def restart(self) -> None:
-        """Reset errors, motor, motions and programs, as switching off and on does; clients stay connected."""
+        """Reset errors, motor, motions and programs, as if switched off and on; clients remain connected."""
         with self.cycles:
             self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.stop_all()
@@ -254,7 +260,9 @@ class RC8State:
             self.log(Operation.RESTART, self.say("Restarted"))
 
     def set_mode(self, mode: int) -> None:
-        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic; stops a motion and switches the motor off.
+        """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.
+
+        A change of the mode stops the arm and then switches the motor off.
 
         Raises:
             ValueError: If the number is not 1, 2 or 3.
@@ -301,7 +309,7 @@ class RC8State:
             self.log(Operation.PROTECTIVE_STOP, text)
 
     def auto_enable(self, on: bool) -> None:
-        """Set the auto-enable input; switching it off raises an error, stops the arm and switches the motor off."""
+        """Set the auto-enable input; when it goes off, an error is raised, and arm and motor are stopped."""
         with self.cycles:
             if bool(on) is self.switches.auto_enable:
                 return
@@ -313,10 +321,10 @@ class RC8State:
                 self._halt_all(hresult.AUTO_ENABLE_WENT_OFF)
 
     def machine_lock(self, on: bool, origin: Origin = _NOBODY) -> None:
-        """Set or clear the machine lock: with it, motions are executed, but the arm does not move.
+        """Set or clear the machine lock: while it is set, motions are executed, but the arm does not move.
 
         Raises:
-            CallError: MOTOR_IS_ON: clearing the lock with the motor on would make the arm jump.
+            CallError: MOTOR_IS_ON, because the arm would jump if the lock were cleared while the motor is on.
         """
         with self.cycles:
             if bool(on) is self.switches.machine_lock:
@@ -354,9 +362,10 @@ class RC8State:
         self.raise_error(code, f"{text}: {detail}" if detail else text)
 
     def _show(self, program: str, kind: str, text: str) -> None:
-        """Record a printed text: PrintMsg is an event for the clients, both are lines of the operation log.
+        """Add a text printed by PrintMsg or PrintDbg to the operation log; for PrintMsg, also publish an event.
 
-        It is not written to the log on stderr: if nothing reads that, a program that prints forever would block.
+        The text is not written to stderr: if no process reads stderr, a program that prints without end would block the
+        controller.
         """
         self.log(Operation.PROGRAM_OUTPUT, f"{program}: {text}")
         if kind == "msg":

@@ -46,7 +46,7 @@ class SlaveLimit(IntEnum):
 
 
 class TokenKind(Enum):
-    """The holder of the executable token (RC8 2.1): may start programs, switch the motor on and move the robot."""
+    """The holder of the executable token (RC8 2.1), who may start programs, switch the motor on and move the robot."""
 
     TP = "tp"
     IO = "io"
@@ -60,7 +60,7 @@ class Token:
 
     Attributes:
         kind: Type of the holder.
-        address: For ``ETHERNET``, the address of the client that has it; ``""`` for every client.
+        address: For ``ETHERNET``, the address of the client that has the token; ``""`` if every client has it.
     """
 
     kind: TokenKind = TokenKind.ANY
@@ -68,7 +68,7 @@ class Token:
 
     @classmethod
     def parse(cls, text: str) -> Token:
-        """Return the token of a text: ``any``, ``tp``, ``io``, ``ethernet`` or ``ethernet:192.168.0.7``.
+        """Parse a token: ``any``, ``tp``, ``io``, ``ethernet`` or ``ethernet:192.168.0.7``.
 
         Raises:
             ValueError: If the text is not one of these.
@@ -90,7 +90,7 @@ class Token:
         return f"{self.kind.value}:{self.address}" if self.address else self.kind.value
 
     def refusal(self, address: str) -> int:
-        """Return the error code for a client at this address, or 0 if it has the token."""
+        """Return the error code for a client at this address, or 0 if the client has the token."""
         if self.kind is TokenKind.ANY:
             return 0
         if self.kind is not TokenKind.ETHERNET or not address:  # a client without an address is not a network client
@@ -102,14 +102,14 @@ class Token:
 
 @dataclass(slots=True)
 class Switches:
-    """The switches and inputs. Initially automatic mode (RC8 2.2) and no stop.
+    """The switches and inputs of the controller. Initially the mode is automatic (RC8 2.2) and no stop is active.
 
     Change them through :class:`~orinkit.virtual.rc8.state.RC8State`, which notifies the clients and stops the robot.
 
     Attributes:
         slave_licence: True if the licence of the slave function is registered.
         slave_limit: Limit of commands in slave mode.
-        strict_time: True if a late set-point is an error at once, as on a real controller.
+        strict_time: True if the controller does not wait for a late set-point, as on a real controller.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC

@@ -21,25 +21,27 @@ from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 STATEMENTS: Final = 200
-"""Statements that a task executes per cycle at most: 25,000 per second."""
+"""Maximum number of statements of one task in a cycle; this is 25,000 per second."""
 
 ALL_STATEMENTS: Final = 800
-"""Statements of all tasks together per cycle: more would leave too little time for the arm and for clients."""
+"""Maximum number of statements of all tasks in a cycle; more would leave too little time for the arm and clients."""
 
 MOST_RUNNING: Final = 32
 PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
-_PART_OF_CYCLE: Final = 0.25  # time limit of all programs, for statements that take long
+_PART_OF_CYCLE: Final = 0.25  # time limit of all programs, because some statements take long
 _KEPT: Final = 32
-_LARGE: Final = 8192  # bytes; loading them takes about 0.1 s
+_LARGE: Final = 8192  # bytes; loading a program of this size takes about 0.1 s
 
 
 class Task:
-    r"""A program and its execution; as an operator of the arm it needs no right or token: its start required both.
+    r"""A program and its execution.
+
+    A task is an operator of the arm. It requires neither rights nor the token, because its start has required both.
 
     Attributes:
-        name: Name without suffix, as ``Pro1`` or ``folder\\Pro1``.
+        name: Name without suffix, such as ``Pro1`` or ``folder\\Pro1``.
         status: State of execution.
         cycle_seconds: Duration of the last cycle, s.
     """
@@ -63,11 +65,11 @@ class Task:
         return self.name
 
     def write_refusal(self) -> int:
-        """Return 0: the rights were checked when it was started."""
+        """Return 0: the rights were checked when the task was started."""
         return 0
 
     def token_refusal(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
-        """Return 0: the client that started it had the token."""
+        """Return 0: the client that started the task had the token."""
         return 0
 
     @property
@@ -77,7 +79,7 @@ class Task:
 
     @property
     def line(self) -> int:
-        """The line to be executed next, from 1; 0 before the first start."""
+        """The line to be executed next, counted from 1; 0 before the first start."""
         return self._machine.line if self._machine else 0
 
     @property
@@ -104,7 +106,7 @@ class Task:
         self.world.resume_motion()
 
     def stop(self, mode: StopMode) -> None:
-        """Stop the task; a task that is not running is not changed, except by INITIALIZE."""
+        """Stop the task; if it is not running, only INITIALIZE has an effect."""
         if mode is StopMode.INITIALIZE:
             self.initialize(halt=True)
         elif self.status is TaskStatus.RUNNING:
@@ -115,11 +117,11 @@ class Task:
                 self.world.pause_motion()
 
     def suspend(self) -> None:
-        """Suspend the task at its own request (Hold); a start continues it."""
+        """Suspend the task because it has executed Hold; the next start continues it."""
         self.status = TaskStatus.SUSPENDED
 
     def initialize(self, *, halt: bool) -> None:
-        """Reset the task to its beginning and release the arm; with ``halt`` its motion is stopped."""
+        """Reset the task to its beginning and release the arm; with ``halt``, stop the motion of the task."""
         self.world.leave(halt=halt)
         self._machine = None
         self.status = TaskStatus.READY
@@ -128,8 +130,8 @@ class Task:
         """Execute the statements of one cycle; return the fault that ended the program, if any.
 
         Args:
-            statements: Largest number of statements.
-            expired: Callback that returns True when the time for programs is used up.
+            statements: Maximum number of statements.
+            expired: Callback that returns True when the time for programs in this cycle is used up.
         """
         machine = self._machine
         if self.status is not TaskStatus.RUNNING or machine is None:
@@ -164,7 +166,7 @@ class Tasks:
 
     Args:
         cycles: The control loop.
-        arm, moves: The robot.
+        arm, moves: The arm, and the planner of its motions.
         variables: Global variables.
         files: The file store with the programs.
         seconds: Callback that returns the time since the controller was switched on, s.
@@ -172,7 +174,7 @@ class Tasks:
         show: Callback invoked with each printed text: program, type, text.
 
     Attributes:
-        cycle_complete: True if a program has completed its cycle and none has been started since.
+        cycle_complete: True if a program has completed its cycle and no program has been started since.
     """
 
     def __init__(
@@ -247,12 +249,12 @@ class Tasks:
         self._cycles.wake()
 
     def stop_all(self) -> None:
-        """Reset every program: its next start is from the beginning. The caller stops the arm."""
+        """Reset every program, so that its next start is from the beginning. The caller stops the arm."""
         for task in self._tasks.values():
             task.initialize(halt=False)
 
     def _file_changed(self, name: str) -> None:
-        """Drop a changed program; a suspended task whose file was deleted cannot continue and releases the arm."""
+        """Discard the compiled form of a changed program; if its file was deleted, reset a suspended task."""
         key = name.lower().removesuffix(SUFFIX)
         self._programs.pop(key, None)
         task = self._tasks.get(key)
@@ -265,7 +267,7 @@ class Tasks:
         """Delete a task and its program.
 
         Raises:
-            CallError: PROGRAM_RUNNING if it is not at its beginning; otherwise the error of the file store.
+            CallError: PROGRAM_RUNNING if the task is running or suspended; otherwise the error of the file store.
         """
         if task.status is not TaskStatus.READY:
             raise error_for(hresult.PROGRAM_RUNNING, task.name)
@@ -277,7 +279,7 @@ class Tasks:
         running = [task for task in self._tasks.values() if task.running]
         if not running:
             return False
-        self._first = (self._first + 1) % len(running)  # round-robin, in case the time does not suffice for all
+        self._first = (self._first + 1) % len(running)  # round-robin, because the time may not suffice for all
         expired = self._cycles.time_budget(_PART_OF_CYCLE)
         for task in running[self._first :] + running[: self._first]:
             if task.running:  # the fault of another task may have stopped it
@@ -292,7 +294,7 @@ class Tasks:
             self._report(fault.code, fault.detail, task.name, fault.line)
         elif not task.running:
             self.cycle_complete = task.status is TaskStatus.READY
-        if not task.running and not self.exists(task):  # its file was deleted during execution
+        if not task.running and not self.exists(task):  # the file was deleted during execution
             self._tasks.pop(task.name.lower(), None)
 
     def is_large(self, task: Task) -> bool:
@@ -300,7 +302,7 @@ class Tasks:
         return self.exists(task) and self._files.size(task.name + SUFFIX) > _LARGE
 
     def load(self, task: Task) -> Program:
-        """Return a task's program, compiled; an unchanged program is compiled only once.
+        """Return the compiled program of a task; an unchanged program is compiled only once.
 
         Raises:
             CallError: SYNTAX_ERROR with file, line and column in its detail; otherwise the error of the file store.
@@ -324,7 +326,7 @@ def _compiled(source: bytes, file: str) -> Program | CallError:
 
 
 def milliseconds(seconds: float) -> int:
-    """Return a time in ms as VT_I4."""
+    """Convert a time from s to ms, limited to the largest VT_I4."""
     return min(int(seconds * _MILLISECONDS), 0x7FFF_FFFF)
 
 

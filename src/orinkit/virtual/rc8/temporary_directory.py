@@ -1,4 +1,7 @@
-"""A temporary directory for a controller without persistent state; leftovers of killed processes are removed later."""
+"""A temporary directory for a controller without persistent state.
+
+The directory of a killed process is removed when a later process creates one.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import Final
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, flock
-except ImportError:  # Windows: the directory of a killed process remains until the temporary files are cleaned up
+except ImportError:  # Windows: the directory of a killed process remains until the user removes temporary files
     _locks = False
 else:
     _locks = True
@@ -20,11 +23,13 @@ else:
 _PREFIX: Final = "orinkit-rc8-"
 _LOCK: Final = "lock"
 _FLAGS: Final = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
-_swept: set[str] = set()  # parent directories already searched for leftovers by this process
+_swept: set[str] = set()  # parent directories that this process has already searched for leftovers
 
 
 class TemporaryDirectory:
-    """A temporary directory that is locked while its process lives; a process ID would not be a reliable sign of life.
+    """A temporary directory that is locked while its process runs.
+
+    The lock shows reliably that the process still runs; a process ID would not.
 
     Attributes:
         path: Path of the directory.
@@ -40,10 +45,10 @@ class TemporaryDirectory:
             self._lock = os.open(self.path / _LOCK, _FLAGS | os.O_CREAT, 0o600)
             if _locked(self._lock) and (self.path / _LOCK).exists():
                 return
-            os.close(self._lock)  # another process has just removed it as a leftover
+            os.close(self._lock)  # another process has just removed the directory as a leftover
 
     def remove(self) -> None:
-        """Remove the directory; does nothing the second time."""
+        """Remove the directory; a second call has no effect."""
         shutil.rmtree(self.path, ignore_errors=True)
         if self._lock >= 0:
             os.close(self._lock)
@@ -64,7 +69,7 @@ def sweep(parent: Path) -> None:
 def _remove_if_left(path: Path) -> None:
     status = path.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
-        return  # another user's directory, or a link planted by one
+        return  # a directory or a link of another user
     lock = os.open(path / _LOCK, _FLAGS)
     try:
         if _locked(lock):

@@ -1,4 +1,4 @@
-"""The language of a controller: its own setting, apart from the language of the program that runs it."""
+"""The language of a controller, which may differ from the language of the process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def translator(language: Language | None) -> Translate:
         language: ``"en"``, ``"ja"``, or None for the current language of the process.
 
     Raises:
-        ValueError: If the language is another one.
+        ValueError: If the language is not one of these.
     """
     if language is None:
         return tr

@@ -1,8 +1,9 @@
 """Converts the values written by clients to the values of variables, without silent loss.
 
 Clients write numbers as any numeric VARIANT, as a string or as a one-element array, and poses as arrays of any numeric
-type. A type that cannot be converted is DISP_E_TYPEMISMATCH, a number out of range DISP_E_OVERFLOW. A fraction for a
-whole number, NaN, infinity and an array of another length are E_INVALIDARG: no silent rounding or padding.
+type. A type that cannot be converted raises DISP_E_TYPEMISMATCH. A number out of range raises DISP_E_OVERFLOW. A
+fraction for a whole number, NaN, infinity, and an array of a wrong length raise E_INVALIDARG; nothing is rounded or
+padded instead.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def number(given: Variant) -> int | float:
 def whole(given: Variant) -> int:
     """Return a whole number of any size."""
     value = number(given)
-    if isinstance(value, float) and not value.is_integer():  # nor are infinity and NaN
+    if isinstance(value, float) and not value.is_integer():  # False for infinity and NaN as well
         raise error_for(hresult.E_INVALIDARG, tr("{value} is not a whole number", value=value))
     return int(value)
 
@@ -97,8 +98,8 @@ def singles(length: int) -> Callable[[Variant], tuple[float, ...]]:
 def string(given: Variant) -> str:
     """Return a string of at most 255 bytes.
 
-    The bytes are those of Shift_JIS (code page 932), the 8-bit encoding of Japanese controllers, so 127 kanji fit; a
-    character without a code in it counts as one byte. The string itself is not changed.
+    The bytes are counted in Shift_JIS (code page 932), the encoding of Japanese controllers, so the string may have 127
+    kanji. A character that Shift_JIS does not have counts as one byte. The string itself is not changed.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH; STRING_TOO_LONG.

@@ -1,12 +1,12 @@
-"""Storage of variables: one SQLite file in the state directory, one row per variable that was ever written.
+"""Storage of variables: one SQLite file in the state directory, with one row for each variable that was ever written.
 
-A write is committed before its reply, so it survives a crash of the process (but not necessarily a power failure: the
-file is not flushed to the medium on every write). Only one process can open the file. A file that is not a database of
-this program, empty, or damaged is refused and not changed. A new file is created completely before it gets its name, so
-an empty one has lost its content.
+A write is committed before the reply to it, so it survives a crash of the process. It may be lost in a power failure,
+because the file is not flushed to the medium on every write. Only one process can open the file. A file is refused, and
+not changed, if it is empty or damaged, or if it is not a database of this program. An empty file has lost its content,
+because a new file receives its name only after it is complete.
 
-If the file is deleted while the process runs, writes are refused. When its directory exists again, the next write
-creates a new file with all variables written so far.
+If the file is deleted while the process runs, the next write creates a new file with all variables written so far. If
+the directory was deleted too, writes are refused until it exists again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,11 @@ _OWN_DIRECTORY: Final = 0o700
 
 
 class StateError(OrinError):
-    """The state directory cannot be used: in use, damaged, not ours, or not writable; the message names the file."""
+    """The state directory cannot be used.
+
+    It is in use by another process, damaged, not writable, or contains a database of another program. The message names
+    the file.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +59,8 @@ class StoredVariable:
     """One stored variable.
 
     Attributes:
-        kind: Name of its class; each I/O point is a variable of class IO.
-        index: Its index.
+        kind: Name of the class of the variable; each I/O point is a variable of class IO.
+        index: Index of the variable.
         value: bool, int, float, str, or the numbers of an array.
         written: Time of the write, in the controller's local time.
     """
@@ -101,7 +105,7 @@ class VariableDatabase:
         return [self._row(*columns) for columns in found]
 
     def save(self, kind: str, values: Mapping[int, object], written: datetime) -> None:
-        """Save values of variables of one class by index, all or none; when this returns they are saved.
+        """Save values of variables of one class, by index; when the method returns, all of them are saved.
 
         Raises:
             CallError: E_FAIL if nothing was written, also while the file is missing.
@@ -121,7 +125,7 @@ class VariableDatabase:
             raise self._not_written(error) from error
 
     def _ensure_file(self) -> None:
-        """Check that the open file still has its name; if it was deleted but its directory exists, create it again.
+        """Check that the open file still exists; if it was deleted but its directory exists, create it again.
 
         Raises:
             CallError: E_FAIL if the file is missing or was replaced.
@@ -165,7 +169,7 @@ class VariableDatabase:
         return error_for(hresult.E_FAIL, tr("cannot write to {path}: {reason}", path=self.path, reason=reason))
 
     def close(self) -> None:
-        """Close the file, so that other processes can open it; does nothing the second time."""
+        """Close the file, so that other processes can open it; a second call has no effect."""
         self._connection.close()
 
     def damaged(self, kind: str, index: int, reason: object) -> StateError:
@@ -189,13 +193,13 @@ class VariableDatabase:
 
 
 class _NotOurs(sqlite3.DatabaseError):
-    """A valid SQLite file of another program, or of a newer version of this one; or a file that lost its content."""
+    """A SQLite file of another program or of a newer version of this program, or a file that has lost its content."""
 
 
 def _open(path: Path) -> sqlite3.Connection:
     journal = path.with_name(path.name + "-wal")
     if journal.exists() and journal.stat().st_size and not (path.exists() and path.stat().st_size):
-        # SQLite would discard the journal as a leftover, with every write that is only there
+        # SQLite would discard the journal as a leftover, including the writes that only the journal contains.
         raise _NotOurs(tr("it is missing or empty, but {name} contains writes", name=journal.name))
     if not path.exists():
         _make(path)
@@ -203,7 +207,8 @@ def _open(path: Path) -> sqlite3.Connection:
         raise _NotOurs(tr("it is empty (0 bytes); its content was lost, for example by a power failure or a full disk"))
     for each in (path, journal):
         _make_private(each)
-    # Used by one thread at a time, but not always the one that opened it. No time-out: another process keeps the file.
+    # The connection is used by one thread at a time, but not always by the thread that opened it. There is no time-out,
+    # because another process that has opened the file keeps it open.
     connection = sqlite3.connect(path, timeout=0, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -215,14 +220,14 @@ def _open(path: Path) -> sqlite3.Connection:
     except BaseException:
         connection.close()
         raise
-    for left in path.parent.glob("*".join(_NEW)):  # of a killed process
+    for left in path.parent.glob("*".join(_NEW)):  # left by a killed process
         with suppress(OSError):
             left.unlink()
     return connection
 
 
 def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
-    """Create a file without variables or with those of another one; it gets its name when it is complete."""
+    """Create a file without variables, or with those of ``content``; it receives its name when it is complete."""
     descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=_NEW[0], suffix=_NEW[1])  # mode 0600
     os.close(descriptor)
     new = Path(name)
@@ -239,9 +244,9 @@ def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
                 connection.execute("COMMIT")
         try:
             os.link(new, path)
-        except FileExistsError:  # another process was faster
+        except FileExistsError:  # another process has created the file in the meantime
             pass
-        except OSError:  # a file system without links
+        except OSError:  # the file system has no hard links
             if not path.exists():
                 new.replace(path)
     finally:
@@ -260,7 +265,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 def _make_private(path: Path) -> None:
     """Remove the access rights of other users to a file."""
-    with suppress(OSError):  # it belongs to another user, or does not exist
+    with suppress(OSError):  # the file belongs to another user, or does not exist
         if stat.S_IMODE(path.stat().st_mode) & 0o077:
             path.chmod(_OWN_FILE)
 

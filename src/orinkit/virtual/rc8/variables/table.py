@@ -28,7 +28,7 @@ class VariableTable:
     Args:
         counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
         io_points: Number of I/O points.
-        store: Database to which a write is saved before its reply, or ``None``.
+        store: Database in which a write is saved before the reply to it, or ``None``.
         now: Callback that returns the controller's local date and time.
 
     Raises:
@@ -55,7 +55,7 @@ class VariableTable:
             self._load(store)
 
     def check(self, kind: VariableClass, index: int) -> None:
-        """Check that a variable exists; for I/O, that all its points exist.
+        """Check that a variable exists; for a group of I/O points, check that all points exist.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID.
@@ -81,11 +81,11 @@ class VariableTable:
         return trusted(int(kind.vt), list(value) if isinstance(value, tuple) else value)
 
     def write(self, kind: VariableClass, index: int, given: Variant) -> None:
-        """Set the value and save it; nothing changes if an exception is raised.
+        """Set the value and save it; if an exception is raised, nothing has changed.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID; errors of conversion (:mod:`orinkit.virtual.rc8.variables.conversion`);
-                E_FAIL if it cannot be saved.
+                E_FAIL if the value cannot be saved.
         """
         self.check(kind, index)
         value = kind.convert(given)
@@ -98,7 +98,9 @@ class VariableTable:
         self._written[kind.name, index] = written
 
     def written(self, kind: VariableClass, index: int) -> datetime:
-        """Return the time of the last write (for I/O, of any of its points), or of the controller's start.
+        """Return the time of the last write, or of the controller's start if the variable was never written.
+
+        For a group of I/O points, this is the last write of any of its points.
 
         Raises:
             CallError: VARIABLE_INDEX_INVALID.
@@ -110,14 +112,14 @@ class VariableTable:
         return max(moments, default=self._made)
 
     def points(self, first: int, count: int) -> int:
-        """Return the states of I/O points as bits; the lowest bit is the first point. Missing points are 0."""
+        """Return the states of I/O points as bits; the lowest bit is the first point. Nonexistent points are 0."""
         return self._points >> first & (1 << count) - 1
 
     def set_points(self, first: int, count: int, states: int) -> None:
         """Set existing I/O points to bits; the lowest bit is the first point. Unchanged points are not saved.
 
         Raises:
-            CallError: E_FAIL if they cannot be saved.
+            CallError: E_FAIL if the points cannot be saved.
         """
         changed = self.points(first, count) ^ states
         numbers = [first + bit for bit in range(count) if changed >> bit & 1]
@@ -146,7 +148,7 @@ class VariableTable:
     def _load(self, store: VariableDatabase) -> None:
         for row in store.rows():
             if not 0 <= row.index < self._count(row.kind):
-                continue  # a class or an index that this controller does not have: keep it in the file
+                continue  # this controller does not have the variable: leave it in the file
             value = _stored_value(store, row)
             self._written[row.kind, row.index] = row.written
             if row.kind == "IO":

@@ -1,7 +1,8 @@
 """The classes of user variables and I/O: types, shapes, accepted values, and the syntax of their names.
 
-I/O points are bits. ``IO`` is one point; ``IOB``, ``IOW``, ``IOD`` and ``IOF`` are 8, 16 or 32 points from the given
-one, lowest bit first. Every point can be written here, inputs too: a virtual controller has no other source of inputs.
+I/O points are bits. ``IO`` is one point. ``IOB`` is a group of 8 points, ``IOW`` of 16, ``IOD`` and ``IOF`` of 32; the
+index is the number of the first point, which is the lowest bit. Clients can write every point, including inputs,
+because a virtual controller has no other source of inputs.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ class VariableClass:
 
     Attributes:
         name: Name before the index.
-        vt: VARIANT type of its values.
+        vt: VARIANT type of the values.
         convert: Converts the value written by a client.
-        default: Value of a variable that was never written; an array as a tuple.
+        default: Value of a variable that was never written; a tuple if it is an array.
         text: Description in English.
-        bits: Number of I/O points that it covers; 0 for a user variable.
+        bits: Number of I/O points of one variable; 0 for a user variable.
     """
 
     name: str
