@@ -42,8 +42,8 @@ class HostSettings(TypedDict, total=False):
         host: Address of this host, 0 to 253; 2 by default.
         group: Group of the driver's broadcasts, 0 to 31; 5 by default.
         timeout: Seconds to wait for a reply; 1 by default.
-        priority: Priority of the frames that are sent, 0 (first) to 7; 0 by default.
-        load_unit: Load per code in %: 1, as in the document, or 0.1.
+        priority: Priority of the frames that are sent, 0 (highest) to 7; 0 by default.
+        load_unit: Resolution of the loads in frames, in %: 1, as in the document, or 0.1.
     """
 
     address: int
@@ -82,7 +82,7 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
         settings: Location of the bus, if no URL is given.
 
     Raises:
-        InvalidAddress: If it is not the address of a CAN bus, or if the location is given twice or not at all.
+        InvalidAddress: If ``at`` is not the URL of a CAN bus, or if the location is given twice or not at all.
     """
     if at is None and "interface" not in settings:
         raise _bus_required(at)
@@ -96,7 +96,7 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
         return address
     channel = quote(
         str(settings.get("channel", "")), safe="/:", errors="surrogatepass"
-    )  # parse_address rejects surrogates
+    )  # surrogates are passed on, because parse_address rejects them with InvalidAddress
     url = f"can://{settings['interface']}/{channel}"
     if "bitrate" in settings:
         url += f"?bitrate={settings['bitrate']}"

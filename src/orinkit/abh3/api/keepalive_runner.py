@@ -1,8 +1,8 @@
 """Periodic calls for keep-alives: from a thread, or from an asyncio task.
 
-Neither outlives the program: the thread is a daemon, and ends with the thread that started it, with the main thread, and
-with the driver object. A process that is stopped or killed sends nothing. (Some CAN interfaces can send periodically on
-their own; they would continue if the program hangs.)
+The calls end with the program: the thread is a daemon. It also ends when the thread that started it ends, when the main
+thread ends, or when the driver object is garbage collected. A process that is stopped or killed sends nothing. The
+periodic sending of some CAN interfaces is not used, because it would continue while the program hangs.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TypeAlias
 from weakref import WeakMethod
 
 Beat: TypeAlias = Callable[[], float | None]
-"""Does what is due and returns the seconds until the next call, ``None`` to end."""
+"""Function that does what is due and returns the seconds until the next call, ``None`` to end."""
 AsyncBeat: TypeAlias = Callable[[], Awaitable[float | None]]
 _JOIN_TIMEOUT = 2.0
 
@@ -24,7 +24,8 @@ class PeriodicCall:
 
     Args:
         beat: The method; the calls end when its object is garbage collected.
-        ended: Method that is called if the calls end other than by :meth:`stop` or by a beat that returns ``None``.
+        ended: Method that is called if the calls end for another reason than :meth:`stop` or ``None`` returned by
+            ``beat``.
         name: Name of the thread.
     """
 
@@ -53,14 +54,14 @@ class PeriodicCall:
                 if beat is None or not self._owner.is_alive() or not threading.main_thread().is_alive():
                     break
                 pause = beat()
-                del beat  # lets the object be collected during the wait
+                del beat  # so that the object can be garbage collected during the wait
         finally:
             if pause is not None and not self._stopped.is_set():
                 _notify(self._ended)
 
 
 class AsyncPeriodicCall:
-    """Calls a coroutine method periodically from a task of the running event loop; otherwise as :class:`PeriodicCall`."""
+    """Calls a coroutine method periodically from a task of the running event loop; see :class:`PeriodicCall`."""
 
     def __init__(self, beat: AsyncBeat, ended: Callable[[], None], name: str) -> None:
         self._beat = WeakMethod(beat)
@@ -76,7 +77,7 @@ class AsyncPeriodicCall:
             self._task.cancel()
 
     def join(self) -> None:
-        """Return at once: there is nothing to wait for."""
+        """Return immediately, because there is no thread to wait for."""
 
     async def _run(self) -> None:
         pause: float | None = 0.0
@@ -85,7 +86,7 @@ class AsyncPeriodicCall:
             beat = self._beat()
             pause = await beat() if beat is not None else None
             del beat
-        self._stopped = True  # the beat returned None, or its object is gone
+        self._stopped = True  # "beat" returned None, or its object was garbage collected
 
     def _done(self, _task: asyncio.Task[None]) -> None:
         if not self._stopped:
@@ -101,5 +102,5 @@ def _notify(ended: WeakMethod[Callable[[], None]]) -> None:
 def _current_task() -> asyncio.Task[object] | None:
     try:
         return asyncio.current_task()
-    except RuntimeError:  # closed from outside an event loop
+    except RuntimeError:  # called outside an event loop
         return None

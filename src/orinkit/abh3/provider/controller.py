@@ -151,7 +151,7 @@ class ABH3Controller(ControllerObject):
                 return await get(self.motor)
 
     async def write(self, put: Callable[[Motor], Awaitable[T]], *, safe_when_stopped: bool = False) -> T:
-        """Command the driver, and begin a keep-alive that repeats the command.
+        """Command the driver, and begin a keep-alive that repeats the command, unless the option KeepAlive is 0.
 
         Args:
             put: Function that sends the command.

@@ -1,8 +1,8 @@
 """The host of one ABH3 driver, without I/O: its state, and the functions of section 4 as operations.
 
-An operation is a generator (:mod:`orinkit.can.frame`) that does nothing, and changes no state, until it is run. It accepts
-replies of its own driver only; other frames do not prolong the wait, and frames that arrived before a request are not taken
-as its reply.
+An operation is a generator (:mod:`orinkit.can.frame`). It changes no state until it is run. It accepts replies of its
+own driver only. Other frames do not prolong the wait. A frame that arrived before a request is not accepted as its
+reply. Numbers in parentheses, such as 4.1, are sections of the document that :mod:`orinkit.abh3` names.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ F = TypeVar("F", bound=Feedback)
 _LENGTH: Final = 8
 _ALL_BITS: Final = 0xFFFFFFFF
 _SETTLING: Final = 0.005
-"""Seconds to wait for a driver to clear its errors, doubled at each attempt (a driver takes about 1 ms)."""
+"""Seconds to wait until a driver has cleared its errors, which takes about 1 ms; doubled after each attempt."""
 _LONGEST_SETTLING: Final = 0.2
 _SECOND_REPLY_WAIT: Final = 0.02
-"""Seconds to wait for a second reply after a late one: a driver takes less than 1 ms for a reply."""
+"""Seconds to wait for a second reply, if the first may belong to an earlier command. A driver replies within 1 ms."""
 _POLL_INTERVAL: Final = 0.05
 """Interval for polling standstill, in s; shorter than any command time-out of a driver."""
 _MAX_TRIES: Final = 100
@@ -37,10 +37,10 @@ _STANDSTILL: Final = 1.0
 
 
 class Host(Generic[F]):
-    """The state of one driver as its host knows it.
+    """The state of one driver, as its host has recorded it.
 
-    Functions that omit a command or an input send its last value again (sections 4.2 to 4.5). If a reply is missing, both
-    commands are set to 0 and start is switched off, so that no motion continues without a new command.
+    If a call omits a command or an input, the last value is sent again (sections 4.2 to 4.5). If a reply is missing,
+    both commands are set to 0 and start is switched off, so that no motion continues without a new command.
 
     Args:
         dialect: Dialect of the driver.
@@ -48,14 +48,14 @@ class Host(Generic[F]):
         host: Address of this host, 0 to 253.
         group: Group of the driver's broadcasts, 0 to 31.
         timeout: Seconds to wait for a reply.
-        priority: Priority of the frames that are sent, 0 (first) to 7.
+        priority: Priority of the frames that are sent, 0 (highest) to 7.
 
     Attributes:
         inputs: The input word that was sent last.
-        commanded: Number of commands (DP0) sent; only they restart a driver's command time-out.
+        commanded: Number of commands (DP0) sent. Only commands restart a driver's command time-out.
 
     Raises:
-        InvalidValue: If a number is out of range.
+        InvalidValue: If an argument is out of range, or if driver and host have the same address.
     """
 
     def __init__(
@@ -110,15 +110,15 @@ class Host(Generic[F]):
         return self._may_move
 
     def relinquish(self) -> None:
-        """Reset commands and inputs without sending them, as another host now commands the driver."""
+        """Reset commands and inputs without sending them, because another host now commands the driver."""
         self.reset_commands()
         self.inputs = 0
         self._may_move = False
 
     def reset_commands(self) -> None:
-        """Reset what causes motion: until new values are set, the commands are sent as 0 and start as off."""
+        """Set the commands to 0 and start to off, without sending them. The next frame contains these values."""
         self._codes = [0, 0]
-        self.inputs &= ~self._starting  # a data set with its own velocity would run without a command
+        self.inputs &= ~self._starting  # with start on, a data set of the driver may move the motor without a command
 
     # --- section 4 ----------------------------------------------------------------------------------------------------
 
@@ -129,7 +129,7 @@ class Host(Generic[F]):
         return (yield from self.send_commands("abh3_can_cmd_init"))
 
     def command(self, ay: float | None = None, bx: float | None = None) -> CanOperation[F]:
-        """Send commands in min^-1, or in % if the axis is in torque mode; an omitted one is unchanged (4.2, 4.3).
+        """Send commands in min^-1, or in % if the axis is in torque mode. An omitted command is unchanged (4.2, 4.3).
 
         Raises:
             InvalidValue: If a command is out of range; nothing has changed.
@@ -147,9 +147,9 @@ class Host(Generic[F]):
         return (yield from self.send_commands(name))
 
     def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
-        """Set the inputs whose mask bit is 1 to those of ``data`` (4.4, abh3_can_inSet).
+        """Set the inputs whose mask bit is 1 to the bits of ``data`` (4.4, abh3_can_inSet).
 
-        If an axis changes between speed and torque, its command becomes 0, because the number would change its meaning.
+        If an axis changes between speed and torque mode, its command becomes 0, because the unit of the number changes.
 
         Raises:
             InvalidValue: If data or mask is not an unsigned 32-bit word; nothing has changed.
@@ -171,7 +171,7 @@ class Host(Generic[F]):
         return (yield from self.send_commands("abh3_can_inBitSet"))
 
     def stop(self) -> CanOperation[F]:
-        """Set the commands to 0 and switch start off; the driver decelerates, its servo stays on."""
+        """Set the commands to 0 and switch start off. The driver decelerates; its servo stays on."""
         self.reset_commands()
         return (yield from self.send_commands("abh3_can_cmd"))
 
@@ -179,10 +179,10 @@ class Host(Generic[F]):
         """Repeat :meth:`stop` until the motors stand still, and return the feedback.
 
         Args:
-            seconds: Seconds that the motors may take, approximately.
+            seconds: Approximate maximum time until standstill, in s.
 
         Raises:
-            DriverTimeout: If the driver does not reply, or the motors still turn.
+            DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
         """
         for _ in range(max(1, math.ceil(seconds / _POLL_INTERVAL))):
             record = yield from self.stop()
@@ -196,7 +196,8 @@ class Host(Generic[F]):
         """Send the current commands and inputs (DP0) and return the feedback.
 
         Raises:
-            DriverTimeout: If the driver does not reply; the commands are then 0 and start is off, as after any exception.
+            DriverTimeout: If the driver does not reply. After this and any other exception, the commands are 0 and
+                start is off.
         """
         reply_pending, self._reply_pending = self._reply_pending, True
         try:
@@ -214,8 +215,9 @@ class Host(Generic[F]):
         """Request a broadcast and return it (4.7, abh3_can_reqBRD; to all drivers abh3_can_reqBRDBRD).
 
         Args:
-            number: 0 to 7 of the driver's group; or, from 8 on, group * 8 + number as in the document.
-            everyone: Send the request to all drivers; the reply of this one is returned.
+            number: 0 to 7 for a broadcast of the driver's group. A value of 8 or more is group * 8 + number, as in the
+                document.
+            everyone: True to send the request to all drivers. Only the reply of this driver is returned.
 
         Raises:
             InvalidValue: If the number is not valid.
@@ -232,10 +234,11 @@ class Host(Generic[F]):
         """Request a single packet without commanding anything (abh3_can_reqSNG).
 
         Args:
-            dp: 0 for the feedback, 1 for the pulse counts (withheld by the document: many drivers do not reply).
+            dp: 0 for the feedback, 1 for the pulse counts. The document withholds the frame of the pulse counts, and
+                many drivers do not reply with it.
 
         Raises:
-            InvalidValue: If the page does not exist.
+            InvalidValue: If ``dp`` is not 0 or 1.
             DriverTimeout: If the driver does not reply.
         """
         dp = check_whole("dp", dp, 1)
@@ -245,13 +248,13 @@ class Host(Generic[F]):
         return cast("Feedback | DP1R", record)
 
     def reset_errors(self, tries: int = 5) -> CanOperation[BR0]:
-        """Clear errors and warnings, with commands 0 and servo and start off, and return the (empty) error flags.
+        """Set commands to 0, switch servo and start off, clear errors and warnings, and return the empty error flags.
 
-        A driver clears its errors shortly after the edge of the reset input from 0 to 1, so this is attempted ``tries`` times
-        at most.
+        A driver clears its errors shortly after the input ``error_reset`` has changed from 0 to 1. If errors or
+        warnings remain, the change is repeated, for at most ``tries`` attempts.
 
         Raises:
-            InvalidValue: If tries is not 0 to 100.
+            InvalidValue: If ``tries`` is not in 0 to 100.
             DriverFault: If errors or warnings remain.
             DriverTimeout: If the driver does not reply.
         """
@@ -293,7 +296,10 @@ class Host(Generic[F]):
         return False
 
     def release(self, seconds: float) -> CanOperation[bool]:
-        """Stop the driver before the bus is closed, if it may be moving; return True if it replied or nothing was sent."""
+        """If the driver may be moving, stop it before the bus is closed.
+
+        Return True if the driver replied or no frame was sent.
+        """
         if not self.moving:
             return True
         self.reset_commands()
@@ -311,7 +317,10 @@ class Host(Generic[F]):
         raise DriverTimeout(function, self.timeout, self.address)
 
     def _later_feedback(self, record: Record) -> CanOperation[Record]:
-        """Return a feedback that follows at once, else the given one, which may be the reply to an earlier command."""
+        """Return a feedback that follows immediately, otherwise the given one.
+
+        The given feedback may be the reply to an earlier command. In this case, the reply to the last command follows.
+        """
         received = yield OperationStep((), _SECOND_REPLY_WAIT)
         while received is not None:
             if received.id & _ID_MASK == self._feedback_id and len(received.data) == _LENGTH:
@@ -334,7 +343,7 @@ class Host(Generic[F]):
     # --- commands and inputs ------------------------------------------------------------------------------------------
 
     def _commands_motion(self) -> bool:
-        """Return True if the current commands and inputs ask for motion."""
+        """Return True if the current commands and inputs can cause motion."""
         return self._codes != [0, 0] or bool(self.inputs & self._starting)
 
     def _quantity(self, axis: int) -> Quantity:
@@ -360,11 +369,11 @@ def broadcasts_of_all(
     """Request a broadcast of all drivers of a group and return their replies by address (4.7, abh3_can_reqBRDBRD).
 
     Args:
-        codec: Codec of their dialect.
+        codec: Codec of the drivers' dialect.
         host: Address of this host.
         ps: PS of the broadcast, group * 8 + number.
         seconds: Seconds to wait for replies.
-        count: Number of drivers; the wait ends early once this many have replied.
+        count: Number of drivers. The wait ends early when this many drivers have replied.
         priority: Priority of the request.
     """
     count = None if count is None else check_whole("count", count, ids.LAST_ADDRESS + 1)
@@ -397,7 +406,7 @@ def _word(name: str, value: object) -> int:
     """Return a value as an unsigned 32-bit word.
 
     Raises:
-        InvalidValue: If it is not a whole number of 0 to 0xFFFFFFFF.
+        InvalidValue: If the value is not a whole number from 0 to 0xFFFFFFFF.
     """
     number = whole(value)
     if number is not None and 0 <= number <= _ALL_BITS:

@@ -1,7 +1,7 @@
 """Timing of a keep-alive, without clock and I/O: when to repeat the command, and when to end.
 
-A driver stops by itself if no command arrives for 500 ms (section 1, "指令ゼロ タイムアウト判定値"). This protects people
-if a host fails, so a keep-alive continues only while the driver replies and the program is active.
+A driver stops by itself if no command arrives for 500 ms (section 1, "指令ゼロ タイムアウト判定値"). This time-out protects
+people if a host fails. Therefore a keep-alive continues only while the driver replies and the program is active.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ R = TypeVar("R")
 _SHORTEST: Final = 0.001
 """Shortest period in s: one cycle of the driver."""
 _LATE: Final = 1.5
-"""Number of periods after which a command is too late, if they exceed the patience."""
+"""Number of periods after which a command is too late, if this time is longer than the patience."""
 
 
 class KeepAliveEnd(Enum):
@@ -35,16 +35,17 @@ class KeepAliveEnd(Enum):
 
 @dataclass(slots=True)
 class KeepAliveTimer:
-    """The timer of a keep-alive; every ``now`` is in s of the same clock.
+    """The timer of a keep-alive. Every argument ``now`` is a time of the same clock, in s.
 
     Args:
-        period: Seconds between commands; commands of the program count too.
+        period: Seconds between commands. A command that the program sends also restarts the period.
         patience: Seconds without a reply after which the keep-alive ends.
-        idle: Seconds without a call of the program after which it ends; ``None`` for never.
-        now: Time at which it begins.
+        idle: Seconds without a call of the program after which the keep-alive ends; ``None`` for no such limit.
+        now: Time at which the keep-alive begins.
 
     Raises:
-        InvalidValue: If a number is not positive and finite, or if the period is below 1 ms or not below the patience.
+        InvalidValue: If an argument is not positive or exceeds one hour, if the period is below 1 ms, or if it is not
+            below the patience.
     """
 
     period: float
@@ -93,7 +94,8 @@ class KeepAliveTimer:
         """Record that a command was sent, by the program or by the keep-alive.
 
         Args:
-            now: Time at which it was sent, not at which its reply was read: that may be much later if the program was suspended.
+            now: Time at which the command was sent. The time at which its reply was read may be much later, if the
+                program was suspended.
             replied: True if the driver replied.
         """
         self._sent = now
@@ -101,7 +103,10 @@ class KeepAliveTimer:
             self._replied = now
 
     def end_if_delayed(self, now: float) -> KeepAliveEnd | None:
-        """Return the reason to end before the next command: the keep-alive itself was delayed for too long."""
+        """Return the reason to end if the keep-alive itself was delayed for too long, otherwise ``None``.
+
+        Call this before the next command is sent.
+        """
         return KeepAliveEnd.SILENT if now - self._replied > max(self.patience, _LATE * self.period) else None
 
     def end(self, now: float) -> KeepAliveEnd | None:
@@ -116,7 +121,7 @@ class KeepAliveTimer:
 def report_commands(
     operation: CanOperation[R], timer: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
 ) -> CanOperation[R]:
-    """Run an operation, and report each of its commands that was answered to a keep-alive.
+    """Run an operation, and report each command that got a reply to the timer of a keep-alive.
 
     Args:
         operation: An operation of the host.
@@ -131,7 +136,7 @@ def report_commands(
             before = host.commanded
             step = operation.send(received)
             if host.commanded != before:
-                if sent is not None:  # the operation continues only after a reply
+                if sent is not None:  # a further command shows that the previous one got a reply
                     timer.sent(sent, replied=True)
                 sent = clock()
                 timer.called(sent)

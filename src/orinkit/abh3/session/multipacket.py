@@ -1,11 +1,12 @@
-"""Multi-packet messages: up to 1785 bytes between a host and a driver, in frames of 8 bytes (J1939-21, connection mode).
+"""Multi-packet messages of up to 1785 bytes between a host and a driver (J1939-21, connection mode).
 
-The sender announces a message (RTS), the receiver requests its packets in bursts (CTS) and finally acknowledges the
-message (EndOfMsgACK). Either side may abort at any time (Abort). A driver replies to a message with one of its own;
-:func:`exchange` is both of them for a host, :class:`Responder` both of them for a virtual driver.
+The sender announces a message (RTS). The receiver requests its packets in bursts (CTS) and finally acknowledges the
+message (EndOfMsgACK). Either side may abort at any time (Abort). A driver replies to a message with another message.
+:func:`exchange` sends a message and receives the reply, for a host. :class:`Responder` receives messages and sends the
+replies, for a virtual driver.
 
-A lost packet is requested again, a duplicate is ignored. A message is never sent twice: a lost message raises an exception.
-Announcements to all (BAM) are ignored.
+A lost packet is requested again, and a packet that arrives twice is ignored. A message is never sent twice: if it is
+lost, an exception is raised. Announcements to all nodes (BAM) are ignored.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from orinkit.core.i18n import tr
 TIMEOUT: Final = 1.25
 """Seconds that each side waits for a frame of its peer."""
 PAUSE: Final = 0.001
-"""Seconds between data packets of a host: interfaces buffer few frames, and a driver may abort."""
+"""Seconds between data packets of a host. Without a pause, an interface may lose frames and a driver may abort."""
 
 
 def send_message(
@@ -51,7 +52,7 @@ def send_message(
 
     Raises:
         InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
-        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
+        DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it.
         ProtocolError: If the driver aborted or replied with an unexpected packet; the text has the reason.
     """
     return _send(OutgoingTransfer(message, _addresses(host, driver, priority), seconds, pause))
@@ -71,7 +72,7 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
 
     Raises:
         InvalidValue: If an address or the priority is not valid; nothing was sent.
-        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it.
+        DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it.
         ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
     return _receive(IncomingTransfer(_addresses(host, driver, priority), seconds))
@@ -89,15 +90,15 @@ def exchange(
 ) -> CanOperation[bytes]:
     """Send a message to a driver and receive its reply; the arguments are those of :func:`send_message`.
 
-    If a previous exchange may be incomplete, ``afresh`` sends an Abort for it first.
+    With ``afresh``, an Abort is sent first, in case a previous exchange is incomplete.
 
     Returns:
         9 to 1785 bytes, including the SYN that pads a short reply.
 
     Raises:
         InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
-        DriverTimeout: If the driver sent nothing in time; Abort 3 was sent to it, and it may or may not have read the
-            message.
+        DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it. The driver
+            may still have read the message.
         ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
     """
     addresses = _addresses(host, driver, priority)
@@ -106,9 +107,9 @@ def exchange(
 
 
 class Responder:
-    """The driver's side: receives messages of any host, one at a time, and sends the replies.
+    """The driver's side: receives messages from any host, one at a time, and sends the replies.
 
-    Frames are passed in with the time of any monotonic clock; the methods return the frames to be sent.
+    The caller passes in frames with the time of a monotonic clock. The methods return the frames that the caller sends.
 
     Args:
         address: Address of the driver.
@@ -164,14 +165,14 @@ class Responder:
         if packet.kind == RTS and not self._is_underway(packet):
             if self._transfer is not None and packet.source != self._host:
                 return [self._addresses(packet.source).control(ABORT, BUSY)]
-            self._host = packet.source  # a host that starts again has abandoned its previous message
+            self._host = packet.source  # a host that announces another message has abandoned its previous one
             self._transfer = IncomingTransfer(self._addresses(packet.source), self._seconds)
         if self._transfer is None:
             return []
         return self._apply(self._transfer, self._transfer.take(frame), now)
 
     def tick(self, now: float) -> list[CanFrame]:
-        """Return the frames that are due at a time, in s."""
+        """Return the frames that are due at the time ``now``, in s."""
         if self._transfer is None or self._next_time is None or now < self._next_time:
             return []
         return self._apply(self._transfer, self._transfer.silent(), now)
@@ -185,7 +186,7 @@ class Responder:
 
     def _apply(self, transfer: OutgoingTransfer | IncomingTransfer, step: TransferStep, now: float) -> list[CanFrame]:
         frames = list(step.frames)
-        while step.seconds == 0 and not step.ended:  # packets without a pause
+        while step.seconds == 0 and not step.ended:  # packets that follow without a pause
             step = transfer.silent()
             frames.extend(step.frames)
         if step.seconds is not None:
@@ -225,7 +226,7 @@ def _exchange(
 ) -> CanOperation[bytes]:
     step = sending.begin()
     last = yield from _run(sending, step._replace(frames=before + step.frames), fresh=True)
-    opened = receiving.take(last)  # if the driver's END was lost, this is the RTS of its reply
+    opened = receiving.take(last)  # if the EndOfMsgACK was lost, "last" is the RTS of the driver's reply
     yield from _run(receiving, opened if opened.frames else receiving.begin())
     return receiving.message
 
@@ -243,5 +244,5 @@ def _run(
         yield OperationStep(step.frames, 0.0)
     if step.error is not None:
         raise step.error
-    assert frame is not None  # a time-out ends a transfer with an error
+    assert frame is not None  # after a time-out, the error was raised above
     return frame

@@ -1,4 +1,4 @@
-"""Values of parameters and monitors, with units, from the words of TelABH3."""
+"""Values of parameters and monitors with units, converted from the 32-bit words of TelABH3."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ParameterValue(NamedTuple):
     Attributes:
         address: Address of the parameter or the monitor.
         word: The 32-bit word.
-        item: Its description; ``None`` for an unknown address.
+        item: Description of the parameter or the monitor; ``None`` for an unknown address.
     """
 
     address: int
@@ -25,7 +25,7 @@ class ParameterValue(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The value in its unit; for an unknown address the word itself."""
+        """The value in :attr:`unit`; for an unknown address, the word itself."""
         return self.word if self.item is None else self.item.decode(self.word)
 
     @property
@@ -36,7 +36,7 @@ class ParameterValue(NamedTuple):
     def __str__(self) -> str:
         name = "" if self.item is None else f" {self.item.text}"
         value = self.value
-        digits = str(value) if isinstance(value, int) else f"{value:g}"  # all digits of a whole number
+        digits = str(value) if isinstance(value, int) else f"{value:g}"  # "g" would omit digits of a large whole number
         return f"0x{self.address:04X}{name}: {digits} {self.unit}".rstrip()
 
 
@@ -55,8 +55,8 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
 
     Args:
         address: Address of the parameter.
-        value: The value in its unit.
-        raw: The value is the word itself.
+        value: The value in the parameter's unit.
+        raw: True if the value is the word itself.
 
     Raises:
         InvalidValue: If the value cannot be written, or if the address is unknown and ``raw`` is False.

@@ -1,16 +1,19 @@
 """TelABH3: the text protocol for reading and writing the parameters and monitors of a driver.
 
-Over CAN a text is one multi-packet message (:mod:`orinkit.abh3.session.multipacket`). A request is a command of two
-letters, an address of four hexadecimal digits, a value of eight (to write), and a checksum of two: ``CP000095`` reads
-parameter 0. With the checksum, the sum of all bytes including the header ``FFFF`` in front of them is a multiple of 256.
-Over serial lines the header is sent too, and the text is enclosed in STX and ETX.
+Over CAN, each text is one multi-packet message (:mod:`orinkit.abh3.session.multipacket`). A request consists of a
+command of two letters, an address of four hexadecimal digits, a value of eight hexadecimal digits (only to write), and
+a checksum of two hexadecimal digits. For example, ``CP000095`` reads parameter 0.
 
-The format of replies over CAN is not documented. Over serial lines a reply is STX, a header of four characters, the
-status, the data, the checksum and ETX. Replies made here omit what requests over CAN omit: they are status, data,
-checksum. :func:`parse_reply` reads all these forms.
+The checksum plus the sum of all preceding bytes is a multiple of 256. The header ``FFFF`` before the command is
+included in this sum, but it is not sent over CAN. Over serial lines, the header is sent, and the text is enclosed in
+STX and ETX.
 
-Values are 32-bit words: a PACK_FLOAT, a whole number, or flags; :data:`MONITORS` and :data:`PARAMETERS` have the type.
-SYN at the end of a message is padding.
+The format of replies over CAN is not documented. Over serial lines, a reply consists of STX, a header of four
+characters, the status, the data, the checksum and ETX. Replies that this module creates have no STX, no header and no
+ETX, like requests over CAN. :func:`parse_reply` reads all these forms.
+
+A value is a 32-bit word that contains a PACK_FLOAT, a whole number, or flags. :data:`MONITORS` and :data:`PARAMETERS`
+contain the type of each value. SYN at the end of a message is padding.
 """
 
 from __future__ import annotations
@@ -45,19 +48,19 @@ _NAMES: Final = {
     IDENTIFICATION: N_("identification"),
 }
 OFF: Final = 0x0000
-"""Value of a switched parameter that is off."""
+"""Value that means off, for parameters that are switches."""
 ON: Final = 0x8000
-"""Value of a switched parameter that is on."""
+"""Value that means on, for parameters that are switches."""
 ACK: Final = 0x06
-"""Status of the replies made here: executed. Any status except NAK has this meaning."""
+"""Status of an executed request in replies that this module creates. Every status except NAK means executed."""
 NAK: Final = 0x15
-"""Status of a reply: refused."""
+"""Status of a refused request."""
 
 _HEADER: Final = b"FFFF"
 _STX: Final = b"\x02"
 _ETX: Final = b"\x03"
 _SYN: Final = b"\x16"
-_BLANK: Final = 0x20  # a lower byte is a status, not a header character
+_BLANK: Final = 0x20  # a byte below this is a status, not a character of the header
 _WORDS: Final = range(1 << 32)
 _ADDRESSES: Final = range(1 << 16)
 _REQUEST: Final = re.compile(rb"([ -~]{4})?(CP|CM|BI)([0-9A-Fa-f]{4})([0-9A-Fa-f]{8})?([0-9A-Fa-f]{2})")
@@ -94,7 +97,7 @@ class TelRequest(NamedTuple):
 
 
 def checksum(data: bytes) -> bytes:
-    """Return the two checksum digits for these bytes; texts over CAN have to be passed with the header ``FFFF``."""
+    """Return the two checksum digits for these bytes. A text for CAN must be passed with the header ``FFFF``."""
     return b"%02X" % (-sum(data) & 0xFF)
 
 
@@ -135,7 +138,7 @@ def read_identification(number: int) -> bytes:
 
 
 def parse_request(message: bytes) -> TelRequest:
-    """Parse a request, in the form of CAN or that of serial lines.
+    """Parse a request, in the form for CAN or in the form for serial lines.
 
     Raises:
         ProtocolError: If it is not a request, or its checksum is wrong.
@@ -157,7 +160,7 @@ class TelReply(NamedTuple):
     Attributes:
         refused: True if the driver refused the request.
         data: Text of an identification, or the digits of a value; empty if a parameter was written.
-        asked: Description of the request, for messages.
+        asked: Description of the request, for error messages.
     """
 
     refused: bool
@@ -220,12 +223,13 @@ def refusal() -> bytes:
 def parse_reply(message: bytes, asked: str = "") -> TelReply:
     """Parse the reply of a driver.
 
-    The form is a status, data and a checksum, with or without a header of four characters in front, with or without STX and
-    ETX around it. The checksum may include the header ``FFFF`` even if it is omitted.
+    A reply consists of a status, data and a checksum. A header of four characters may precede the status, and STX and
+    ETX may enclose the reply. The checksum may include the header ``FFFF`` even if the reply does not contain the
+    header.
 
     Args:
         message: The reply.
-        asked: Description of the request, for messages.
+        asked: Description of the request, for error messages.
 
     Raises:
         ProtocolError: If it is not a reply, or its checksum is wrong.
@@ -256,7 +260,10 @@ def _strip_framing(message: bytes) -> tuple[bytes, bool]:
 
 
 def _check(message: bytes, *counted: bytes) -> None:
-    """Check the two checksum digits at the end; at least one of the given texts must have the sum 0."""
+    """Check the two checksum digits at the end of the texts: at least one text must have a valid checksum.
+
+    The texts are variants of one message, with and without the header.
+    """
     for text in counted:
         if _HEX_BYTE.fullmatch(text[-2:]) and (sum(text[:-2]) + int(text[-2:], 16)) & 0xFF == 0:
             return
@@ -372,7 +379,7 @@ def _monitors() -> Iterator[TelItem]:
     yield TelItem(0x1064, "int", N_("B pulse count"), "pulse")
 
 
-_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # first address of A/Y, offset of B/X
+_OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # address of A/Y in data set 0, offset of B/X
     (0x5000, 0x08, "pack", N_("{axis} velocity #{number}"), "min^-1"),
     (0x5010, 0x08, "pack", N_("{axis} current #{number}"), "%"),
     (0x5020, 0x60, "pack", N_("{axis} acceleration time #{number}"), "s"),

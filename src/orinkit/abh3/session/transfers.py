@@ -1,8 +1,8 @@
 """The transfer of one multi-packet message, sent or received, without I/O and clock (J1939-21, connection mode).
 
-Both directions are state machines with three inputs: :meth:`begin`, :meth:`take` (a frame has arrived) and :meth:`silent`
-(the wait has expired). Each returns a :class:`TransferStep`: the frames to send, and how long to wait. Hosts and drivers use
-the same classes.
+Each direction is a state machine with three inputs: :meth:`begin`, :meth:`take` (a frame has arrived) and
+:meth:`silent` (the wait has expired). Each input returns a :class:`TransferStep`: the frames to send, and the time to
+wait. Hosts and drivers use the same classes.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ SYN: Final = b"\x16"
 _PGN: Final = b"\x00\xef\x00"
 _SIZE: Final = 8
 _PACKET_SIZE: Final = 7  # bytes of the message in one packet
-_BURST: Final = 16  # most packets requested by one CTS
-_MAX_REPEATS: Final = 16  # most repeated requests for packets in one message
+_BURST: Final = 16  # maximum number of packets requested by one CTS
+_MAX_REPEATS: Final = 16  # maximum number of repeated requests for packets of one message
 _SPARE_GRANTS: Final = 32
 _PATIENCE: Final = (
-    0.6  # fraction of the time-out before missing packets are requested again; J1939-21: 0.75 s of 1.25 s
+    0.6  # fraction of the time-out after which missing packets are requested again; J1939-21: 0.75 s of 1.25 s
 )
 
 
@@ -37,7 +37,7 @@ class TransferStep(NamedTuple):
     Attributes:
         frames: Frames to send.
         seconds: Seconds to wait from now on; ``None`` to continue the current wait.
-        ended: True if the transfer is over once the frames are sent.
+        ended: True if the transfer ends when the frames have been sent.
         error: The error of a failed transfer.
     """
 
@@ -52,9 +52,9 @@ class TransferFrame(NamedTuple):
 
     Attributes:
         kind: RTS, CTS, END, ABORT or another control byte; ``None`` for a data packet.
-        destination: Address that it is for.
-        source: Address that it is from.
-        data: Its 8 bytes.
+        destination: Address of the receiver.
+        source: Address of the sender.
+        data: The 8 bytes of the frame.
     """
 
     kind: int | None
@@ -125,7 +125,8 @@ class OutgoingTransfer:
         addresses: Addresses and priority.
         seconds: Time-out for each frame of the peer, in s.
         pause: Pause between data packets, in s.
-        replied: The peer replies to the message: after the last packet, an RTS of the peer also acknowledges it.
+        replied: True if the peer replies to the message. After the last packet, an RTS of the peer (the beginning of
+            its reply) then also counts as an acknowledgement.
 
     Raises:
         InvalidValue: If the message is empty, too long, or not bytes.
@@ -148,7 +149,7 @@ class OutgoingTransfer:
         self._replied = replied
         self._next = 1
         self._last = 0  # last packet to send now
-        self._furthest = 0  # highest packet sent so far
+        self._furthest = 0  # highest number of a packet sent so far
         self._grants = 0
 
     def begin(self) -> TransferStep:
@@ -171,12 +172,12 @@ class OutgoingTransfer:
         complete = self._furthest == self._total
         if kind == RTS and not (complete and self._replied):
             return self._addresses.refuse_step()
-        if kind in (END, RTS) and complete:  # some libraries send a wrong byte count in END
+        if kind in (END, RTS) and complete:  # the byte count in END may be wrong
             return TransferStep(ended=True)
         return self._ignore()
 
     def silent(self) -> TransferStep:
-        """Process the end of the wait: return the step that sends the next data packet, or that gives up."""
+        """Process the end of the wait: return the step that sends the next data packet or aborts the transfer."""
         number = self._next
         if number > self._last:
             return self._addresses.timeout_step(self._seconds)
@@ -187,7 +188,7 @@ class OutgoingTransfer:
         return TransferStep((self._addresses.transfer(number, data),), wait)
 
     def _ignore(self) -> TransferStep:
-        """Return the next step after an irrelevant frame, which must not delay packets that are sent without a pause."""
+        """Return the next step after an irrelevant frame. The frame must not delay packets without a pause."""
         return self.silent() if self._next <= self._last and not self._pause else TransferStep()
 
     def _grant(self, count: int, first: int) -> TransferStep:
@@ -221,12 +222,12 @@ class IncomingTransfer:
         self.message = b""
         self._addresses = addresses
         self._seconds = seconds
-        self._rts = b""  # the RTS
+        self._rts = b""  # data of the RTS; empty before it
         self._size = 0
         self._total = 0
         self._burst = _BURST
         self._parts: dict[int, bytes] = {}
-        self._first = 1  # first and last of the packets requested last
+        self._first = 1  # first and last packet of the latest request
         self._last = 0
         self._repeats = 0
         self._reminded = False  # missing packets were requested again since the last new packet
@@ -254,11 +255,11 @@ class IncomingTransfer:
             return self._open(packet.data)
         if not self.is_opened_by(packet):
             return self._addresses.refuse_step()
-        self._parts.clear()  # they may belong to an abandoned message with an identical RTS
+        self._parts.clear()  # these packets may belong to an abandoned message with an identical RTS
         return self._request_again()
 
     def silent(self) -> TransferStep:
-        """Process the end of the wait: return the step that requests packets again, or that gives up."""
+        """Process the end of the wait: return the step that requests packets again or aborts the transfer."""
         if not self._rts or self._reminded:
             return self._addresses.timeout_step(self._seconds)
         self._reminded = True
@@ -316,13 +317,13 @@ class IncomingTransfer:
                 (self._addresses.control(END, self._size & 0xFF, self._size >> 8, self._total),), ended=True
             )
         self._first = self._last = missing[0]
-        for number in missing[1 : self._burst]:  # not across packets that have arrived: they would come twice
+        for number in missing[1 : self._burst]:  # up to the next packet that has arrived
             if number == self._last + 1:
                 self._last = number
         return TransferStep((self._addresses.control(CTS, self._last - self._first + 1, self._first),), self._wait())
 
     def _wait(self) -> float:
-        """Return the remaining time-out after a repeated request, otherwise the time until packets are requested again."""
+        """Return the time until packets are requested again; after that request, the rest of the time-out."""
         return self._seconds * (1 - _PATIENCE if self._reminded else _PATIENCE)
 
 

@@ -1,6 +1,7 @@
-"""The bits of all flag words of an ABH3, as data: name, text, and how input and terminal are combined.
+"""The bits of all flag words of an ABH3, as data: name, text, and the logic that combines input and terminal.
 
-A name that begins with ``ay_`` or ``bx_`` (``a_`` or ``b_``) belongs to one axis; without the prefix it means both axes.
+A name that begins with ``ay_`` or ``bx_`` (``a_`` or ``b_``) belongs to one axis; without the prefix it means both
+axes.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ class Bit:
     """One bit of a flag word.
 
     Attributes:
-        number: 0 to 31.
+        number: Number of the bit, 0 to 31.
         name: Name for programs.
         title: Meaning of the value 1, in English, with placeholders.
-        logic: How the bit is combined with a terminal; ``None`` if it is not.
+        logic: Logic that combines the bit with a terminal; ``None`` if the bit is not combined with a terminal.
         values: Values of the placeholders.
     """
 
@@ -93,6 +94,7 @@ def _of_an_axis(select: TerminalLogic) -> tuple[tuple[int, str, str, TerminalLog
 _POLARITY: Final = (7, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
 _POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
 
+# error_reset: the driver clears its errors when this bit changes from 0 to 1. While the bit is 1, the servo is off.
 INPUTS_V1: Final = (
     *_axis(0, "A/Y", (*_of_an_axis(TerminalLogic.NOT_AND), _POLARITY)),
     Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),

@@ -1,8 +1,9 @@
 """The conversion functions of the document (section 4.9), with its names.
 
-The document does not define rounding or the treatment of values that are out of range. Here a value becomes the nearest
-code (of two equally near, the one further from zero), and a value without a code is an error: it is neither clamped nor
-wrapped. A code becomes the number nearest to its decimal value: 1 is 0.2 min^-1.
+A code is the whole number that represents a value in a frame. The document does not define rounding, and it does not
+define the treatment of values that are out of range. In this module, a value becomes the nearest code. If two codes are
+equally near, it becomes the one further from zero. A value that is out of range raises an exception; it is neither
+clamped nor wrapped. A code becomes the float nearest to its decimal value: the velocity of code 1 is 0.2 min^-1.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def cnvVel2CAN(vel: float) -> int:  # noqa: N802 - the document's name
 
 
 def cnvCAN2Vel(vel: int) -> float:  # noqa: N802 - the document's name
-    """Return the velocity of a code in min^-1.
+    """Return the velocity in min^-1 that a code represents.
 
     Raises:
         InvalidValue: If the code is not in -32768 to 32767.
@@ -43,7 +44,7 @@ def cnvCur2CAN(cur: float) -> int:  # noqa: N802 - the document's name
 
 
 def cnvCAN2Cur(cur: int) -> float:  # noqa: N802 - the document's name
-    """Return the current of a code in %.
+    """Return the current in % that a code represents.
 
     Raises:
         InvalidValue: If the code is not in -32768 to 32767.
@@ -52,14 +53,15 @@ def cnvCAN2Cur(cur: int) -> float:  # noqa: N802 - the document's name
 
 
 def cnvCAN2Load(load: int, unit: float = 1.0) -> float:  # noqa: N802 - the document's name
-    """Return the load of a code in %.
+    """Return the load in % that a code represents.
 
     Args:
-        load: The code, in the document a ``short``; a negative one stands for the unsigned number with the same 16 bits.
-        unit: Load per code: 1 % as in the document, or 0.1 % as in some of the vendor's programs.
+        load: The code. In the document it is a ``short``, so a negative code means the unsigned number with the same
+            bits.
+        unit: Resolution in %: 1 as in the document, or 0.1 as in some of the vendor's programs.
 
     Raises:
-        InvalidValue: If the code is not in -32768 to 65535, or the unit is another one.
+        InvalidValue: If the code is not in -32768 to 65535, or the unit is not 1 or 0.1.
     """
     if unit not in (1.0, 0.1):
         raise InvalidValue(tr("the unit of a load must be 1 or 0.1 %, not {unit}", unit=brief(unit)))
@@ -67,7 +69,7 @@ def cnvCAN2Load(load: int, unit: float = 1.0) -> float:  # noqa: N802 - the docu
 
 
 def cnvCAN2Analog(analog: int) -> float:  # noqa: N802 - the document's name
-    """Return the voltage in V of the code of an analog input.
+    """Return the voltage in V that a code of an analog input represents.
 
     Raises:
         InvalidValue: If the code is not in -32768 to 32767.
@@ -76,10 +78,11 @@ def cnvCAN2Analog(analog: int) -> float:  # noqa: N802 - the document's name
 
 
 def cnvCAN2Volt(volt: int) -> float:  # noqa: N802 - the document's name
-    """Return the supply voltage of a code in V.
+    """Return the supply voltage in V that a code represents.
 
     Args:
-        volt: The code, in the document a ``short``; a negative one stands for the unsigned number with the same 16 bits.
+        volt: The code. In the document it is a ``short``, so a negative code means the unsigned number with the same
+            bits.
 
     Raises:
         InvalidValue: If the code is not in -32768 to 65535.

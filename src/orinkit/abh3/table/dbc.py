@@ -39,19 +39,20 @@ def dbc(
 ) -> str:
     """Return a DBC file with every frame of a bus: commands, feedback, broadcasts, requests, multi-packet frames.
 
-    Signals have the names of the fields of the records. A flag is a signal of one bit; its name begins with that of its word:
-    ``inputs_ay_servo_on``. A command is ``ay_command`` in min^-1, or ``ay_command_torque`` in % if the input ``ay_torque`` is
-    on. With several drivers, the names of their messages end with their addresses: ``DP0R_3``.
+    Signals have the names of the fields of the records. A flag is a signal of one bit; its name begins with the name of
+    its flag word: ``inputs_ay_servo_on``. A command is the signal ``ay_command`` in min^-1, or ``ay_command_torque`` in
+    % if the input ``ay_torque`` is on. If there are several drivers, the name of a message ends with the address of the
+    driver: ``DP0R_3``.
 
     Args:
         dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
         addresses: Addresses of the drivers.
         host: Address of the host.
         group: Group of the drivers' broadcasts.
-        load_unit: Load per code, 1 or 0.1 %.
+        load_unit: Resolution of the loads in frames, in %: 1 or 0.1.
 
     Returns:
-        ASCII text with line feeds; the texts are in English, as DBC files are limited to ASCII.
+        ASCII text with line feeds. It is in English, because DBC files are limited to ASCII.
 
     Raises:
         InvalidValue: If the dialect, an address, the group or the unit is not valid, or an address occurs twice.
@@ -148,7 +149,7 @@ def _data_signals(layout: FrameLayout) -> list[Signal]:
 
 
 def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: str = "", state: int = 0) -> Signal:
-    """Return the signal of a number; with a switch, it is present only while that flag has the given state."""
+    """Return the signal of a number. With ``switch``, a frame contains it only if that flag has the given state."""
     is_float = field.code == _FLOAT
     steps = quantity.steps or 1
     when = f" while {switch} is {_OFF_ON[state]}" if switch else ""

@@ -42,7 +42,7 @@ class DecodedValue:
         title: Name for people, in English.
         content: A number in physical units, a flag word, or a text.
         unit: Unit of the content; ``""`` if it has none.
-        digits: Decimal places of the content; ``None`` for a single float.
+        digits: Decimal places of the content; ``None`` for a single-precision float.
         note: Meaning of the content, in English.
     """
 
@@ -101,10 +101,10 @@ class DecodedFrame:
         name: ``"DP0S"``, ``"DP0R"``, ``"DP1S"``, ``"DP1R"``, ``"BR0"`` to ``"BR7"``, ``"REQUEST"``, ``"TP.CM"``,
             ``"TP.DT"``; ``""`` for any other frame.
         source: Address of the sender.
-        destination: Address of the receiver; ``None`` if the frame is for all.
+        destination: Address of the receiver; ``None`` if the frame is for all nodes.
         record: The content in physical units; ``None`` if there is no record for this frame, or the frame is not valid.
         values: The content as separate values.
-        fault: The reason why the frame is wrong or cannot be decoded; ``None`` if there is none.
+        fault: The reason why the frame is wrong or cannot be decoded; ``None`` if the frame is valid.
     """
 
     frame: CanFrame
@@ -136,13 +136,14 @@ class DecodedFrame:
 
 
 class Decoder:
-    """Decodes frames. It learns from the traffic which nodes are hosts: hosts send requests, drivers send broadcasts.
+    """Decodes frames. The traffic shows which nodes are hosts: hosts send requests, and drivers send broadcasts.
 
     Args:
         dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
-        hosts: Addresses of hosts; the traffic takes precedence over them.
-        group: Group of the drivers' broadcasts; those of other groups are reported, but not decoded. ``None`` for any group.
-        load_unit: Load per code, 1 or 0.1 %.
+        hosts: Addresses of hosts. If the traffic contradicts them, the traffic takes precedence.
+        group: Group of the drivers' broadcasts. Broadcasts of other groups are returned, but not decoded. ``None`` to
+            decode the broadcasts of all groups.
+        load_unit: Resolution of the loads in frames, in %: 1 or 0.1.
 
     Raises:
         InvalidValue: If the dialect, an address, the group or the unit is not valid.
@@ -162,7 +163,7 @@ class Decoder:
         self._is_host = {ids.check_address("host", host): True for host in hosts}
 
     def decode(self, frame: CanFrame) -> DecodedFrame:
-        """Decode any frame; its priority is ignored, and a frame that cannot be decoded has a fault."""
+        """Decode any frame; its priority is ignored. If it cannot be decoded, the result contains a fault."""
         parts = FrameId.parse(frame.id)
         page = None if parts.reserved or not 0 <= frame.id <= MAX_ID else parts.dp
         match parts.pf, page:

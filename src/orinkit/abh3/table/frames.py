@@ -36,7 +36,7 @@ class Codec:
 
         Args:
             name: Name of the frame, as in :attr:`Dialect.layouts`.
-            data: Its 8 bytes.
+            data: The 8 bytes of the frame.
 
         Raises:
             ProtocolError: If the length is not 8 bytes.
@@ -128,10 +128,10 @@ class _FrameReader(NamedTuple):
     """Reads one kind of frame.
 
     Attributes:
-        kind: Class of its record.
-        unpack: Returns the codes of its data.
+        kind: Class of the record.
+        unpack: Function that returns the codes in the data.
         reads: Converters from code to value, one per field.
-        steps: Codes per unit, one per field; empty unless all fields are numbers with a unit. A fast path.
+        steps: Codes per unit, one per field, for faster decoding; empty if a field is not a number with a unit.
     """
 
     kind: Callable[..., Record]
@@ -157,7 +157,7 @@ def _reader(field: SignalField) -> Callable[[Any], Any]:
     if quantity.whole or not quantity.steps:
         return lambda code: code
     steps = quantity.steps
-    return lambda code: code / steps  # every code of this width is valid
+    return lambda code: code / steps  # without a check, because every code of this width is valid
 
 
 def _word(title: str, value: object) -> int:
@@ -173,14 +173,14 @@ def _word(title: str, value: object) -> int:
 
 
 def _single(field: SignalField, value: float) -> float:
-    """Round a number to a single float, as it is sent.
+    """Round a number to single precision, in which it is sent.
 
     Raises:
-        InvalidValue: If it does not fit in a single float.
+        InvalidValue: If the number does not fit in a single-precision float.
     """
     try:
         number = rounded_to_single(value)
-    except (OverflowError, ValueError, struct.error):  # ValueError: a signalling NaN of decimal
+    except (OverflowError, ValueError, struct.error):  # ValueError: a signalling NaN of the module decimal
         raise InvalidValue(
             tr("{name}: {value} does not fit in a single float", name=tr(field.title), value=brief(value))
         ) from None

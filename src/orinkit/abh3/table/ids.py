@@ -37,7 +37,7 @@ class FrameId(NamedTuple):
         ps: PDU specific: the destination, or group and number of a broadcast.
         sa: Source address.
         dp: Data page.
-        priority: 0 (first) to 7.
+        priority: 0 (highest) to 7.
         reserved: The bit R; 0 in every frame of an ABH3.
     """
 
@@ -71,7 +71,7 @@ def single(destination: int, source: int, *, dp: int = 0, priority: int = 0) -> 
 
 
 def request(destination: int, source: int, *, priority: int = 0) -> int:
-    """Return the identifier of a request; to all drivers with :data:`EVERYONE`."""
+    """Return the identifier of a request; the destination :data:`EVERYONE` means all drivers."""
     return int(FrameId(REQUEST, destination, source, 0, priority))
 
 
@@ -89,7 +89,7 @@ def check_address(name: str, address: object) -> int:
     """Check the address of a driver or a host, and return it.
 
     Raises:
-        InvalidValue: If it is not a whole number of 0 to 253.
+        InvalidValue: If the address is not a whole number from 0 to 253.
     """
     return check_whole(name, address, LAST_ADDRESS)
 
@@ -98,7 +98,7 @@ def check_group(group: object) -> int:
     """Check the group of a driver's broadcasts, and return it.
 
     Raises:
-        InvalidValue: If it is not a whole number of 0 to 31.
+        InvalidValue: If the group is not a whole number from 0 to 31.
     """
     return check_whole("group", group, GROUPS - 1)
 
@@ -107,7 +107,7 @@ def check_priority(priority: object) -> int:
     """Check a priority, and return it.
 
     Raises:
-        InvalidValue: If it is not a whole number of 0 to 7.
+        InvalidValue: If the priority is not a whole number from 0 to 7.
     """
     return check_whole("priority", priority, 7)
 
@@ -116,7 +116,8 @@ def broadcast_number(number: object, group: int) -> int:
     """Return the PS of a broadcast: group * 8 + number.
 
     Args:
-        number: 0 to 7 of the group; or, from 8 on, the PS itself as in the document (4.7), of the same group.
+        number: 0 to 7 for a broadcast of the group. A value of 8 or more is the PS itself, as in the document (4.7); it
+            must belong to the same group.
         group: Group of the drivers.
 
     Raises:

@@ -1,10 +1,12 @@
 """PACK_FLOAT: decimal floating-point numbers in 32 bits, used for a driver's parameters and monitors (ABH3 4.9).
 
-Single packets and broadcasts contain none: they travel in multi-packet messages (:mod:`orinkit.abh3.session.telabh3`). A
-word has three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The exponent is the number after
-``e`` in the text, the point the position of the decimal point, so ``0.001`` and ``1e-3`` are different words.
+Only multi-packet messages (:mod:`orinkit.abh3.session.telabh3`) contain such numbers; single packets and broadcasts do
+not. A word has three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The field ``exponent`` is
+the number after ``e`` in the text. The field ``point`` is the position of the decimal point. Therefore ``0.001`` and
+``1e-3`` are different words.
 
-All 32-bit words are valid; those with a mantissa of more than six digits are not numbers: two of them are the infinities.
+All 32-bit words are valid. A word whose mantissa has more than six digits is not a number: two of these mantissas mean
+the infinities, and all others mean NaN.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ _PLUS: Final = 0xF_FFFF  # mantissas of the infinities
 _MINUS: Final = -0x10_0000
 _POINTS: Final = range(-8, 8)
 _EXPONENTS: Final = range(-64, 64)
-_USUAL_POINT: Final = -5  # for numbers whose point does not fit
+_USUAL_POINT: Final = -5  # for numbers whose point does not fit in its field
 _TEXT: Final = re.compile(r"([+-]?)([0-9]*)(\.[0-9]*)?(?:[eE]([+-]?)([0-9]*))?")
 _LIMITS: Final = {"round": (99_999.95, 999_999.5, 0.5), "trunc": (100_000.0, 1_000_000.0, 0.0)}
 
@@ -56,8 +58,8 @@ class PackFloat(NamedTuple):
 def make(mantissa: int, point: int, exponent: int) -> int:
     """Return the word for three fields.
 
-    A point that does not fit is moved into the exponent. An exponent that is then too small gives zero, one that is too large
-    an infinity.
+    If the point does not fit in its field, it is combined with the exponent. If the exponent is then too small, the
+    result is zero. If the exponent is too large, the result is an infinity.
 
     Raises:
         InvalidValue: If the mantissa has more than 21 bits.
@@ -95,9 +97,9 @@ def parts(word: int) -> PackFloat:
 def from_text(text: str) -> int:
     """Return the word of a text (``str_to_pkflt``).
 
-    The text has a sign, digits, a point with digits, and ``e`` or ``E`` with a sign and digits. Each part may be missing;
-    an empty text is 0. Six digits count, from the first that is not 0; further digits are cut off, not rounded. Trailing
-    zeros are kept. Infinities and NaN are not accepted.
+    The text consists of a sign, digits, a point with digits, and ``e`` or ``E`` with a sign and digits. Each part may
+    be missing; an empty text is 0. The first six digits are used, beginning with the first digit that is not 0. Further
+    digits are cut off, not rounded. Trailing zeros are kept. Infinities and NaN are not accepted.
 
     Raises:
         InvalidValue: If the text has another form.
@@ -116,7 +118,7 @@ def from_text(text: str) -> int:
     mantissa = _leading(digits)
     if point == 0:
         mantissa, point = _with_decimals(mantissa, decimals[1:])
-    power = _leading(exponent.lstrip("0"))  # six digits exceed every valid exponent
+    power = _leading(exponent.lstrip("0"))  # six digits suffice: they exceed every valid exponent
     return make(-mantissa if sign == "-" else mantissa, point, -power if exponent_sign == "-" else power)
 
 
@@ -167,12 +169,12 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
 
     Args:
         value: The value; it is rounded to single precision first.
-        rounding: ``"round"`` rounds the last digit to the nearest, halves away from zero, as the document's functions do when
-            they are built for a processor that rounds towards zero. ``"trunc"`` cuts off what follows the last digit, as in
-            other builds.
+        rounding: ``"round"`` rounds the sixth digit to the nearest, and halves away from zero. The document's functions
+            do this if they are built for a processor that rounds towards zero. ``"trunc"`` cuts off all further digits,
+            as in other builds of these functions.
 
     Raises:
-        InvalidValue: If the rounding is not one of these.
+        InvalidValue: If ``rounding`` has another value.
     """
     if rounding not in _LIMITS:
         raise InvalidValue(tr('rounding must be "round" or "trunc", not {rounding}', rounding=brief(rounding)))

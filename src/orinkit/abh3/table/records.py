@@ -1,6 +1,7 @@
 """The contents of ABH3 frames as typed records in physical units (section 4.10).
 
-A record also has the codes of its values: ``reply.a_velocity`` is -14.8 (min^-1), ``reply.raw_values["a_velocity"]`` is -74.
+A record also contains the codes of its values, which are the numbers in the frame. For example, if ``reply.a_velocity``
+is -14.8 (min^-1), ``reply.raw_values["a_velocity"]`` is -74.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from orinkit.abh3.table.signals import Bit, Word
 class Flags:
     """A word of 32 flags: ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
 
-    A name without an axis means both axes: it is set if both flags are.
+    A name without an axis means both axes: it counts as set if the flags of both axes are set.
 
     Attributes:
         value: The word.
@@ -38,7 +39,7 @@ class Flags:
         """Return True if a flag is set, by its name.
 
         Raises:
-            InvalidValue: If there is no such flag, so that a mistyped name is not mistaken for a flag that is off.
+            InvalidValue: If there is no such flag. Otherwise a mistyped name would look like a flag that is off.
         """
         return self[name]
 
@@ -101,7 +102,7 @@ class DP0S(Record):
 
     Attributes:
         ay_command: A/Y command in min^-1, or in % if the inputs select torque.
-        bx_command: B/X command, in the same unit system.
+        bx_command: B/X command in min^-1, or in % if the inputs select torque.
         inputs: The input word.
     """
 
@@ -112,7 +113,7 @@ class DP0S(Record):
 
 @dataclass(frozen=True, slots=True)
 class DP0R(Record):
-    """The feedback of a driver of the document's dialect (section 2.1): velocities in min^-1."""
+    """The feedback of a driver with dialect v1 (section 2.1): velocities in min^-1."""
 
     a_velocity: float
     b_velocity: float
@@ -122,7 +123,7 @@ class DP0R(Record):
 
 @dataclass(frozen=True, slots=True)
 class DP0RV2(Record):
-    """The feedback of a driver of 2023: velocities in min^-1 and the control flags."""
+    """The feedback of a driver with dialect v2: velocities in min^-1 and the control flags."""
 
     ay_velocity: float
     bx_velocity: float
@@ -147,7 +148,7 @@ class BR0(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR1(Record):
-    """The states of a driver of the document's dialect (section 2.4)."""
+    """The states of a driver with dialect v1 (section 2.4): control flags and terminals."""
 
     control: Flags
     io: Flags
@@ -155,7 +156,7 @@ class BR1(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR1V2(Record):
-    """The states of a driver of 2023: terminals, and the inputs that they select."""
+    """The states of a driver with dialect v2: terminals, and the inputs that the terminals select."""
 
     io: Flags
     external: Flags
@@ -191,7 +192,7 @@ class BR4(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR5(Record):
-    """Analog inputs and supplies in V (section 2.8)."""
+    """Analog inputs and supply voltages in V (section 2.8)."""
 
     analog_0: float
     analog_1: float

@@ -1,7 +1,7 @@
 """The table of ABH3: quantities, flag words, and every frame of the document, for both dialects.
 
-Codec, host, virtual driver, DBC export, documentation and tests are derived from it. Section numbers are those of the
-document. Titles are in English; ``tr`` translates them for display.
+Codec, host, virtual driver, DBC export, documentation and tests are derived from this table. Section numbers are those
+of the document. Titles are in English; ``tr`` translates them for display.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from orinkit.core.validation import brief, real, whole
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A physical quantity and its codes in frames.
+    """A physical quantity and its codes, which are the numbers in frames.
 
     Attributes:
         name: Name for programs.
@@ -34,7 +34,7 @@ class Quantity:
         steps: Codes per unit; 0 if the frame contains the number itself as a single float.
         low: Lowest code.
         high: Highest code.
-        whole: The value is a whole number, an ``int``.
+        whole: True if the value is a whole number, an ``int``.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Quantity:
         return math.ceil(math.log10(self.steps)) if self.steps else 6
 
     def decode(self, code: float) -> float:
-        """Return the value of a code: the double nearest to it.
+        """Return the value that a code represents, as the nearest float.
 
         Raises:
             InvalidValue: If the code is out of range.
@@ -71,12 +71,12 @@ class Quantity:
         return int(code) if self.whole else code / self.steps
 
     def encode(self, value: float) -> int:
-        """Return the code nearest to a value; of two equally near, the one further from zero.
+        """Return the code nearest to a value; if two codes are equally near, return the one further from zero.
 
         Raises:
             InvalidValue: If the value has no code, or is not a number.
         """
-        assert self.steps  # a single float is its own code
+        assert self.steps  # a quantity that is sent as a single float has no codes
         number = real(value)
         if number is None or abs(number) > _MAX_MAGNITUDE:
             raise self._out_of_range(value)
@@ -193,7 +193,7 @@ class SignalField:
         code: Format of :mod:`struct`, little endian: ``h H i I f``.
         quantity: Quantity of the field; ``None`` for a flag word.
         word: The flag word of the field; ``None`` for a quantity.
-        torque: The input that makes the field a current in %; ``""`` if there is none.
+        torque: The input that changes the field to a current in %; ``""`` if there is none.
     """
 
     name: str
@@ -215,8 +215,8 @@ class FrameLayout:
         fields: The fields in order.
         dp: Data page in the identifier, 0 or 1.
         broadcast: Number 0 to 7 of a broadcast, otherwise ``None``.
-        from_host: The host sends this frame.
-        withheld: The document withholds this frame ("保留").
+        from_host: True if the host sends this frame.
+        withheld: True if the document withholds this frame ("保留").
     """
 
     name: str
@@ -311,10 +311,10 @@ class Dialect:
         return {layout.broadcast: layout for layout in self.layouts.values() if layout.broadcast is not None}
 
     def with_load_unit(self, percent: float) -> Dialect:
-        """Return this dialect with a load per code of 1 % or 0.1 %.
+        """Return this dialect with a resolution of the load of 1 % or 0.1 %.
 
         Raises:
-            InvalidValue: If the unit is another one.
+            InvalidValue: If ``percent`` is not 1 or 0.1.
         """
         load = _LOADS.get(real(percent) or 0.0)
         if load is None:
@@ -358,7 +358,7 @@ V1: Final = _dialect(
         ("y_velocity", N_("Y velocity feedback")), ("x_velocity", N_("X velocity feedback"))),
     (_flags("control", _CONTROL_V1), _flags("io", _IO_V1)),
 )  # fmt: skip
-"""The document's dialect."""
+"""The dialect in the document."""
 
 _CONTROL_V2: Final = Word("control", N_("control flags"), _bits.CONTROL_V2)
 _IO_V2: Final = Word("io", N_("I/O flags"), _bits.IO_V2)
@@ -378,7 +378,7 @@ V2: Final = _dialect(
     ),
     (_flags("io", _IO_V2), _flags("external", Word("external", N_("input flags"), _bits.INPUTS_V2))),
 )  # fmt: skip
-"""The dialect of 2023, which arranges flags differently."""
+"""The dialect of drivers of 2023 and later, in which the flags have other positions."""
 
 DIALECTS: Final[Mapping[str, Dialect]] = {dialect.name: dialect for dialect in (V1, V2)}
 

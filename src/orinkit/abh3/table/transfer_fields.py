@@ -32,7 +32,7 @@ REASONS: Final[dict[int, str]] = {
 }
 """The reasons for an abort."""
 PGN_AT: Final = 5
-"""Offset of the PGN in bytes: it occupies the last three."""
+"""Offset of the PGN in bytes. The PGN occupies the last three bytes."""
 
 
 class ControlField(NamedTuple):
