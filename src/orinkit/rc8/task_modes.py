@@ -1,4 +1,4 @@
-"""Start modes, stop modes and status of tasks (RC8 3.2; reference: task modes and status)."""
+"""Start modes, stop modes and status of tasks (RC8 3.2, and DENSO's published implementations)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Client side of slave mode: a process of its own moves the arm set-point by set-point (RC8 4)."""
+"""Client side of slave mode: a separate process moves the arm set-point by set-point (RC8 4)."""

@@ -10,17 +10,17 @@ from orinkit.core.i18n import tr
 from orinkit.streaming.planning.jerk_limited import PART
 
 TOLERANCE: Final = 1e-9
-"""Relative tolerance by which a set-point may exceed a limit, because of rounding by its producer."""
+"""Relative tolerance by which a set-point may exceed a limit, because the program that computed it rounds."""
 SLIGHT: Final = 1e-3
-"""Fraction of the largest step change: a command within this distance of the planned one counts as planned."""
+"""A command counts as planned if its distance to the planned one is below this fraction of the largest step change."""
 FINEST: Final = 1e4
-"""Smallest step and step change that the limits may allow in a period, in spacings of floating-point numbers."""
+"""Smallest permitted limit on a step and on a step change in a period, in spacings of floating-point numbers."""
 ROUNDING: Final = 8.0
-"""Margin of planned steps to the limits, in such spacings."""
+"""Margin between planned steps and the limits, in spacings of floating-point numbers."""
 JUMPS: Final = 2
-"""Consecutive jumps to ignore: an outlier among the set-points causes two step changes that no arm can follow."""
+"""Number of consecutive jumps that are ignored: one outlier among the set-points causes two jumps."""
 PUSHED: Final = 0.7
-"""Fraction of the largest acceleration that set-points are assumed to have at most."""
+"""Largest acceleration that set-points are assumed to have, as a fraction of the limit."""
 
 _GREATEST: Final = 1e300
 
@@ -37,7 +37,7 @@ class TargetMotion(NamedTuple):
     """The motion of the set-points of one axis.
 
     Attributes:
-        velocity: Velocity at the last but one set-point, per second.
+        velocity: Velocity at the set-point before the last one, per second.
         acceleration: Acceleration, per second squared.
         jumps: Number of consecutive jumps for which this motion was kept.
     """
@@ -47,7 +47,7 @@ class TargetMotion(NamedTuple):
     jumps: int = 0
 
     def relative_state(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
-        """Return the state of an axis relative to the set-points, one period before the last one.
+        """Return the state of an axis relative to the moving set-points, one period before the last set-point.
 
         Args:
             offset: Offset of the axis from the last set-point.
@@ -62,9 +62,9 @@ class TargetMotion(NamedTuple):
 class AxisLimiter:
     """Keeps every command of an axis within the limits.
 
-    A step is the difference of two commands. Of the steps that velocity and acceleration allow, only those are
-    admissible from which the axis can brake before the end of its range, with steps that decrease by ``change`` each
-    period.
+    A step is the difference of two consecutive commands. A step is admissible if it is within the limits of velocity
+    and acceleration, and if the axis can then brake before the end of its range, with steps that decrease by ``change``
+    in each period.
     """
 
     __slots__ = (
@@ -78,8 +78,8 @@ class AxisLimiter:
         self.name = name
         self.lower = lower
         self.upper = upper
-        self.max_step = velocity * period * (1.0 + TOLERANCE)  # of steps of a program's own
-        self.max_step_change = acceleration * period * period * (1.0 + TOLERANCE)  # change of steps of a program's own
+        self.max_step = velocity * period * (1.0 + TOLERANCE)  # limit for set-points of the program
+        self.max_step_change = acceleration * period * period * (1.0 + TOLERANCE)  # limit for set-points of the program
         spacing = math.ulp(max(-lower, upper))
         change, most = acceleration * period * period, velocity * period
         if not (min(change, most) > FINEST * spacing and max(change, most) < _GREATEST):
@@ -93,7 +93,7 @@ class AxisLimiter:
                     acceleration=acceleration,
                 )
             )
-        # the tolerance lets set-points pass that brake at the limit, exactly to the end of the range
+        # With the tolerance, set-points are accepted that brake at the limit and stop exactly at the end of the range.
         self.change = change * (1.0 + 0.5 * TOLERANCE) - ROUNDING * spacing
         self.most = most - ROUNDING * spacing
         self.free = self.max_step * (
@@ -143,7 +143,7 @@ class AxisLimiter:
         return self.inside(wanted if move == wanted - now else now + move)
 
     def towards(self, now: float, goal: float) -> float:
-        """Return a command towards a goal from which the axis can brake before the goal."""
+        """Return the farthest command towards a goal after which the axis can still stop at the goal."""
         way = goal - now
         step = min(self._fastest(abs(way)), abs(way))
         return goal if step == abs(way) else now + math.copysign(step, way)
@@ -155,7 +155,7 @@ class AxisLimiter:
             before: The first set-point.
             last: The second set-point.
             aim: The third set-point.
-            held: The motion before; ``None`` if it is unknown.
+            held: The previous motion; ``None`` if it is unknown.
         """
         step, step_before = aim - last, last - before
         change = step - step_before
@@ -169,9 +169,9 @@ class AxisLimiter:
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
 
     def motion(self, earlier: float, before: float, now: float) -> tuple[float, float]:
-        """Return velocity and acceleration at the last of three commands, from which a smooth motion can start."""
+        """Return velocity and acceleration at the last of three commands, as the initial state of a smooth motion."""
         step = now - before
-        if step == 0.0:  # at standstill, regardless of the deceleration before
+        if step == 0.0:  # the axis is at standstill, regardless of its previous deceleration
             return 0.0, 0.0
         way = math.copysign(1.0, step)
         velocity = min(abs(step) / self._period, self.velocity)
@@ -258,7 +258,8 @@ class AxisLimiter:
 def fastest(room: float, change: float) -> float:
     """Return the largest step from which the axis can stop within a distance.
 
-    A step of up to (n + 1) changes is followed by n others before standstill, each smaller by one change.
+    A step of up to (n + 1) changes is followed by n further steps before standstill. Each of them is one change smaller
+    than the previous step.
 
     Args:
         room: The distance, deg or mm.

@@ -1,7 +1,8 @@
 """Limiter of the tip of a tool, or of its orientation: keeps a stream of poses within limits.
 
-A step is the difference of two commands: mm, or the rotation between two orientations as its axis in the base frame
-times its angle in degrees. The lengths of the step and of its change are limited, independently of the direction.
+A step is the difference of two consecutive commands as a vector. For the tip it is in mm. For the orientation it is the
+axis of the rotation in the base frame times the angle in degrees. The lengths of the step and of its change are
+limited, independently of their direction.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ NOTHING: Final[Vector] = (0.0, 0.0, 0.0)
 """The zero vector."""
 
 _EQUAL_SHARE: Final = 1.0 / math.sqrt(3.0)  # share of the limits for each of three equal axes
-_MIN_SHARE: Final = 0.05  # the same for the axes perpendicular to a straight path
+_MIN_SHARE: Final = 0.05  # share of the limits for each of the two axes perpendicular to a straight path
 _LATERAL_TOLERANCE: Final = 1e-3  # fraction of the limits up to which a lateral motion is neglected
 _LATERAL_SHARE: Final = (
-    1.2  # share of the limits for stopping a lateral motion, as a multiple of the fraction that it has
+    1.2  # share of the limits for stopping a lateral motion, as a multiple of its acceleration divided by the limit
 )
-_FAR: Final = 1000.0  # s at full speed: a longer distance need not be planned
-_TINY: Final = 1e-100  # so small that its inverse could overflow
+_FAR: Final = 1000.0  # s; a motion is planned for at most the distance that full speed covers in this time
+_TINY: Final = 1e-100  # the inverse of a smaller length could overflow
 
 
 class _Frame(NamedTuple):
@@ -140,11 +141,11 @@ class CartesianLimiter:
         return norm(step) <= self._max_step and norm(minus(step, self.step)) <= self._max_step_change
 
     def keep(self, step: Vector, moved: Vector) -> None:
-        """Take over a step of the program's own set-points.
+        """Store a step to a set-point of the program as the last step.
 
         Args:
-            step: A step that :meth:`fits`.
-            moved: Step of the set-points.
+            step: A step that :meth:`fits` accepts.
+            moved: Difference of the last two set-points.
         """
         self._before, self.step = self.step, step
         self._state_known = False
@@ -155,11 +156,11 @@ class CartesianLimiter:
         self._last_target_step, self._target_motion = NOTHING, None
 
     def chase(self, way: Vector, moved: Vector) -> tuple[Vector, bool]:
-        """Return the next step towards moving set-points, and True if it reaches the last one.
+        """Return the next step towards moving set-points, and True if it reaches the last set-point.
 
         Args:
             way: Vector to the last set-point.
-            moved: Step of the set-points.
+            moved: Difference of the last two set-points.
         """
         course = self._estimate_target_motion(moved)
         self._last_target_step, self._target_motion = moved, course
@@ -170,7 +171,7 @@ class CartesianLimiter:
 
         Args:
             way: Vector to the goal.
-            course: Motion of the goal.
+            course: Motion of the goal; ``None`` if the goal does not move.
             anew: True if the goal differs from that of the last step.
         """
         self._estimate_state()
@@ -285,16 +286,19 @@ class CartesianLimiter:
         smooth.limit(speeds, speeds, accelerations, accelerations, times(shares, jerk))
 
     def _advance(self, wanted: Vector, velocity: Vector, accel: Vector, *, planned: bool) -> Vector:
-        """Take the admissible step nearest to the desired one, which has these derivatives if it was ``planned``."""
+        """Make the admissible step nearest to the desired one.
+
+        The velocity and the acceleration after the desired step are valid only if it was ``planned``.
+        """
         step = self._clip(wanted)
         self._before, self.step = self.step, step
         self._state_known = planned and norm(minus(step, wanted)) <= SLIGHT * self._own_max_change
-        bend = times(cross(step, velocity), self._bend)  # the rotation velocity seen from the new orientation
+        bend = times(cross(step, velocity), self._bend)  # converts the angular velocity to the new orientation
         self._velocity, self._accel = plus(velocity, bend), accel
         return step
 
     def _clip(self, wanted: Vector) -> Vector:
-        """Clip the desired step to the admissible step closest to it along the line from the previous step."""
+        """Return the admissible step closest to the desired one, on the line from the last step to the desired one."""
         wanted = _clip_norm(wanted, self._own_max_step)
         change = minus(wanted, self.step)
         return (
@@ -309,7 +313,7 @@ class CartesianLimiter:
             return
         self._state_known = True
         size, period = norm(self.step), self._period
-        if size <= _TINY:  # at standstill, regardless of the deceleration before
+        if size <= _TINY:  # standstill, regardless of the previous deceleration
             self._velocity = self._accel = NOTHING
             return
         way = times(self.step, 1.0 / size)

@@ -1,6 +1,6 @@
 """Jerk-limited motions, one period at a time, computed by the library Ruckig (extra ``stream``).
 
-Way-points are never used: for these Ruckig calls an internet service.
+Way-points are never used, because Ruckig calls an internet service to compute motions with way-points.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 
 PART: Final = 0.999
-"""Fraction of the velocity and acceleration limits that smooth motions use, so that their samples keep the limits."""
+"""Fraction of the velocity and acceleration limits that smooth motions use, so that no sample exceeds a limit."""
 SNAP: Final = 1e-6
 """Distance, deg or mm, within which a goal is reached."""
 SLOWEST: Final = 0.02
 """Fraction of the largest velocity that always remains available for catching up."""
 
-_EXTRA_JERK: Final = 3.0  # additional jerk for catching up, as a multiple of the limit,
-_FULL: Final = 0.1  # if the set-points have this fraction of the largest acceleration, or more
+_EXTRA_JERK: Final = 3.0  # largest additional jerk for catching up, as a multiple of the limit
+_FULL: Final = 0.1  # acceleration of the set-points, as a fraction of the limit, from which all of it is available
 _BESIDE: Final = 1.0 - 1e-6
 _BEYOND: Final = 1e-6  # deg: tolerance of a range, for rounding
 
@@ -117,7 +117,8 @@ class JerkLimitedMotion:
         """Compute the state one period after a state.
 
         Returns:
-            True if the motion has ended; ``None`` if the state cannot be computed, and the last step remains in effect.
+            True if the motion has ended; ``None`` if the state cannot be computed. Then the attributes keep the values
+            of the last step.
         """
         ended = self._update(position, velocity, acceleration)
         if ended is not None:
@@ -134,9 +135,10 @@ class JerkLimitedMotion:
     def _beside(
         self, position: Sequence[float], velocity: Sequence[float], acceleration: Sequence[float]
     ) -> tuple[list[float], list[float], list[float]]:
-        """Return a state very close to one that Ruckig cannot solve (about one in 10,000, and isolated).
+        """Return a state very close to a state that Ruckig cannot solve.
 
-        An axis almost at its goal is set to the goal, because shorter motions cannot be computed exactly.
+        Ruckig cannot solve about one state in 10,000, but it can solve the states close to it. An axis that is almost
+        at its goal is set to the goal, because such short motions cannot be computed exactly.
         """
         x, v, a = list(position), list(velocity), [value * _BESIDE for value in acceleration]
         for axis, aim in enumerate(self._goal or ()):
@@ -176,7 +178,8 @@ class JerkLimitedMotion:
 def catch_up_jerk(jerk: float, part: float) -> float:
     """Return the jerk limit of a motion that catches up with set-points.
 
-    It is raised because, relative to set-points whose acceleration changes, a motion with low jerk would lag forever.
+    The limit increases with the acceleration of the set-points: if this acceleration changes, a motion with low jerk
+    would never catch up.
 
     Args:
         jerk: Jerk limit of smooth motions.

@@ -1,12 +1,13 @@
 """Planner of a stream of joint positions, whose commands never violate the limits that the controller checks (RC8 4).
 
 The controller stops an arm if the distance of two set-points exceeds its velocity limit, if the change of two steps
-exceeds its acceleration limit, or if the arm leaves its range. The commands of a :class:`JointPlanner` never do so,
-regardless of its input.
+exceeds its acceleration limit, or if the arm leaves its range. The commands of a :class:`JointPlanner` never cause such
+a stop, regardless of its input.
 
 Ruckig plans smooth (jerk-limited) motions. Its result passes through a limiter of each axis,
-:class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within velocity and acceleration, and the
-axis can still brake before the end of its range. There always is such a step, because continuing to brake is one.
+:class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within the limits of velocity and
+acceleration, and after it the axis can still brake before the end of its range. Such a step always exists, because the
+axis can continue to brake.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _FLOATS: Final = {float}
 class JointPlanner:
     """Computes the commands of a stream of joint positions, one per period, from standstill.
 
-    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. For
-    consecutive commands c[k], and any input, with a relative tolerance of 10^-9::
+    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. For any
+    input, consecutive commands c[k] satisfy these conditions, with a relative tolerance of 10^-9::
 
         lower <= c[k] <= upper
         |c[k] - c[k-1]| <= velocity * period
@@ -39,8 +40,8 @@ class JointPlanner:
     Args:
         limits: Limits of the arm.
         period: Time between two commands, s.
-        joints: Joint position at which the arm stands, deg (mm), one value per axis. An axis outside its range is taken
-            to be at the end of its range, if it could return within one period.
+        joints: Joint position at which the arm stands, deg (mm), one value per axis. If an axis is outside its range
+            but can return within one period, it is treated as if it were at the end of its range.
 
     Attributes:
         command: The last command, deg (mm).
@@ -64,10 +65,10 @@ class JointPlanner:
         self._before = self._earlier = self.command  # the commands before the last one
         self._velocity = [0.0] * len(start)  # velocity at the last command
         self._acceleration = [0.0] * len(start)
-        self._state_known = True  # True if these two are up to date
+        self._state_known = True  # True if _velocity and _acceleration are up to date
         self._halting = False  # True if stop() made the last command
-        # State of track(): the last two set-points, each clipped to the range; the distance of the command from the
-        # last one, None if it is reached; and the motion of the set-points while it is not.
+        # State of track(): the last two set-points, each clipped to the range; the distance from the command to the
+        # last set-point, None if it is reached; the motion of the set-points, None if the last set-point is reached.
         self._last_points: tuple[tuple[float, ...], tuple[float, ...]] | None = None
         self._behind: list[float] | None = None
         self._target_motions: list[TargetMotion] | None = None
@@ -106,7 +107,8 @@ class JointPlanner:
     def track(self, point: Sequence[float]) -> tuple[float, ...]:
         """Return the next command for a set-point of the program: the set-point itself, if it passes :meth:`check`.
 
-        Otherwise each axis that cannot reach it approaches it smoothly, until it has caught up with the set-points.
+        Otherwise each axis that cannot reach the set-point approaches it smoothly, until the axis has caught up with
+        the set-points.
 
         Args:
             point: Set-point, deg (mm), one value per axis.
@@ -157,13 +159,14 @@ class JointPlanner:
         return self.command
 
     def check(self, point: Sequence[float]) -> None:
-        """Check that :meth:`track` would return a set-point unchanged, so that a caller can reject it otherwise.
+        """Check that :meth:`track` would return a set-point unchanged. A caller can thus reject other set-points.
 
         Args:
             point: Set-point, deg (mm), one value per axis.
 
         Raises:
-            InvalidValue: If it would not; the message names the axis, the limit, and by how much it is exceeded.
+            InvalidValue: If :meth:`track` would change the set-point; the message contains the axis, the limit and the
+                excess.
         """
         values = self._numbers(point)
         for number, (axis, before, now, value) in enumerate(
@@ -176,8 +179,9 @@ class JointPlanner:
     def _approach(self, values: tuple[float, ...], fits: list[bool]) -> tuple[float, ...]:
         """Return the next command if not all axes can reach a set-point.
 
-        The motion is planned relative to the moving set-points, as a motion to standstill, so that it ends although
-        they continue to move. If they accelerate, the motion may have more jerk, to follow changes of the acceleration.
+        The motion is planned relative to the moving set-points, and ends at standstill relative to them. Thus it ends
+        although the set-points continue to move. If they accelerate, the motion may have more jerk, so that it can
+        follow changes of their acceleration.
         """
         self._estimate_state()
         axes, now, period = self._axes, self.command, self._period
@@ -244,7 +248,10 @@ class JointPlanner:
         *,
         planned: bool = True,
     ) -> None:
-        """Make the admissible command nearest to the desired one, which has these derivatives if it was ``planned``."""
+        """Make the admissible command nearest to the desired one.
+
+        The velocity and the acceleration after the desired command are valid only if it was ``planned``.
+        """
         before, now = self._before, self.command
         exact = exact or (False,) * len(now)
         rows = zip(self._axes, before, now, wanted, exact, strict=True)
@@ -258,7 +265,7 @@ class JointPlanner:
         self._velocity, self._acceleration, self._state_known = velocity, acceleration, True
 
     def _send_without_jerk_limit(self, goal: Sequence[float]) -> None:
-        """Make a command if Ruckig returns none: towards a goal, within all limits except jerk."""
+        """Make a command towards a goal, within all limits except jerk; used if Ruckig returns no command."""
         wanted = [axis.towards(now, aim) for axis, now, aim in zip(self._axes, self.command, goal, strict=True)]
         self._send(wanted, self._zeros(), self._zeros(), planned=False)
 
@@ -299,6 +306,6 @@ def checked_period(period: float) -> float:
     """Check the period of a stream, and return it in s as a float.
 
     Raises:
-        InvalidValue: If it is not a positive finite number.
+        InvalidValue: If the period is not a positive finite number.
     """
     return check_positive("period", period, tr("stream"))

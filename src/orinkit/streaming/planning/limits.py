@@ -15,7 +15,7 @@ from orinkit.values.pose_numbers import MAX_JOINTS
 SECONDS_TO_ACCELERATION: Final = 0.05
 """Time from zero to the largest acceleration, s: an assumption of this project, as DENSO publishes no jerk limits."""
 
-_LARGEST: Final = 1e9  # the largest value that jerk-limited planning can compute with
+_LARGEST: Final = 1e9  # the largest value for which jerk-limited planning works
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,8 @@ class Limits:
         upper: Highest positions.
         velocity: Largest velocities, per second.
         acceleration: Largest accelerations, per second squared.
-        jerk: Largest jerks, per second cubed. The controller does not check them; they make the motions smooth that
-            the client plans.
+        jerk: Largest jerks, per second cubed. The controller does not check them. They apply to the motions that the
+            client plans, so that these are smooth.
 
     Raises:
         InvalidValue: If the numbers of values differ, or are not 1 to 8; a value is not finite, or its magnitude
@@ -146,8 +146,8 @@ class PathLimits:
     def of_model(cls, model: ArmModel) -> PathLimits:
         """Return the limits of an arm on a path.
 
-        None of them is published: the values of the model, and the jerks (acceleration / 0.05 s), are assumptions of
-        this project.
+        DENSO publishes none of these limits. The values of the model, and the jerks (acceleration / 0.05 s), are
+        assumptions of this project.
         """
         return cls(
             speed=model.path_speed,
@@ -159,7 +159,7 @@ class PathLimits:
         )
 
     def scaled(self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float = 1.0) -> PathLimits:
-        """Return limits scaled by factors, as :meth:`Limits.scaled`: the same for the tip and for the orientation.
+        """Return limits scaled by factors, the same for the tip and for the orientation; see :meth:`Limits.scaled`.
 
         Raises:
             InvalidValue: If a factor is out of range.

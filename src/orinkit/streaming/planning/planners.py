@@ -30,7 +30,7 @@ class Planner(Protocol):
         """Check that :meth:`track` would return a set-point unchanged.
 
         Raises:
-            InvalidValue: If the set-point violates a limit; the message names it.
+            InvalidValue: If the set-point violates a limit; the message names the limit.
         """
 
     def stop(self) -> tuple[float, ...]:

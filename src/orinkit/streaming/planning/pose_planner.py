@@ -1,7 +1,7 @@
 """Planner of a stream of poses, P or T, that keeps velocity and acceleration of the tool within limits (RC8 4).
 
-It is the counterpart of :mod:`orinkit.streaming.planning.joint_planner`. Only the controller can check that a pose is
-reachable, and the velocities of the joints.
+The planner for joint positions is in :mod:`orinkit.streaming.planning.joint_planner`. Only the controller can check
+that a pose is reachable and that the joints are fast enough.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from orinkit.values.pose_numbers import COUNTS, FIELDS, is_whole, to_floats
 Kind: TypeAlias = Literal["P", "T"]
 
 _REACH: Final = 1e5  # mm: largest coordinate in the base frame
-_EXACT: Final = 2e-13  # deg: spacing of floating-point angles, with rounding of the conversion to an orientation
+_EXACT: Final = 2e-13  # deg: spacing of floating-point angles, plus the rounding error of their conversion
 _OPPOSITE: Final = 170.0  # deg: from this angle on, the direction of rotation is ambiguous
 _SURELY_FINITE: Final = 1e300
 _FLOATS: Final = {float}
@@ -52,9 +52,9 @@ class PosePlanner:
 
     :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. From one
     command to the next, the tip moves by at most speed * period, and this vector changes by at most
-    acceleration * period^2. The same holds for the rotation between two orientations: the vector of its axis in the
-    base frame times its angle in degrees. The tolerance is a relative 10^-9, plus 10^-12 degrees for the rounding of
-    angles, for any input.
+    acceleration * period^2. The same applies to the rotation between two orientations, expressed as a vector: its axis
+    in the base frame times its angle in degrees. These conditions hold for any input, with a relative tolerance of
+    10^-9, plus 10^-12 degrees for the rounding of angles.
 
     Args:
         limits: Limits of the tool.
@@ -92,10 +92,10 @@ class PosePlanner:
         self._before = self.command
         self._place = start.place
         self._turn = start.turn
-        self._rotation_left: Vector | None = None  # rest of the rotation to the last goal
+        self._rotation_left: Vector | None = None  # remaining rotation to the last goal
         self._goal: tuple[float, ...] | None = None  # target of goto(), if it made the last command
         self._last_point: _Pose | None = None  # last set-point, if track() made the last command
-        self._behind = 0.0, 0.0  # mm, deg: distance of the last command from it
+        self._behind = 0.0, 0.0  # mm, deg: distance of the last command from the last set-point
 
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
         """Return the next command of a smooth motion to a target, which may change with each call.
@@ -103,7 +103,7 @@ class PosePlanner:
         Position and orientation arrive independently. The orientation turns in the shorter direction.
 
         Args:
-            target: A pose. Its figure is used at once.
+            target: A pose. Its figure is used immediately.
 
         Raises:
             InvalidValue: If the pose is not valid.
@@ -126,7 +126,8 @@ class PosePlanner:
     def track(self, point: Sequence[float]) -> tuple[float, ...]:
         """Return the next command for a set-point of the program: the set-point itself, if it passes :meth:`check`.
 
-        Otherwise position, orientation, or both approach it smoothly, until they have caught up with the set-points.
+        Otherwise the position, the orientation, or both approach the set-point smoothly, until they have caught up with
+        the set-points.
 
         Args:
             point: A pose.
@@ -177,7 +178,8 @@ class PosePlanner:
             point: A pose.
 
         Raises:
-            InvalidValue: If the pose is not valid, or would be changed; the message contains the limit and the excess.
+            InvalidValue: If the pose is not valid, or :meth:`track` would change it; the message contains the limit and
+                the excess.
         """
         goal = self._read(point)
         step, rotation = self._steps_to(goal)
@@ -199,7 +201,7 @@ class PosePlanner:
         )
 
     def _way_to(self, turn: Quaternion) -> Vector:
-        """Return the rotation to an orientation in the shorter direction; near 180 deg, in the direction begun."""
+        """Return the rotation to an orientation in the shorter direction; near 180 deg, keep the previous direction."""
         way = rotvec_between(self._turn, turn)
         angle = math.hypot(*way)
         if self._rotation_left is None or angle < _OPPOSITE:
@@ -212,7 +214,7 @@ class PosePlanner:
         return _within_reach(goal.place) if there else plus(self._place, step)
 
     def _send_turned(self, goal: _Pose, place: Vector, rotation: Vector, *, there: bool) -> None:
-        """Make a command of a position and a rotation; if ``there`` is True, the orientation is that of the goal."""
+        """Make a command from a position and a rotation; if ``there`` is True, use the orientation of the goal."""
         if there:
             self._send((*place, *goal.values[3:]), place, goal.turn)
             return

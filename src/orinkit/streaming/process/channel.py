@@ -33,7 +33,7 @@ class Channel:
             self.open = False
 
     def receive(self, seconds: float) -> dict[str, Any] | None:
-        """Return the next message; ``None`` if none arrives in time, or the other end is closed."""
+        """Return the next message; ``None`` if no message arrives in time, or the other end is closed."""
         while b"\n" not in self._received:
             try:
                 self._socket.settimeout(seconds)

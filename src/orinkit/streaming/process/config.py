@@ -24,10 +24,10 @@ class StreamerConfig:
         period: Period of a cycle, s.
         limits: Limits of the planner.
         start: Pose at which the arm stands, with as many values as the planner has.
-        beyond: Values of the joints without limits; they are sent unchanged.
+        beyond: Values of the joints for which there are no limits; they are sent unchanged.
         serial: Serial number of the next packet.
         timeout: Time-out of a reply, s.
-        idle: s without a set-point in the queue after which slave mode is left, ``None`` for never.
+        idle: Time in s without a set-point in the queue after which slave mode is left; ``None`` for no limit.
         program: Process id of the program.
         dialect: Name of the controller's dialect.
         tries: Number of times that a request is sent in total, on transports that may lose packets.
@@ -53,11 +53,11 @@ class StreamerConfig:
 
     @property
     def joints_only(self) -> bool:
-        """True if slvMove takes only the joints (VE026A 2.2)."""
+        """True if the parameter of slvMove contains only the joints (VE026A 2.2)."""
         return not DIALECTS[self.dialect].slave_formats
 
     def to_message(self) -> dict[str, Any]:
-        """Return the configuration as a message for JSON; :meth:`from_message` is the inverse."""
+        """Return the configuration as a message that JSON can represent; :meth:`from_message` is the inverse."""
         message: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
         message |= {
             "mode": self.mode.number,

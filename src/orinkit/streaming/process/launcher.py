@@ -28,27 +28,27 @@ from orinkit.streaming.process.main import main
 main({channel}, {link}, {memory}, {adopt!r}, {profile!r})
 """
 _HANG_TIMEOUT: Final = (
-    15.0  # s; every call of the streaming process has ended by then, even if the controller does not reply
+    15.0  # s; each call of the streaming process ends within this time, even if the controller does not reply
 )
 _EXIT_TIMEOUT: Final = 5.0  # s in which an idle process must exit
 
 
 class StreamerProcess:
-    """A streaming process, as seen from the program.
+    """The program's interface to a streaming process.
 
     Args:
-        link: Descriptor of the connection to hand over.
+        link: Descriptor of the connection that the process takes over.
         kind: Name of the profile of the connection.
 
     Attributes:
         shared: Shared memory of the two processes.
         real_time: Real-time properties of the process; ``None`` until it is ready.
-        began: True if the connection was handed over.
-        streaming: True while it is in slave mode.
-        ended: True if the connection was handed back.
-        reason: Why it ended.
-        error: The error with which it ended.
-        serial: Serial number of the next packet, after it has ended.
+        began: True after the process has taken over the connection.
+        streaming: True while the process is in slave mode.
+        ended: True after streaming has ended: the process does not use the connection any more.
+        reason: Reason why streaming ended.
+        error: Error with which streaming ended; ``None`` if there was none.
+        serial: Serial number of the next packet, after streaming has ended.
 
     Raises:
         StreamError: If the process cannot be started.
@@ -57,7 +57,7 @@ class StreamerProcess:
 
     def __init__(self, link: int, kind: str) -> None:
         row = require_handover(kind)
-        load_ruckig()  # the process imports it; a missing package is reported here, to the program
+        load_ruckig()  # the process will import ruckig; if it is missing, the program receives the error here
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
                 tr("streaming in slave mode requires a POSIX system such as Linux, and a Python executable")
@@ -93,7 +93,7 @@ class StreamerProcess:
 
     def poll(self) -> None:
         """Process the messages received so far, without waiting; kill the process if it hangs."""
-        with self._lock:  # several threads may call
+        with self._lock:  # several threads may call this method
             self._read_messages()
             if not self.ended and self._hangs():
                 self._process.kill()
@@ -148,7 +148,10 @@ class StreamerProcess:
             return None
 
     def close(self) -> None:
-        """Release the process, which exits by itself, at once after the end of streaming; calls may be repeated."""
+        """Close the channel and the shared memory; further calls have no effect.
+
+        The process then exits by itself. If it is not streaming, wait for its exit.
+        """
         self._channel.close()
         if self.ended or not self.began:
             end = monotonic() + _EXIT_TIMEOUT
@@ -168,7 +171,8 @@ def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.P
     """
     numbers: list[int] = []
     try:
-        # if a standard stream is closed, a descriptor may have its number, which the new process uses for the stream
+        # If a standard stream of this process is closed, a descriptor may have the number 0, 1 or 2. The new process
+        # uses these numbers for its own standard streams. Therefore the descriptors are duplicated with higher numbers.
         numbers.extend(fcntl.fcntl(each, fcntl.F_DUPFD_CLOEXEC, 3) for each in (channel, link, memory))
         path = [str(place) for place in sys.path]
         program = _START.format(
@@ -178,7 +182,7 @@ def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.P
             [sys.executable, "-c", program],
             stdin=subprocess.DEVNULL,
             pass_fds=numbers,
-            start_new_session=True,  # Ctrl-C at the terminal is handled by the program
+            start_new_session=True,  # the program handles Ctrl-C at the terminal
         )
     finally:
         for number in numbers:

@@ -32,7 +32,7 @@ def main(
         adopt: Function of the transport that returns a link for the descriptor.
         profile: Profile of the transport.
     """
-    for name in ("SIGINT", "SIGHUP"):  # Ctrl-C and the end of the terminal are handled by the program
+    for name in ("SIGINT", "SIGHUP"):  # the program handles Ctrl-C and the end of the terminal
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=channel_descriptor))
@@ -67,7 +67,7 @@ def main(
     outcome["serial"] = connection.conversation.serial
     channel.send(outcome)
     link.close_local()
-    channel.receive(_FOREVER)  # until the program closes the channel; it may still read the shared memory
+    channel.receive(_FOREVER)  # returns when the program closes the channel; until then it may read the shared memory
 
 
 def _stream(

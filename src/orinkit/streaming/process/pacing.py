@@ -10,10 +10,10 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.rc8.slave_formats import SlaveReply
 
-_PARTS: Final = 8  # a set-point that found the buffer full is sent again after 1/8 of a period
-_LOOKS: Final = 5  # repetitions per period until the controller has taken a set-point
+_PARTS: Final = 8  # if the buffer is full, the set-point is sent again after 1/8 of a period
+_LOOKS: Final = 5  # number of repetitions of a set-point per period, until the controller has taken it
 _LATE: Final = 4  # a reply is late after 1/4 of a period
-_PATIENCE: Final = 1.0  # s for one set-point; a controller that takes none in this time is not consuming
+_PATIENCE: Final = 1.0  # s; if the controller does not take a set-point in this time, it has stopped taking set-points
 
 
 class Delivery(NamedTuple):
@@ -33,14 +33,14 @@ class Delivery(NamedTuple):
 
 
 Call = Callable[[Any], Delivery]
-"""Sends slvMove with a parameter; raises the same errors as a client."""
+"""Callback that sends slvMove with a parameter, and raises the same errors as a client."""
 
 
 class Pacer(Protocol):
     """Sends set-points in one of the modes."""
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Send a set-point; return when the next one may be computed."""
+        """Send a set-point; return when the next set-point may be computed."""
 
 
 class HandshakePacer:
@@ -63,7 +63,7 @@ class BufferFillPacer:
         self._tick = monotonic()
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Send a set-point; it is sent again if the buffer was full and it was not taken (RC8 4.3.1)."""
+        """Send a set-point; while the controller refuses it because the buffer is full, send it again (RC8 4.3.1)."""
         end = monotonic() + _PATIENCE
         while True:
             try:
@@ -81,10 +81,11 @@ class BufferFillPacer:
 
 
 class TimedPacer:
-    """Pacer of mode 1: one set-point per cycle of the controller, repeated until its time stamp shows the next cycle.
+    """Pacer of mode 1: one set-point per cycle of the controller.
 
-    The controller takes the newest set-point at each cycle boundary. A set-point that arrives just after a boundary,
-    instead of just before, would stop the arm for a cycle; repeating the last one avoids that.
+    A set-point is repeated until the time stamp of a reply shows that the next cycle has begun. The controller takes
+    the newest set-point at each cycle boundary. If a set-point arrived just after a boundary, instead of just before,
+    the arm would stop for a cycle; the repetitions of the previous set-point avoid that.
     """
 
     def __init__(self, call: Call, period: float) -> None:
@@ -93,11 +94,11 @@ class TimedPacer:
         self._tick = monotonic()
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Send a set-point; return when the controller has taken it, or after a period if it sends no time stamps."""
+        """Send a set-point; return when the controller has taken it, or, without time stamps, after a period."""
         first = self._call(parameter)
         began = first.reply.timestamp
         if began is None:
-            if first.replied_at - self._tick > self._period / _LATE:  # the next one must not fall into the same cycle
+            if first.replied_at - self._tick > self._period / _LATE:  # the next set-point must be in another cycle
                 self._tick = first.replied_at
             self._tick = _next_tick(self._tick, self._period)
             sleep_until(self._tick)
@@ -113,14 +114,14 @@ class TimedPacer:
 
 
 def _next_tick(tick: float, period: float) -> float:
-    """Return the tick after one; or a period from now, if that tick is past (late) or too far away (not needed)."""
+    """Return the tick that follows a tick; if it has passed, or is more than a period away, a period from now."""
     now = monotonic()
     following = tick + period
     return following if now < following <= now + period else now + period
 
 
 def sleep_until(moment: float) -> None:
-    """Sleep until a time of the monotonic clock; return at once if it has passed."""
+    """Sleep until a time of the monotonic clock; return immediately if the time has passed."""
     seconds = moment - monotonic()
     if seconds > 0:
         sleep(seconds)

@@ -47,7 +47,7 @@ class RealTime:
 
 
 def obtain() -> RealTime:
-    """Request real-time priority and locked memory, and disable the garbage collector for good."""
+    """Request real-time priority and locked memory, and disable the garbage collector permanently."""
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -72,7 +72,8 @@ def _lock_memory() -> bool:
 
         limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
         boundless = os.geteuid() == 0 or limit == resource.RLIM_INFINITY
-        # memory locked in advance counts against the limit; beyond the limit the process could not allocate any memory
+        # With MCL_FUTURE, all future memory of the process is locked and counts towards the limit. If the limit were
+        # reached, the process could not allocate memory any more. Therefore the flag is set only if there is no limit.
         flags = _MCL_CURRENT | _MCL_FUTURE if boundless else _MCL_CURRENT
         return bool(ctypes.CDLL(None).mlockall(flags) == 0)
     except (ImportError, OSError, AttributeError, TypeError):
@@ -80,7 +81,7 @@ def _lock_memory() -> bool:
 
 
 def _shorten_sleeps() -> None:
-    """Reduce the timer slack, by which sleeps at an ordinary priority end late (50 us by default)."""
+    """Reduce the timer slack: the delay with which sleeps end at an ordinary priority (50 us by default)."""
     if sys.platform == "linux":
         try:
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SHORTEST_SLACK, 0, 0, 0)

@@ -15,7 +15,7 @@ _Writer: TypeAlias = Callable[..., object]  # arguments: memory, offset, value
 _Reader: TypeAlias = Callable[[memoryview, int], Any]
 _Place: TypeAlias = tuple[
     int, int, _Writer, bool
-]  # flag bit, offset in the record, writer, True if the writer takes the numbers as separate arguments
+]  # flag bit; offset in the record; writer; True if the writer has the numbers as separate arguments
 _Codec: TypeAlias = tuple[int, _Writer, _Reader]  # number of words, writer, reader
 
 
@@ -24,7 +24,7 @@ class RecordLayout:
 
     Args:
         fields: Rows of the table, at most 32.
-        sent: True for fields that are sent: bytes then include the number of the first I/O point.
+        sent: True for fields that are sent: a field of bytes then also contains the number of the first I/O point.
 
     Attributes:
         size: Number of words of the fields.
@@ -44,7 +44,7 @@ class RecordLayout:
             self.size += words
 
     def write(self, view: memoryview, word: int, values: Iterable[tuple[str, Any]]) -> int:
-        """Write the values of fields from a word on, except ``None``; return the flags of the fields."""
+        """Write the values that are not ``None``, beginning at a word; return the flags of their fields."""
         start, flags = word * WORD, 0
         for name, value in values:
             if value is None:
@@ -63,7 +63,7 @@ class RecordLayout:
         readers = self._readers.get(flags)
         if readers is None:
             readers = [each for bit, each in enumerate(self._known) if flags >> bit & 1]
-            # a record may be overwritten concurrently and have any flags
+            # A record that is being overwritten may contain any flags. Unknown flags must not add further entries.
             self._readers[flags & (1 << len(self._known)) - 1] = readers
         return {name: read(view, start + at) for name, at, read in readers}
 
@@ -91,7 +91,7 @@ def _reals(field: SlaveField) -> _Codec:
         packed[count].pack_into(view, at, count, *values[:count])
 
     def read(view: memoryview, at: int) -> tuple[float, ...]:
-        (count,) = _WHOLE.unpack_from(view, at)  # a record may be overwritten concurrently and have any number
+        (count,) = _WHOLE.unpack_from(view, at)  # a record that is being overwritten may contain any count
         values: tuple[float, ...] = packed[count if 0 <= count <= most else 0].unpack_from(view, at)
         return values[1:]
 

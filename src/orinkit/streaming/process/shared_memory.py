@@ -1,8 +1,8 @@
 """Shared memory of a program and its streaming process: lock-free queues of set-points and of samples.
 
-It consists of 8-byte words, which Python writes atomically on this machine. Each side writes only its own words. A
-record is written before the counter that publishes it, and contains its number, so that a reader detects a record that
-is being overwritten. The memory has no name: it is freed when both processes have ended, even if they crash.
+The memory consists of 8-byte words, which Python writes atomically. Each side writes only its own words. A record is
+written before the counter that publishes it. Each record contains its number, so that a reader detects a record that is
+being overwritten. The memory has no name: it is freed when both processes have ended, even if they crash.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ SAMPLE_ROOM: Final = 4096
 """Capacity of the buffer of samples that the program has not read yet."""
 
 BEHIND: Final = 15
-"""Cycles by which an arm may lag: 3 set-points that the controller queues (RC8 table 4-4), and about 0.1 s until the
-encoders follow (reference: feedback in slave mode)."""
+"""Maximum number of cycles by which an arm lags: 3 set-points that the controller queues (RC8 table 4-4), and about
+0.1 s until the encoders follow (in DENSO's published implementations)."""
 
 RESTS: Final = 3
-"""Equal set-points at the end; with two of them the controller detects that the arm stands (RC8 4.5)."""
+"""Number of equal set-points at the end; with two of them, the controller detects standstill (RC8 4.5)."""
 
-_MOST_VALUES: Final = 13  # values of a pose with extra axes
+_MOST_VALUES: Final = 13  # number of values of a pose with extra axes
 
 
 class SetPointSource(IntEnum):
@@ -56,11 +56,11 @@ class StreamCommand(IntEnum):
     LEAVE = 3
     """Stop the arm and leave slave mode."""
     GOODBYE = 4
-    """As LEAVE, and close the connection afterwards."""
+    """Like LEAVE; the program also closes the connection afterwards."""
 
 
 class _Word(IntEnum):
-    """Offsets in the head of the memory."""
+    """Offsets at the beginning of the memory, in words."""
 
     ORDER = 0
     ORDER_DONE = 1
@@ -91,7 +91,7 @@ _VALUES: Final = [Struct(f"{count}d") for count in range(_MOST_VALUES + 1)]
 _SENT: Final = RecordLayout(OUTPUTS, sent=True)
 _GOT: Final = RecordLayout(RECEIVED)
 _HEAD: Final = _Word.OUTPUTS + _SENT.size
-_POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # layout of a point: number, flags and count, values, outputs
+_POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # layout of a set-point: number, flags and count, values, outputs
 _POINT: Final = _POINT_OUTPUTS + _SENT.size
 _SAMPLE_VALUES: Final = 6  # layout of a sample: number, sent, code, flags and count, delay, answered, command, fields
 _SAMPLE_FIELDS: Final = _SAMPLE_VALUES + _MOST_VALUES
@@ -108,7 +108,7 @@ class Outputs:
     Attributes:
         mini: States of the mini I/O.
         hand: States of the hand I/O.
-        user: First number and bytes of the user I/O.
+        user: Number of the first user I/O point, and the bytes.
     """
 
     mini: int | None = None
@@ -167,7 +167,7 @@ class StreamMemory:
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        self._lock = threading.Lock()  # for the threads of this side
+        self._lock = threading.Lock()  # serializes the threads of this side
         self._memory = mmap.mmap(descriptor, _SIZE)
         self._view = memoryview(self._memory)
         self._words = self._view.cast("q")
@@ -180,7 +180,7 @@ class StreamMemory:
             descriptor = os.memfd_create("orinkit-stream", os.MFD_CLOEXEC)
         else:
             descriptor, name = tempfile.mkstemp(prefix="orinkit-stream-")
-            os.unlink(name)  # noqa: PTH108 - it must have no name
+            os.unlink(name)  # noqa: PTH108 - the memory must have no name
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
 
@@ -203,7 +203,7 @@ class StreamMemory:
 
     def order(self, order: StreamCommand) -> None:
         """Send a command to the streaming process."""
-        count = self._words[_Word.ORDER] >> 8  # distinguishes a repeated command
+        count = self._words[_Word.ORDER] >> 8  # distinguishes a command from an earlier, equal one
         self._words[_Word.ORDER] = count + 1 << 8 | order
 
     @property
@@ -295,30 +295,30 @@ class StreamMemory:
 
     @property
     def lateness(self) -> Lateness:
-        """Set-points that would be too late for a real controller; empty if the controller does not report them.
+        """Statistics of the set-points that would be too late for a real controller; 0 if the controller reports none.
 
-        ``longest`` refers to the set-points of the last report.
+        ``longest`` refers to the set-points of the last report only.
         """
         words, numbers = self._words, self._numbers
         return Lateness(int(words[_Word.LATE]), numbers[_Word.LATE_LONGEST], numbers[_Word.LATE_TOTAL])
 
     @property
     def at_rest(self) -> bool:
-        """True if the command stands still."""
+        """True if the arm has been commanded to standstill."""
         return bool(self._words[_Word.RESTS])
 
     @property
     def lateness_queried(self) -> bool:
-        """True if the controller has detected that, and was queried for late set-points."""
+        """True if the controller has detected the standstill, and has been queried for late set-points."""
         return self._words[_Word.RESTS] >= RESTS
 
     @property
     def settled(self) -> bool:
-        """True if the command has stood still for so long that the arm stands too."""
+        """True if the command position has been constant for so long that the arm is at standstill too."""
         return self._words[_Word.RESTS] > BEHIND
 
     def sample(self, number: int) -> RawSample | None:
-        """Return a sample, ``None`` if it was overwritten."""
+        """Return a sample; ``None`` if it was overwritten."""
         words, numbers = self._words, self._numbers
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         flags = words[at + 3]
@@ -343,7 +343,7 @@ class StreamMemory:
         return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
     def has_done(self) -> None:
-        """Report that the command of the program is done."""
+        """Report that the last command of the program is done."""
         self._words[_Word.ORDER_DONE] = self._words[_Word.ORDER]
 
     @property
@@ -369,7 +369,7 @@ class StreamMemory:
     def target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
         """Return number, time and values of the live target if it is newer than ``seen``, otherwise ``None``.
 
-        While it is being written, ``None`` is returned too.
+        Also return ``None`` while the program is writing the target.
         """
         words = self._words
         done = words[_Word.TARGET_DONE]
@@ -383,7 +383,7 @@ class StreamMemory:
     def outputs(self, seen: int) -> tuple[int, Outputs] | None:
         """Return number and values of the outputs if they are newer than ``seen``, otherwise ``None``.
 
-        While they are being written, ``None`` is returned too.
+        Also return ``None`` while the program is writing the outputs.
         """
         words = self._words
         done = words[_Word.OUTPUTS_DONE]
@@ -393,12 +393,12 @@ class StreamMemory:
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
     def note(self, *, sent: int, dry: int, rests: int) -> None:
-        """Report the numbers of set-points sent, of underflows, and of equal set-points sent last at standstill."""
+        """Report the numbers of set-points sent, of underflows, and of equal set-points since the standstill."""
         words = self._words
         words[_Word.TAKEN], words[_Word.UNDERFLOWS], words[_Word.RESTS] = sent, dry, rests
 
     def add_lateness(self, more: Lateness) -> None:
-        """Add to the late set-points."""
+        """Add a report of late set-points to the statistics."""
         self._numbers[_Word.LATE_LONGEST] = more.longest
         self._numbers[_Word.LATE_TOTAL] += more.total
         self._words[_Word.LATE] += more.count

@@ -34,17 +34,17 @@ from orinkit.streaming.process.shared_memory import (
 from orinkit.transport.runner import Link, run, send_close
 from orinkit.values.variant import ARRAY, Variant, VarType
 
-_AHEAD: Final = 4  # set-points to wait for before the first one is sent, or the number of cycles to wait
+_AHEAD: Final = 4  # the first set-point is sent after this many have been queued, or after this many cycles
 _WATCH: Final = 0.02  # s between two checks of the program's process
-_MOST_SECONDS: Final = 3.0  # s: time-out of the reply to a set-point
+_MOST_SECONDS: Final = 3.0  # s: longest time-out of the reply to a set-point
 _CYCLES: Final = 1.5  # cycles after which a set-point without a reply is sent again, if packets may be lost
-_TRIPS: Final = 3  # the same on a serial line, in round-trip times of a command
+_TRIPS: Final = 3  # on a serial line, round-trip times of a command after which a set-point is sent again
 _WRAP_US: Final = 1 << 31
 _ROBOT_AXES: Final = 6
 _STAMP: Final = next(row.name for row in RECEIVED if row.form is FieldType.STAMP)
 _STOPPED: Final = frozenset(b"Tt")
-_STALL: Final = 0.25  # s for which a program may be stopped, by a stall of the machine or by a debugger
-_STOPS: Final = {  # bits of SysState (reference: SysState)
+_STALL: Final = 0.25  # s for which a program may be stopped (SIGSTOP), for example by a debugger
+_STOPS: Final = {  # bits of the result of SysState (in DENSO's published implementations)
     10: N_("the emergency stop is on"),
     12: N_("the protective stop is on"),
     18: N_("the controller is in manual mode"),
@@ -52,11 +52,15 @@ _STOPS: Final = {  # bits of SysState (reference: SysState)
 
 
 Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
-"""Why streaming ended.
+"""Reason why streaming ended.
 
-``""``: an error; ``"left"``: as the program requested; ``"abandoned"``: the same, and the program has given up the
-connection; ``"stopped"``: the program was stopped (SIGSTOP) for longer than a machine may stall; ``"gone"``: the
-program has ended; ``"idle"``: it sent no more set-points; ``"terminated"``: the streaming process received SIGTERM.
+* ``""``: An error.
+* ``"left"``: The program requested the end.
+* ``"abandoned"``: The program requested the end, and does not use the connection any more.
+* ``"stopped"``: The program was stopped (SIGSTOP) for more than 0.25 s.
+* ``"gone"``: The program has ended.
+* ``"idle"``: The program sent no more set-points.
+* ``"terminated"``: The streaming process received SIGTERM.
 """
 
 
@@ -71,11 +75,11 @@ class ProgramMonitor:
         self.terminated = False
         try:
             self._stat = os.open(f"/proc/{process}/stat", os.O_RDONLY)
-        except OSError:  # not Linux: a stopped program is not detected
+        except OSError:  # not Linux: it is not detected if the program is stopped
             self._stat = -1
 
     def check(self) -> Reason:
-        """Return the reason to end, ``""`` to continue."""
+        """Return the reason to end the stream; ``""`` to continue."""
         if self.terminated:
             return "terminated"
         now = monotonic()
@@ -89,7 +93,7 @@ class ProgramMonitor:
         return "stopped" if self._has_stopped(now) else ""
 
     def _has_stopped(self, now: float) -> bool:
-        """Return True if the program has been stopped for longer than a machine may stall."""
+        """Return True if the program has been stopped for longer than permitted."""
         if not self._is_stopped():
             self._stopped_at = None
         elif self._stopped_at is None:
@@ -101,14 +105,14 @@ class ProgramMonitor:
             return False
         try:
             text = os.pread(self._stat, 512, 0)
-        except OSError:  # it has ended
+        except OSError:  # the program has ended
             return False
         state = text.rpartition(b")")[2].split()[:1]
         return bool(state) and state[0][0] in _STOPPED
 
 
 class StreamerConnection:
-    """The connection to the controller, while this process has it.
+    """The connection to the controller, while the streaming process uses it.
 
     Args:
         link: Link to the controller.
@@ -139,17 +143,17 @@ class StreamerConnection:
         """Send slvMove."""
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
-        # after noise on the line, the controller synchronizes again when the line is silent
+        # After noise on a serial line, the controller finds the next packet only after a pause in the received data.
         retry_timeout = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
         code, value = self._call(functions.robot_execute, arguments, seconds, tries, retry_timeout)
         return Delivery(sent, monotonic(), code, read_reply(self._receive, value))
 
     def lateness(self, skip_first: int) -> Lateness | None:
-        """Return how late set-points were, except the first ``skip_first``; ``None`` if the controller cannot report it.
+        """Return the lateness of the set-points, without the first ``skip_first`` late ones.
 
-        A real controller does not have this command: call it before slave mode is on, and never again if it returns
-        None.
+        A real controller does not have this command, and ``None`` is returned. Therefore call this method once before
+        slave mode is on. If it returns ``None``, do not call it again.
         """
         try:
             return read_lateness(self.execute(LATENESS, skip_first)[1])
@@ -157,21 +161,24 @@ class StreamerConnection:
             return None
 
     def _patience(self) -> tuple[float, int]:
-        """Return the time-out of a set-point, s, and how often it is sent; a lost set-point must be repeated soon."""
+        """Return the time-out of a set-point in s, and the maximum number of times that it is sent.
+
+        If packets may be lost, the time-out is short, because a lost set-point must be repeated soon.
+        """
         profile = self.conversation.profile
         if not profile.lossy:
             return min(self._timeout, _MOST_SECONDS), 1
         seconds = _CYCLES * self._cycle
-        if profile.shared:  # on a slow line, a set-point takes longer than that
+        if profile.shared:  # on a slow serial line, a set-point and its reply take longer
             seconds = max(seconds, min(_TRIPS * self._trip, self._timeout))
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
     def send_close(self) -> None:
-        """Notify the controller that the connection ends, on transports whose end it cannot detect."""
+        """Notify the controller that the connection ends, on transports on which it cannot detect that."""
         send_close(self._link, self.conversation.close_sequence())
 
     def leave(self) -> None:
-        """Turn slave mode off after an error; most errors have already done so."""
+        """Turn slave mode off after an error; after most errors it is already off."""
         try:
             self.execute("slvChangeMode", OFF)
         except OrinError:
@@ -263,18 +270,18 @@ class Streamer:
         self._connection = connection
         call: Call = connection.move
         buffering = setup.mode.buffering
-        # a VE026A delays its reply to the cycle (VE026A 2.2.1: response style)
+        # A VE026A delays its reply until its buffer has room, as a real RC8 does in mode 2 (VE026A 2.2.1).
         if setup.joints_only and buffering == 0:
             buffering = 2
         self._flow = FLOWS[buffering](call, setup.period)
         self._clock = _ControllerClock(setup.receive.microseconds)
         self._outputs = setup.outputs
-        self._beside: dict[str, Any] = {}  # what a set-point contains besides the pose
+        self._beside: dict[str, Any] = {}  # the parts of a set-point except the pose
         self._note_outputs()
         self._outputs_seen = 0
-        self._target: tuple[float, ...] | None = None  # the last one that could be read
+        self._target: tuple[float, ...] | None = None  # the last live target that could be read
         self._target_seen = 0
-        self._delay_from = 0  # when the live target was set, if no set-point towards it was sent yet
+        self._delay_from = 0  # ns; time at which the live target was set; 0 after a set-point towards it was sent
         self._sent = 0
         self._dry = 0
         self._was_dry = True
@@ -282,12 +289,12 @@ class Streamer:
         self._waits_since = monotonic()
         self._rests = 0
         self._late = 0 if reports_lateness else None  # number of late set-points that the controller has reported
-        self._moved = False  # since the last query
+        self._moved = False  # True if the arm has moved since the last query for late set-points
         self._previous: tuple[float, ...] = ()
         self._aim: tuple[float, ...] | None = None
 
     def run(self) -> Reason:
-        """Stream set-points; slave mode is on before and after."""
+        """Stream set-points; slave mode must be on, and remains on."""
         reason: Reason = ""
         while True:
             reason = reason or self._reason()
@@ -334,7 +341,8 @@ class Streamer:
         newer = self._shared.target(self._target_seen)
         if newer is not None:
             self._target_seen, self._delay_from, self._target = newer
-        # do not brake because a target is just being written: the program may be suspended in the middle
+        # If the program is writing a target at this moment, continue to the previous one and do not brake: the
+        # operating system may suspend the program before it has written the target completely.
         return self._come_to_rest() if self._target is None else self._planner.goto(self._target)
 
     def _from_queue(self) -> tuple[float, ...]:
@@ -350,7 +358,10 @@ class Streamer:
         return self._towards(values, self._planner.track(values))
 
     def _ready(self) -> bool:
-        """Return True if streaming can begin: with a few queued set-points, one that is slightly late has no effect."""
+        """Return True if streaming can begin.
+
+        It begins with a few queued set-points, so that a set-point that is slightly late has no effect.
+        """
         waiting = self._shared.queued
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
             return True
@@ -358,7 +369,7 @@ class Streamer:
         return self._patience <= 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
-        """Return the next command if there is no set-point: hold if the arm is slow enough, otherwise stop."""
+        """Return the next command if there is no set-point: the last command if the arm is slow enough, else a stop."""
         if self._was_dry:
             return self._planner.stop()
         self._was_dry = True

@@ -32,11 +32,11 @@ INFO_TOPIC: Final = "/slave/info"
 """Channel with one message: the properties common to all set-points."""
 
 _NANO: Final = 1_000_000_000
-_CHUNK: Final = 64 * 1024  # bytes, about 1 s: the data lost if the process is killed
-_LATEST: Final = 2**63  # ns: times of an MCAP file have 64 bits, and the time of a sample is added
+_CHUNK: Final = 64 * 1024  # bytes, about 1 s; data that is lost if the process is killed
+_LATEST: Final = 2**63  # ns; largest start time: times in an MCAP file have 64 bits, and the time of a sample is added
 _ROBOT_JOINTS: Final = 6
 _VALUE: Final = ".6f"
-_EXACT: Final = ".9f"  # for commands, so that a recording can be streamed again, and components of unit vectors
+_EXACT: Final = ".9f"  # for commands, so that a recording can be streamed again, and for components of unit vectors
 _TIME: Final = ".6f"
 
 
@@ -101,12 +101,12 @@ def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: 
         path: Path of the file, with the suffix ``.csv`` or ``.mcap``.
         kind: Pose type of the set-points.
         period: Time between two set-points, s.
-        start_ns: Time of the first set-point, ns since 1970, for the times of an MCAP file; ``None``: taken from the
-            clock when the first sample is written.
+        start_ns: Time of the first set-point, ns since 1970, for the times of an MCAP file. ``None``: the time at which
+            the first sample is written.
 
     Raises:
-        InvalidValue: If the suffix is another one, the directory does not exist, or the file cannot be written.
-        MissingExtra: If, for MCAP, the package ``mcap`` is not installed (extra ``log``).
+        InvalidValue: If the suffix is not valid, the directory does not exist, or the file cannot be written.
+        MissingExtra: If the file is MCAP, and the package ``mcap`` is not installed (extra ``log``).
     """
     check_period(period)
     if kind not in ("J", "P", "T"):
@@ -132,17 +132,18 @@ class _File(Protocol):
         """Write a sample."""
 
     def close(self, *, complete: bool) -> None:
-        """Close the file; if ``complete`` is False, write nothing more."""
+        """Close the file; if ``complete`` is False, do not write any further data."""
 
 
 # --- CSV --------------------------------------------------------------------------------------------------------------
 
 
 class _Csv:
-    """CSV: a row per sample, written at once, so that a killed process loses none.
+    """CSV: a row per sample, written immediately, so that no sample is lost if the process is killed.
 
     ``time_s`` is the number of the set-point times the period: the controller takes one set-point per period,
-    regardless of when it was sent (``sent_s``), so the commanded velocity follows from differences of it.
+    regardless of the time at which it was sent (``sent_s``). The commanded velocity can therefore be computed from
+    ``time_s``.
     """
 
     def __init__(self, path: Path, kind: PoseKind, period: float) -> None:
@@ -170,7 +171,7 @@ class _Group:
     """Columns for one value of a sample.
 
     Args:
-        value: Returns the value.
+        value: Callback that returns the value.
         names: Names of the columns.
         form: Format of a number.
     """
@@ -183,7 +184,7 @@ class _Group:
         self._form = form
 
     def texts(self, sample: Sample) -> list[str]:
-        """Return one text per name, empty for values that the sample does not have."""
+        """Return one text per column; it is empty if the sample does not have the value."""
         value = self._value(sample)
         if value is None:
             return [""] * len(self.names)
@@ -196,7 +197,7 @@ class _Group:
 
 
 def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
-    """Return the columns after the time, for the values that the first sample has."""
+    """Return the columns that follow the time: those of the values that the first sample has."""
     count = len(sample.command)
     names = [*_titles(kind), *(f"extra_{number}" for number in range(1, count))][:count]
     groups = [_Group(attrgetter("command"), [f"{name}{COMMAND}" for name in names], _EXACT)]
@@ -208,7 +209,7 @@ def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
     has = [row for row in RECEIVED if row is not POSES["J"] and sample.value(row) is not None]
     groups += [_group_of(row, sample) for row in has if row.form is FieldType.STAMP]
     groups.append(_Group(attrgetter("code"), ["code"], "#010x"))
-    poses = [row for row in has if row.form is FieldType.POSE][:1]  # the columns of other poses have the same names
+    poses = [row for row in has if row.form is FieldType.POSE][:1]  # columns of a second pose would have the same names
     others = [row for row in has if row.form not in (FieldType.STAMP, FieldType.POSE)]
     return groups + [_group_of(row, sample) for row in (*poses, *others)]
 
@@ -309,7 +310,7 @@ def _as_json(sample: Sample) -> dict[str, Any]:
 def _json(value: dict[str, Any]) -> bytes:
     try:
         return json.dumps(value, allow_nan=False, ensure_ascii=False).encode()
-    except ValueError:  # JSON has no NaN
+    except ValueError:  # JSON cannot represent NaN
         return _json({name: _finite(entry) for name, entry in value.items()})
 
 

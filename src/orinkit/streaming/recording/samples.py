@@ -19,7 +19,8 @@ class Sample:
         sent: Time of sending, s since the first set-point was sent.
         command: Pose as sent: joints in deg, or X, Y, Z in mm, angles in deg and figure, or a T.
         code: Return code, S_OK or S_BUF_FULL.
-        time: The controller's own time, s; ``None`` if it was not requested (``"time"``), as for all following fields.
+        time: The controller's own time, s. This field and the following ones up to ``current`` are ``None`` if they
+            were not requested.
         joints: Actual joint position, deg; about 0.1 s behind the command.
         position: Actual position as a P, mm and deg.
         trans: Actual position as a homogeneous transformation.
@@ -27,13 +28,13 @@ class Sample:
         hand: States of the hand I/O.
         user: States of the requested user I/O.
         current: Currents of the motors, A.
-        delay: Time from setting a live target until this set-point, the first one towards it, was sent, s; ``None`` for
-            other set-points.
-        replied: Time of the reply, s on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
-        more: Fields of the reply without an attribute here, by name.
+        delay: If this set-point is the first one towards a live target: the time from setting the target until this
+            set-point was sent, s; ``None`` for other set-points.
+        replied: Time of the reply, s, on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
+        more: Fields of the reply for which this class has no attribute, by name.
     """
 
-    # "| Any" instead of "| None": who requests a field need not check each sample for it
+    # The types are "| Any" instead of "| None": a program that requests a field need not check it in each sample.
     number: int
     sent: float
     command: tuple[float, ...]
@@ -51,7 +52,7 @@ class Sample:
     more: Mapping[str, Any] = field(default_factory=dict, hash=False, repr=False)
 
     def value(self, row: SlaveField) -> Any:
-        """Return the value of a field of the reply, ``None`` if there is none."""
+        """Return the value of a field of the reply; ``None`` if the reply does not contain it."""
         return getattr(self, row.name) if row.name in OWN else self.more.get(row.name)
 
 
