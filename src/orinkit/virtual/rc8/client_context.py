@@ -13,7 +13,7 @@ from orinkit.virtual.rc8.state import Origin, RC8State
 from orinkit.virtual.rc8.switches import Switches
 
 
-@dataclass(frozen=True, slots=True, eq=False)  # compared by identity: the holder of the arm is one instance
+@dataclass(frozen=True, slots=True, eq=False)  # compared by identity, because one particular instance holds the arm
 class ClientContext:
     """One client's connection to the controller; shared by every object that the client holds.
 

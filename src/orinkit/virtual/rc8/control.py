@@ -142,7 +142,7 @@ class ControlPanel(ControllerObject):
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
         try:
             return run(self._rc8, parameter)
-        except ValueError as error:  # from the pendant: an invalid argument
+        except ValueError as error:  # the pendant reports an invalid argument
             raise error_for(hresult.E_INVALIDARG, f"{error}") from error
 
     def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002

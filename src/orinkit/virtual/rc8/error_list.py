@@ -75,7 +75,7 @@ class ErrorList:
         return self._in_language(info)
 
     def raised_text(self, code: int) -> str:
-        """Return the text with which a code is raised; for an unknown code, the text of its range."""
+        """Return the text of an error raised with a code; an unknown code has the text of its range of codes."""
         return self._in_language(hresult.lookup(code))
 
     def _in_language(self, info: ReturnCode) -> str:

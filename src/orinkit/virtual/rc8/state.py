@@ -309,7 +309,10 @@ class RC8State:
             self.log(Operation.PROTECTIVE_STOP, text)
 
     def auto_enable(self, on: bool) -> None:
-        """Set the auto-enable input; when it goes off, an error is raised, and arm and motor are stopped."""
+        """Set the auto-enable input.
+
+        Switching it off raises an error, stops the arm and then switches the motor off.
+        """
         with self.cycles:
             if bool(on) is self.switches.auto_enable:
                 return
@@ -324,7 +327,7 @@ class RC8State:
         """Set or clear the machine lock: while it is set, motions are executed, but the arm does not move.
 
         Raises:
-            CallError: MOTOR_IS_ON, because the arm would jump if the lock were cleared while the motor is on.
+            CallError: MOTOR_IS_ON if the motor is not off; the arm would jump when the lock is cleared.
         """
         with self.cycles:
             if bool(on) is self.switches.machine_lock:
@@ -385,7 +388,7 @@ class RC8State:
         self.operations.add(OperationRecord(operation, text, self.calendar.now(), origin.caller, origin.address))
 
     def close(self) -> None:
-        """Stop the controller and save the variables."""
+        """Stop the controller and close the database of the variables."""
         self.cycles.close()
         with self.cycles:
             self.arm.close()

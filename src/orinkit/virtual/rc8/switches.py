@@ -46,7 +46,7 @@ class SlaveLimit(IntEnum):
 
 
 class TokenKind(Enum):
-    """The holder of the executable token (RC8 2.1), who may start programs, switch the motor on and move the robot."""
+    """The holder of the executable token (RC8 2.1): it may start programs, switch the motor on and move the robot."""
 
     TP = "tp"
     IO = "io"

@@ -30,7 +30,7 @@ MOST_RUNNING: Final = 32
 PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
-_PART_OF_CYCLE: Final = 0.25  # time limit of all programs, because some statements take long
+_PART_OF_CYCLE: Final = 0.25  # fraction of a cycle that all programs together may use; some statements take long
 _KEPT: Final = 32
 _LARGE: Final = 8192  # bytes; loading a program of this size takes about 0.1 s
 

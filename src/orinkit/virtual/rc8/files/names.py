@@ -113,7 +113,7 @@ def name_on_disk(entry: str) -> str | None:
     try:
         name = unicodedata.normalize("NFC", entry)
         name.encode("utf-8")
-    except UnicodeEncodeError:  # bytes that are not UTF-8
+    except UnicodeEncodeError:  # the entry's name is not valid UTF-8
         return None
     return None if _SEPARATORS.search(name) or _fault(name) is not None else name
 

@@ -13,7 +13,7 @@ FILE_NOT_FOUND                the file does not exist, or the folder that should
 E_CAO_COLLECTION_REGISTERED   a file or folder of this name exists already
 E_ACCESSDENIED                the operation requires a file, but the name belongs to a folder; or the folder is the root
                               folder or is not empty; or the name belongs to a link or another special file
-E_TOO_MUCH_DATA               the file would have, or has, more than 16 MiB
+E_TOO_MUCH_DATA               the file, or the content to be written, has more than 16 MiB
 E_MAX_OBJECT                  the store would have more than 10,000 files and folders
 E_FAIL                        an error of the operating system, for example a full disk; the log has the reason
 ============================  ==========================================================================================

@@ -28,7 +28,8 @@ Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
 """Starts a program: called with the client, the path of the file and the option; returns the name of the task."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
-_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")  # to which Python decodes undefined bytes
+# The characters to which Python decodes bytes that are undefined in Shift_JIS.
+_NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
 _LARGE: Final = 64 * 1024  # bytes or characters; content of at least this size is read and written in a thread

@@ -82,7 +82,7 @@ class RC8Robot(RobotObject):
         return self._arm.when_still()
 
     def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
-        """Pause the motion, also that of another client; the call completes at standstill."""
+        """Pause the motion, also a motion of another client; the call completes at standstill."""
         require("Hold", self._arm, self._caller)
         self._arm.hold()
         return self._arm.when_still()
@@ -100,7 +100,7 @@ class RC8Robot(RobotObject):
         self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
-        """Set internal acceleration and deceleration in %, for the axis as in :meth:`speed`; -1 keeps a value."""
+        """Set internal acceleration and deceleration in %; -1 keeps a value. For the axis see :meth:`speed`."""
         require("Accelerate", self._arm, self._caller)
         self._arm.speeds.set_acceleration(accel, decel, joint_only=_axis(axis))
 

@@ -54,7 +54,7 @@ def get_mode(caller: ClientContext, _: Variant) -> int:
 
 
 def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
-    """Return the lateness of the current stream, or of the last one (see :mod:`orinkit.rc8.slave_lateness`)."""
+    """Return the lateness of the current stream, or of the last stream (see :mod:`orinkit.rc8.slave_lateness`)."""
     (skip_first,) = parameters.whole_numbers(parameter, 0)
     return build_lateness(caller.state.arm.slave.lateness(skip_first))
 

@@ -1,4 +1,4 @@
-"""Compiles expressions to functions of the frame.
+"""Compiles each expression to a function that evaluates it in a frame.
 
 A call of a Function of the program is compiled to separate instructions before the statement that contains the call.
 They store the result of the call in a slot of the frame.
@@ -92,8 +92,8 @@ class Expressions:
     """Compiles the expressions of a program.
 
     Attributes:
-        polled: True while the condition of Wait is compiled. It is evaluated repeatedly, so it cannot call Functions of
-            the program.
+        polled: True while the condition of Wait is compiled. The condition cannot call Functions of the program,
+            because it is evaluated repeatedly.
     """
 
     def __init__(self, scope: Scope, code: Code) -> None:

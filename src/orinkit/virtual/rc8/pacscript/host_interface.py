@@ -21,7 +21,7 @@ VariableKind: TypeAlias = Literal["I", "F", "D", "V", "P", "J", "T", "S"]
 PointKind: TypeAlias = Literal["IO", "IOB", "IOW", "IOD"]
 """The classes of I/O: 1, 8, 16, 32 points."""
 Plane: TypeAlias = Literal["XY", "YZ", "ZX", "XYH", "YZH", "ZXH"]
-"""Planes of the work frame, or with H planes of the tool frame."""
+"""Planes of the work frame; the names with H are planes of the tool frame."""
 
 
 class HostInterface(Protocol):

@@ -35,7 +35,7 @@ class TypeOf:
     """A type of variables.
 
     Attributes:
-        name: Name in lower case; Long has the name of Integer.
+        name: Name in lower case; Long is another name of Integer.
         default: Initial value of a variable.
         convert: Converts a value to this type, or raises CallError.
     """
@@ -159,7 +159,7 @@ class Scope:
         self.check_name(name)
         key = name.key
         taken = key in routine.variables or key in routine.constants
-        own = routine.result is None and key == routine.name.key  # the variable of a Function's result has its name
+        own = routine.result is None and key == routine.name.key  # a Function's result is a variable with its name
         self._reject_duplicate(name, taken or (key in self.routines and not own) or key in self.shared)
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:

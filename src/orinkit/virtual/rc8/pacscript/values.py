@@ -1,7 +1,7 @@
 """The values of a program (numbers, strings and poses): conversion, calculation, comparison, formatting.
 
 A pose is a plain tuple; its length determines its type: V 3, P 7, J 8, T 10 numbers. A truth value is -1 or 0; any
-number other than 0 is true. Whole numbers have 32 bits; an overflow raises an error, numbers never wrap.
+number other than 0 is true. Whole numbers have 32 bits; an overflow is an error.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ class RC8Arm:
     # --- arm semaphore ------------------------------------------------------------------------------------------
 
     def take(self, operator: Operator, *, keep: bool) -> None:
-        """Give the arm to an operator; unless ``keep``, set internal speeds to 100 %, tool 0 and work 0."""
+        """Give the arm to an operator; if ``keep`` is False, set internal speeds to 100 %, tool 0 and work 0."""
         self.holder = operator
         if not keep:
             self.speeds.reset()
@@ -153,7 +153,10 @@ class RC8Arm:
         self._objects[operator] += 1
 
     def remove_robot_object(self, operator: Operator) -> None:
-        """Uncount a Robot object of a client; if it was the last one, stop the client's motions and release the arm."""
+        """Remove a Robot object of a client from the count.
+
+        If it was the last one, stop the client's motions and release the arm.
+        """
         self._objects[operator] -= 1
         if self._objects[operator] <= 0:
             self.forget(operator)
@@ -278,7 +281,7 @@ class RC8Arm:
         self.servo.place(position)
 
     def close(self) -> None:
-        """Switch the arm off with the controller: fail all waiting calls with E_ABORT."""
+        """Switch the arm off with the controller; all calls that wait fail with E_ABORT."""
         error = error_for(hresult.E_ABORT)
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
@@ -291,7 +294,7 @@ class RC8Arm:
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Execute one cycle; return True if the arm requires another one."""
+        """Execute one cycle; return True if the arm requires another cycle."""
         if self.slave.on:
             self.slave.step()
         self.queue.step()

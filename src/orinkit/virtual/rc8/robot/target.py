@@ -75,7 +75,7 @@ class FrameContext:
         return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
-        """Return X, Y, Z, RX, RY, RZ, in the current work frame, of a frame in the base."""
+        """Convert a frame in the base to X, Y, Z (mm), RX, RY, RZ (deg) in the current work frame."""
         return [float(value) for value in frames.position_of_matrix(self.in_work(tcp))]
 
     def trans(self, joints: Sequence[float]) -> list[float]:

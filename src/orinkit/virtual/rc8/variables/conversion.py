@@ -108,7 +108,8 @@ def string(given: Variant) -> str:
     if element.type != VarType.BSTR:
         raise _mismatch(given, "VT_BSTR")
     text = str(element.value)
-    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))  # a lower bound suffices
+    # If the string has more than 255 characters, it is too long in any encoding.
+    length = len(text) if len(text) > _STRING_BYTES else len(text.encode("cp932", "replace"))
     if length > _STRING_BYTES:
         raise error_for(hresult.STRING_TOO_LONG, tr("the string has {length} bytes", length=length))
     return text
