@@ -127,7 +127,7 @@ def _guarded(run: Callable[[], int | None]) -> int:
     """Run a command; an error becomes one line on stderr and an exit code."""
     try:
         code = run() or DONE
-        if sys.stdout is not None:  # None if the shell has closed it (>&-)
+        if sys.stdout is not None:  # stdout is None if the shell has closed it (>&-)
             sys.stdout.flush()
     except CycloptsError as error:
         return _report(usage_text(error), USAGE)
@@ -177,7 +177,7 @@ def _discard_stdout() -> None:
     try:
         sys.stdout.flush()
     except (OSError, ValueError):  # ValueError: stdout is closed
-        with suppress(OSError, ValueError):  # it may not have a file descriptor
+        with suppress(OSError, ValueError):  # stdout may not have a file descriptor
             number = sys.stdout.fileno()
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 

@@ -93,7 +93,7 @@ class ConnectionOptions:
 
     @property
     def known_dialect(self) -> Dialect:
-        """The dialect of the controller, as far as the options determine it; RC8 otherwise."""
+        """The dialect that the options determine; RC8 if they do not determine one."""
         return dialect_of(self.dialect, self.provider) or RC8_DIALECT
 
     def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
@@ -114,7 +114,7 @@ class ConnectionOptions:
 
     @contextmanager
     def opened(self, url: str) -> Iterator[orinkit.Controller]:
-        """Connect for the duration of a ``with`` statement; errors of a call get the controller's own description."""
+        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls."""
         with self.open(url) as controller:
             try:
                 yield controller
@@ -125,7 +125,7 @@ class ConnectionOptions:
 
     @property
     def _denso(self) -> bool:
-        """True if the provider is one of DENSO's, whose return codes orinkit knows."""
+        """True if the provider is one of DENSO's, whose return codes are in the table of orinkit."""
         provider = self.provider.strip().casefold()
         return not provider or any(name in provider for name in _OF_DENSO)
 
@@ -150,7 +150,7 @@ class ConnectionOptions:
 def _description(controller: orinkit.Controller, error: CallError) -> str:
     """Return the controller's description of an error; ``""`` if it adds nothing to the text of the return code."""
     client = controller.client
-    # also for the calls that disconnect: the error must be reported soon
+    # these limits also apply to the calls that disconnect, because the error must be reported soon
     client.timeout, client.tries = min(client.timeout, _DESCRIPTION_TIMEOUT), 1
     try:
         words = controller.execute("GetErrorDescription", signed(error.code))

@@ -1,7 +1,7 @@
-"""Pass the secret of a control port from ``orinkit serve rc8`` to ``orinkit pendant`` in a file that only its owner can read.
+"""Pass the secret of a control port from ``orinkit serve rc8`` to ``orinkit pendant`` in a file.
 
-By default the file is named after the port and is in the runtime directory of the account, where commands of the same
-account look for it.
+Only the owner of the file can read it. By default, the file is named after the port and is in the runtime directory of
+the account, where commands of the same account look for it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
 
 OPTION: Final = "--control-secret-file"
-_LONGEST: Final = 4096  # bytes of a secret file
+_LONGEST: Final = 4096  # maximum number of bytes that are read from a secret file
 
 
 def read_secret(path: str) -> str:
@@ -85,7 +85,7 @@ def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[N
         yield
     finally:
         with suppress(OSError, ValueError):
-            if file.read_text(encoding="ascii").strip() == secret:  # a newer server may have replaced it
+            if file.read_text(encoding="ascii").strip() == secret:  # a newer server may have replaced the secret
                 file.unlink()
 
 
@@ -106,7 +106,7 @@ def _runtime_directory() -> Path:
     """Return a directory that only this account can access; create it if needed.
 
     Raises:
-        CommandError: If it cannot be created, or other accounts can access it.
+        CommandError: If the directory cannot be created, or other accounts can access it.
     """
     directory = _candidates()[0]
     try:
@@ -134,7 +134,7 @@ def _cannot(path: str, reason: str) -> CommandError:
 
 
 def _is_ours(directory: Path) -> bool:
-    """Return True if it is a directory, not a link to one, that only this account can access."""
+    """Return True if the path is a directory, not a link to one, and only this account can access it."""
     try:
         found = directory.lstat()
     except OSError:
@@ -143,7 +143,7 @@ def _is_ours(directory: Path) -> bool:
 
 
 def _replace(file: Path, secret: str) -> None:
-    """Write a file atomically, replacing one that a former server on the same port may have left."""
+    """Write a file atomically; a file that an earlier server on the same port has left is replaced."""
     beside = file.with_name(f".{file.name}-{secrets.token_hex(8)}")
     try:
         _write(beside, secret)

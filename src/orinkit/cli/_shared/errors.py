@@ -29,7 +29,7 @@ def unusable(text: str) -> CommandError:
 
 
 def usage_text(error: cyclopts.CycloptsError) -> str:
-    """Return what is wrong with a command line, with a reference to the help page."""
+    """Return the description of an error in a command line, with a reference to the help page."""
     command = " ".join(("orinkit", *(error.command_chain or ())))
     return _reason(error) + tr(" (see {command} --help)", command=command)
 

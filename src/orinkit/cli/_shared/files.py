@@ -9,14 +9,14 @@ from typing import Final
 from orinkit.cli._shared.errors import CommandError, unusable
 from orinkit.core.i18n import tr
 
-_LONGEST: Final = 65536  # bytes of a token file
+_LONGEST: Final = 65536  # maximum number of bytes that are read from a token file
 
 
 def read(option: str, path: str) -> bytes:
     """Return the content of a file.
 
     Raises:
-        CommandError: If it cannot be read; the message names the option.
+        CommandError: If the file cannot be read; the message contains the option.
     """
     try:
         return Path(path).read_bytes()
@@ -25,7 +25,7 @@ def read(option: str, path: str) -> bytes:
 
 
 def is_private(path: str | Path) -> bool:
-    """Return True if only this account can access a file or directory; always on systems without file modes."""
+    """Return True if only this account can access a file or directory; always True on systems without file modes."""
     if not hasattr(os, "getuid"):
         return True
     found = Path(path).stat()

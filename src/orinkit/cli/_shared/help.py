@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cyclopts.help.formatters import DefaultFormatter
     from rich.console import Console, ConsoleOptions
 
-_NO_DEFAULT: Final = ("False", "()")  # an unset flag and an empty list are not worth showing
+_NO_DEFAULT: Final = ("False", "()")  # defaults that are not shown: an unset flag and an empty list
 
 
 class HelpFormatter:
@@ -47,7 +47,7 @@ def _formatter() -> DefaultFormatter:
 
 
 def _translated(entry: HelpEntry) -> HelpEntry:
-    """Append "required" or "default" to the description: cyclopts has them in English only."""
+    """Append "required" or "default" to the description in Japanese, because cyclopts has them in English only."""
     if entry.required:
         note = tr("[required]")
     elif entry.default:

@@ -12,18 +12,18 @@ _POLL: Final = 0.02  # s
 
 
 def termination_signals() -> list[signal.Signals]:
-    """Return the signals that end a program, except those that nohup makes it ignore."""
+    """Return the signals that end a program, except those that are ignored because of nohup."""
     known = [getattr(signal.Signals, name) for name in _NAMES if hasattr(signal, name)]
     return [each for each in known if each == signal.SIGINT or signal.getsignal(each) != signal.SIG_IGN]
 
 
 class Interrupts:
-    """Records the first signal that would end the program; the second one raises KeyboardInterrupt at once.
+    """Records the first signal that would end the program; the second one raises KeyboardInterrupt immediately.
 
-    Signals that nohup makes the program ignore stay ignored.
+    Signals that are ignored because of nohup remain ignored.
 
     Attributes:
-        resting: True while motors are being stopped, for a few seconds at most; signals do not interrupt that.
+        resting: True while motors are being stopped, for a few seconds at most; signals do not interrupt the stop.
     """
 
     def __init__(self) -> None:

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def draw(recording: MotionRecording, figure: Figure, label: Translate = tr) -> None:
-    """Draw a recording: three diagrams, one above the other, with a line for each joint; all but the first are dashed.
+    """Draw a recording: three diagrams, one above the other, with a line for each joint.
+
+    In each diagram, all lines except the first one are dashed.
 
     Args:
         recording: The motion.

@@ -1,7 +1,7 @@
 """Recorded motions: read from the control log of the controller, written to and read from CSV files.
 
-The file has a row for every 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees (mm
-for linear joints).
+The file has a row for every 8 ms: ``time_s``, then ``J1_command``, ``J2_command`` ... and ``J1_encoder`` ... in degrees
+(mm for linear joints).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ PERIOD: Final = 0.008
 """Seconds between two records (RC8 4.1)."""
 
 _AXES: Final = 8
-_ALWAYS: Final = 6  # joints that are recorded even if they stay at 0
-_COLUMNS: Final = 4  # of a joint in a record: command, encoder, current, load
+_ALWAYS: Final = 6  # number of joints that are recorded even if they stay at 0
+_COLUMNS: Final = 4  # values of each joint in a record: command, encoder, current, load
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class MotionRecording:
 
 
 class ControlLogRecorder:
-    """Records a motion on the controller, and writes it to a file when the block ends, even with an error.
+    """Records a motion on the controller, and writes it to a file at the end of the block, even after an exception.
 
     Args:
         robot: The robot that moves.
@@ -81,7 +81,7 @@ class ControlLogRecorder:
         self._running = self._started = True
 
     def stop(self) -> None:
-        """Stop recording; the second call has no effect."""
+        """Stop recording; further calls have no effect."""
         if self._running:
             self._running = False
             self._robot.execute("StopLog")
@@ -99,7 +99,7 @@ def check_directory(path: Path) -> None:
     """Check, before anything moves, that the directory of a file exists.
 
     Raises:
-        CommandError: If it does not exist.
+        CommandError: If the directory does not exist.
     """
     if not path.parent.is_dir():
         raise unusable(tr("the directory {path} does not exist", path=path.parent))

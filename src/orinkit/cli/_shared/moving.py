@@ -15,7 +15,7 @@ from orinkit.core.i18n import tr
 from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P
 
-_SETTLING: Final = 2.0  # s that the encoders may lag behind the command
+_SETTLING: Final = 2.0  # maximum time in s by which the encoders may lag behind the command
 
 
 def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts, bar: ProgressBar) -> None:
@@ -23,9 +23,9 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
 
     Args:
         robot: The robot that moves.
-        motion: Its motion.
-        interrupts: Checked for signals meanwhile.
-        bar: Shows the joints.
+        motion: The motion of this robot.
+        interrupts: Signals, which are checked during the motion.
+        bar: Bar that shows the progress and the joints.
 
     Raises:
         KeyboardInterrupt: If a signal has arrived.
@@ -78,7 +78,7 @@ class ProgressBar:
     """Progress bars for operations that take a while; nothing is shown if the output is not a terminal.
 
     Args:
-        on_stderr: Show them on stderr instead of stdout.
+        on_stderr: True to show the bars on stderr instead of stdout.
 
     Attributes:
         seen: True if the output is a terminal.
@@ -131,5 +131,5 @@ def without_unused(joints: J) -> J:
 
 
 def rounded(pose: J | P, digits: int = 3) -> J | P:
-    """Return a pose with rounded values, for people."""
+    """Return a pose with rounded values, for display."""
     return pose.of(round(value, digits) + 0.0 for value in pose)

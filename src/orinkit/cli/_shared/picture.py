@@ -1,6 +1,6 @@
 """Save pictures to files and show them in a window.
 
-Labels are in the current language; in English if no installed font has Japanese.
+Labels are in the current language, or in English if no installed font supports Japanese.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def check_format(path: Path) -> None:
     """Refuse a file name without the extension of a picture format.
 
     Raises:
-        CommandError: If it does not end in one of :data:`FORMATS`.
+        CommandError: If the name does not end in one of :data:`FORMATS`.
     """
     if path.suffix.lower().removeprefix(".") not in FORMATS:
         formats = ", ".join(f".{name}" for name in FORMATS)
@@ -59,7 +59,7 @@ def save(drawing: Drawing, path: Path) -> None:
     """Write a picture.
 
     Args:
-        drawing: Draws its content.
+        drawing: Function that draws the picture.
         path: File to write; the extension selects the format.
 
     Raises:
@@ -97,7 +97,7 @@ def show(drawing: Drawing) -> None:
 
 
 def _with_font(paint: Callable[[Translate], None]) -> None:
-    """Paint in the current language; in English if no font has Japanese."""
+    """Paint in the current language, or in English if no font supports Japanese."""
     import matplotlib as mpl
     from matplotlib.font_manager import fontManager
 

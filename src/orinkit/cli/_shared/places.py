@@ -35,7 +35,7 @@ class ListenTransport(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of its field in :class:`ListenAddresses`."""
+        """The name of the field for this transport in :class:`ListenAddresses`."""
         return self.scheme.replace("-", "_")
 
     def url(self, place: str, *, secure: bool) -> str:
@@ -46,8 +46,8 @@ class ListenTransport(NamedTuple):
             secure: True if the server has a certificate.
 
         Raises:
-            CommandError: If it is an address of another transport.
-            InvalidAddress: If it is not a valid address.
+            CommandError: If the value is an address of another transport.
+            InvalidAddress: If the value is not a valid address.
         """
         scheme = self.option.secure if secure and self.option.secure else self.scheme
         begins = tuple(f"{each}:" for each in (scheme, *aliases()))
@@ -76,7 +76,7 @@ def _offers() -> Iterator[ListenTransport]:
     for scheme, entry in entries().items():
         if scheme not in taken and scheme.replace("-", "_").isidentifier():
             text = tr("Address to listen on over {scheme} (from {place}); may be repeated.", scheme=scheme, place=entry.value)  # fmt: skip
-            yield ListenTransport(scheme, text, ServeOption(text))  # its package is imported on first use
+            yield ListenTransport(scheme, text, ServeOption(text))  # the transport's package is imported on first use
 
 
 OFFERS: Final = tuple(_offers())
@@ -84,7 +84,7 @@ OFFERS: Final = tuple(_offers())
 
 @dataclass(frozen=True)
 class ListenAddresses:
-    """The values of the options; :func:`places_class` adds a field for each."""
+    """The values of the options; :func:`places_class` adds a field for each option."""
 
     def values_of(self, offer: ListenTransport) -> tuple[str, ...]:
         """Return the values of an option; ``("",)`` for a flag that is set."""

@@ -104,13 +104,13 @@ def check(listening: ServerOptions) -> None:
 
 @dataclass(frozen=True, slots=True)
 class PendantListener:
-    """A second listener, for this machine only.
+    """A second listener, for ``orinkit pendant`` on this machine only.
 
     Attributes:
         provider: The provider to serve.
-        url: Its address, checked by :func:`check_control`.
-        offered: Returns, for a port, a context manager that makes the secret available to commands of the same account,
-            and yields the lines to print about it.
+        url: Address of the listener, checked by :func:`check_control`.
+        offered: Function that returns a context manager for a port. The context manager makes the secret available to
+            commands of the same account, and yields the lines to print about the secret.
     """
 
     provider: Provider
@@ -122,8 +122,8 @@ def check_control(url: str) -> None:
     """Refuse a control port that other machines could reach, because it gives access to every button.
 
     Raises:
-        CommandError: If its host is not a loopback address.
-        InvalidAddress: If it is not a valid address.
+        CommandError: If the URL is not a TCP address of a loopback interface.
+        InvalidAddress: If the URL is not a valid address.
     """
     address = parse_address(url)
     if not isinstance(address, Address) or address.scheme != "tcp" or not is_loopback(address.host):
@@ -136,8 +136,8 @@ def check_control(url: str) -> None:
 
 
 def begin_log(listening: ServerOptions) -> None:
-    """Send the log to stderr; :func:`run` does so too, so only commands that log earlier need this."""
-    if not listening.verbose:  # it logs every request of a gateway
+    """Send the log to stderr. :func:`run` does the same, so only commands that log before it need this function."""
+    if not listening.verbose:  # httpx2 logs every request of a gateway
         logging.getLogger("httpx2").setLevel(logging.WARNING)
     logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)
 
@@ -200,7 +200,7 @@ async def _serve(
 
 @contextmanager
 def _set_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set the event on SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
+    """Set the event on SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process immediately."""
     loop = asyncio.get_running_loop()
 
     def handle(number: int, _frame: object) -> None:

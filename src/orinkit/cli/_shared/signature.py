@@ -10,7 +10,7 @@ from orinkit.values.variant import VarType, type_name
 
 
 def signature(function: Function[..., Any]) -> str:
-    """Return ``Robot_Move(handle, interpolation: VT_I4, pose: VARIANT, option: VT_BSTR = "")``."""
+    """Return the signature: ``Robot_Move(handle, interpolation: VT_I4, pose: VARIANT, option: VT_BSTR = "")``."""
     arguments = ", ".join(map(_argument, function.arguments))
     return f"{function.name}({arguments}){f' -> {result(function)}' if function.result else ''}"
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _WIDTH: Final = 9.0  # inch
 _HEIGHT: Final = 2.2  # inch, of a diagram
-_MARGIN: Final = 1.2  # inch, above and below them
+_MARGIN: Final = 1.2  # inch, in total above and below the diagrams
 
 
 def draw(trace: StreamTrace, figure: Figure, label: Translate = tr) -> None:

@@ -12,7 +12,7 @@ from orinkit.streaming.process.realtime import RealTime
 
 _BAR: Final = 30  # columns of the longest bar of the histogram
 _BARS: Final = 12
-_WIDTH: Final = 0.001  # s of a class of the histogram
+_WIDTH: Final = 0.001  # width of a class of the histogram in s
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,10 @@ class StreamReport:
 
 
 def histogram(timing: Timing) -> list[str]:
-    """Return a histogram of the gaps, a line per millisecond that occurs; of at most 12 lines, the last covers the rest."""
+    """Return a histogram of the gaps: a line for each millisecond that occurs.
+
+    There are at most 12 lines. If more milliseconds occur, the last line covers all further ones.
+    """
     counts = timing.histogram(_WIDTH)
     places = sorted(counts)
     bars = [(f"{place}-{place + 1} ms", counts[place]) for place in places[:_BARS]]

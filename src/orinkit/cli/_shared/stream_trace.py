@@ -56,7 +56,7 @@ class StreamTrace:
         return "mm" if name in ("X", "Y", "Z") else ""
 
     def deviations(self, place: int) -> list[float]:
-        """Return actual minus command for each time; for rotations the smaller of the two possible angles."""
+        """Return actual minus command for each time; for rotations, the smaller of the two possible angles."""
         off = [actual[place] - command[place] for command, actual in zip(self.command, self.actual, strict=True)]
         if self.names[place] in _ROTATIONS:
             return [(value + _TURN / 2) % _TURN - _TURN / 2 for value in off]
@@ -189,7 +189,10 @@ def _messages(file: IO[bytes]) -> tuple[list[_TraceRow], PoseKind, float]:
 
 
 def _until_cut(file: IO[bytes]) -> Iterator[tuple[str, bytes]]:
-    """Yield topic and content of the messages of an MCAP file; a truncated file (its writer was killed) ends early."""
+    """Yield topic and content of the messages of an MCAP file.
+
+    If the file is truncated because its writer was killed, only the complete messages are yielded.
+    """
     require(tr("reading MCAP"), "log", "mcap")
     from mcap.exceptions import EndOfFile
     from mcap.reader import NonSeekingReader

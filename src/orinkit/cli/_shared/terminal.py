@@ -1,7 +1,7 @@
 """Protects the terminal from control characters in texts of a controller: they are shown as visible escapes.
 
-If stdout or stderr is a terminal, :func:`screened` replaces it by a :class:`Screen`, through which commands print. Pipes
-and files receive every character unchanged.
+If stdout or stderr is a terminal, :func:`screened` replaces it by a :class:`Screen`, through which commands print.
+Pipes and files receive every character unchanged.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Screen(io.TextIOBase):
         terminal: The stream to write to.
 
     Attributes:
-        rich_proxied_file: The terminal itself; the package rich writes to it directly, because it moves the cursor.
+        rich_proxied_file: The terminal itself. The package rich writes to it directly, because rich moves the cursor.
     """
 
     def __init__(self, terminal: TextIO) -> None:
@@ -46,11 +46,11 @@ class Screen(io.TextIOBase):
         return self.rich_proxied_file.errors
 
     def writable(self) -> bool:
-        """Return True: it can be written to."""
+        """Return True: the terminal can be written to."""
         return True
 
     def isatty(self) -> bool:
-        """Return True: it is a terminal."""
+        """Return True, because this is a terminal."""
         return True
 
     def fileno(self) -> int:
@@ -82,7 +82,7 @@ def screened() -> Iterator[None]:
 
 
 def _screen(stream: TextIO) -> TextIO:
-    given: TextIO | None = stream  # None if the shell has closed it (>&-)
+    given: TextIO | None = stream  # None if the shell has closed the stream (>&-)
     if given is None or isinstance(stream, Screen) or not stream.isatty():
         return stream
     return cast("TextIO", Screen(stream))
@@ -96,7 +96,10 @@ def bold(line: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text with its line ends escaped, so that it cannot look like two results; unchanged if not on a terminal."""
+    """Return a text with its line ends escaped, so that it cannot look like two results.
+
+    If stdout is not a terminal, the text is unchanged.
+    """
     return visible(text, "\t") if isinstance(sys.stdout, Screen) else text
 
 

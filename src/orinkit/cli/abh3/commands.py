@@ -40,7 +40,7 @@ def monitor(
     frames: FrameOptions = _FRAMES,
     bus: BusOptions = _BUS,
 ) -> int:  # fmt: skip
-    """Show and decode the frames on a bus. Only listens, never sends. Press Ctrl-C to end."""
+    """Show and decode the frames on a bus until Ctrl-C is pressed. The command only listens and never sends."""
     address = bus.address(url)
     decoder = frames.decoder()
     for option, number in (("--count", count), ("--seconds", seconds)):

@@ -115,7 +115,7 @@ class DrivePlan:
         ay: Command of A/Y in min^-1, or in % of the rated current.
         bx: Command of B/X in min^-1, or in % of the rated current.
         torque: True if the commands are currents.
-        vehicle: Determines the commands instead of ``ay`` and ``bx``; or ``None``.
+        vehicle: Vehicle whose velocities determine the commands, instead of ``ay`` and ``bx``; otherwise ``None``.
         seconds: Duration in s.
         period: Time between commands in s.
         reset: True to reset errors first.
@@ -150,7 +150,7 @@ class DrivePlan:
                     period=self.period,
                 ),
             )
-        self.commands(travel_model=True)  # if Y and X are out of range, so are A and B
+        self.commands(travel_model=True)  # if the commands of Y and X are out of range, those of A and B are, too
 
     @property
     def quantity(self) -> Quantity:
@@ -220,9 +220,10 @@ def drive(
     options: DriverOptions = _OPTIONS,
     bus: BusOptions = _BUS,
 ) -> int:  # fmt: skip
-    """Run the motors of an ABH3: reset errors, servo on, start, commands; in any case, finally stop and switch the servo off.
+    """Run the motors of an ABH3: reset errors, switch the servo on, start, and send commands.
 
-    Ctrl-C and SIGTERM end it early. Print the feedback of the driver after each command.
+    At the end, even after an error, stop the motors and switch the servo off. Ctrl-C and SIGTERM end the motion early.
+    Print the feedback of the driver after each command.
     """
     _check_together(ay, bx, vehicle, torque=torque)
     plan = DrivePlan(
@@ -241,7 +242,7 @@ def drive(
     from orinkit.abh3.api.names import connect
 
     with (
-        FeedbackDisplay(as_json=json) as shown,  # outermost: may wait for its reader after the motors have stopped
+        FeedbackDisplay(as_json=json) as shown,  # outermost: it waits for its reader after the motors have stopped
         Interrupts() as interrupts,
         connect(
             str(address), address=options.address, host=options.host, group=options.group, dialect=options.dialect,

@@ -51,7 +51,7 @@ class FrameRow:
 
 
 class FrameRows:
-    """All rows; at most 200: a further one replaces the row whose latest frame is oldest.
+    """All rows, at most 200; a further row replaces the one whose latest frame is oldest.
 
     Args:
         clock: Returns a monotonic time in s.

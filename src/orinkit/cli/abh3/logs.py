@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 _OF_CANDUMP: Final = ("", ".log", ".txt", ".candump")
 _LONGEST_LINE: Final = 4096
 _SHOWN: Final = 60
-_EXTENDED: Final = 8  # hex digits; a standard identifier has 3
-# candump -L: (time) can0 00EF0201#B6FF0000DBFFDBFF; otherwise (time) can0  00EF0201   [8]  B6 FF ...; time and name are optional
+_EXTENDED: Final = 8  # hex digits of an extended identifier; a standard identifier has 3
+# candump -L prints (time) can0 00EF0201#B6FF0000DBFFDBFF, candump alone prints (time) can0  00EF0201   [8]  B6 FF ...;
+# the time and the name of the bus are optional
 _LINE: Final = re.compile(
     r"""\s*(?:\((?P<time>[^()]*)\)\s+)?
     (?:(?![0-9A-Fa-f]+(?:\#|\s+\[))(?P<bus>\S+)\s+)?(?:[RT]X\s+\S\s+\S\s+)?
@@ -31,14 +32,14 @@ _LINE: Final = re.compile(
       |\s+\[\s*(?P<length>\d+)\](?P<spaced>(?:\s+[0-9A-Fa-f]{2}(?!\S))*)(?P<rest>.*))\s*""",
     re.VERBOSE | re.DOTALL,
 )
-# Timestamp: 123.400000    ID: 00ef0102    X Rx                DL:  8    00 00 ...    Channel: can0
+# can.logger prints Timestamp: 123.400000    ID: 00ef0102    X Rx                DL:  8    00 00 ...    Channel: can0
 _OF_LOGGER: Final = re.compile(
     r"""\s*Timestamp:\s*(?P<time>\S+)\s+ID:\s*(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})
     \s+[SX]\s+[RT]x(?P<kind>(?:\s+(?:E|R|F|BS|EI))*)
     \s+DL:\s*(?P<length>\d+)(?P<data>(?:\s+[0-9A-Fa-f]{2}(?!\S))*)(?:\s.*)?""",
     re.VERBOSE | re.DOTALL,
 )
-_HEAD: Final = ("Connected to ", "Can Logger (Started on ")  # first lines of can.logger
+_HEAD: Final = ("Connected to ", "Can Logger (Started on ")  # beginnings of the first lines of can.logger
 
 
 class FrameLog:
@@ -52,8 +53,8 @@ class FrameLog:
         wrong: Number of lines that are not frames.
         first_wrong: Number (from 1) and text of the first such line.
 
-    Iteration raises CommandError if the file cannot be read, and MissingExtra if that requires python-can, which is not
-    installed.
+    Iteration raises CommandError if the file cannot be read, and MissingExtra if python-can is required to read the
+    file and is not installed.
     """
 
     def __init__(self, name: str) -> None:
@@ -122,7 +123,7 @@ class FrameLog:
                 yield frame
 
     def _line(self, file: TextIO) -> str:
-        """Read a line. Errors are caught here only, so as not to catch those of the code that handles the frames."""
+        """Read a line. Only errors of reading are caught, not those of the code that processes the frames."""
         try:
             return file.readline(_LONGEST_LINE)
         except (OSError, ValueError) as error:
@@ -205,10 +206,12 @@ def _counted(spaced: str, length: str) -> bytes | None:
 
 
 def _time(text: str | None) -> float:
-    """Return a time of candump in s: as printed, or for a date and time since 1970; 0 if it is missing.
+    """Return a time of candump in s; 0 if the time is missing.
+
+    A number is returned unchanged. A date and time are converted to seconds since 1970.
 
     Raises:
-        ValueError: If it is not a valid time.
+        ValueError: If the text is not a valid time.
     """
     if text is None:
         return 0.0

@@ -1,8 +1,9 @@
 """``orinkit call``: call any function.
 
-The command first connects and calls Service_Start and Controller_Connect, so ARGS never begin with a handle: the command
-inserts that of the controller, or of the object named by an option. Handles are valid for one connection only, so a user
-cannot know any other; ``--handle`` sends one nevertheless, to test the reaction of a controller.
+The command first connects and calls Service_Start and Controller_Connect. It inserts the handle of the controller, or
+of the object that an option names, so ARGS do not contain a handle. Handles are valid for one connection only, so the
+user cannot have a valid one. The option ``--handle`` sends any number as the handle, to test the reaction of a
+controller.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ from orinkit.values.variant import Variant, VarType
 
 _CONNECTION: Final = ConnectionOptions()
 _OWNING: Final = OwnerOptions()
-_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # a return code in its usual spelling; a negative VT_I4
+_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # an error code in hex, which is sent as a negative VT_I4
 
 
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
 class ObjectOptions:
-    """The object that a function applies to, in addition to those that own variables."""
+    """Options for the object that a function applies to, in addition to :class:`OwnerOptions`."""
 
     variable: Annotated[
         str | None,
@@ -97,7 +98,7 @@ _APPLY: Final[dict[str, tuple[str, ...]]] = {
 
 
 def _check_options(entry: Function[..., Any], owning: OwnerOptions, other: ObjectOptions) -> None:
-    """Refuse an option for an object that the function does not apply to, instead of ignoring it silently."""
+    """Refuse an option for an object that the function does not apply to, instead of ignoring the option silently."""
     apply = _APPLY.get(entry.interface, ())
     for options in (owning, other):
         for option, value in vars(options).items():
@@ -187,11 +188,11 @@ def read_arguments(
 
     Args:
         entry: The function.
-        arguments: Its arguments, or those after the handle.
+        arguments: The arguments of the function that are given as words, which do not include a handle.
         texts: The words.
 
     Raises:
-        CommandError: If there are too many or too few words, or one does not have the type of its argument.
+        CommandError: If there are too many or too few words, or a word does not have the type of its argument.
         NotationError: If a word is invalid VARIANT notation.
     """
     required = sum(not argument.optional for argument in arguments)

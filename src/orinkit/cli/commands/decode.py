@@ -74,7 +74,11 @@ def read_hex(text: str) -> bytes:
 
 
 def _without_dump(line: str, count: int) -> str:
-    """Return a line of a hex dump without its offset, which must equal the bytes so far, and without its text column."""
+    """Return a line of a hex dump without its offset and its text column.
+
+    A number at the beginning is an offset only if it equals ``count``, the number of bytes so far. Otherwise, the line
+    is returned unchanged.
+    """
     offset = _OFFSET.match(line)
     if offset is None or int(offset[1], 16) != count:
         return line

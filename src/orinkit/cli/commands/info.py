@@ -18,7 +18,7 @@ _SHOWN_NAMES: Final = 12
 
 
 def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json = False) -> None:
-    """Print type, version, mode, errors, counts and names; omit what a controller does not report."""
+    """Print type, version, mode, errors, counts and names; omit those that the controller does not report."""
     from orinkit.cli._shared.output import plain, print_json
 
     with connection.opened(url) as controller:
@@ -75,7 +75,7 @@ def _ask(question: Callable[[orinkit.Controller], Any], controller: orinkit.Cont
     """Return the value of a fact; ``None`` if the controller does not report it."""
     try:
         return question(controller)
-    except (CallError, ProtocolError):  # it refuses, or the reply has an unexpected form
+    except (CallError, ProtocolError):  # the controller refuses, or its reply has an unexpected form
         return None
 
 

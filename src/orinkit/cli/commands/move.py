@@ -62,9 +62,9 @@ def move(
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Take the arm, switch the motor on if it is off, move, and finally restore motor and arm.
+    """Take the arm, switch the motor on if it is off, move, and finally restore the states of the motor and the arm.
 
-    Print the final joint position and pose. Ctrl-C halts the arm, then restores motor and arm too.
+    Print the final joint position and pose. Ctrl-C halts the arm; the states are then restored, too.
     """
     from orinkit.cli._shared.motion_record import ControlLogRecorder
 

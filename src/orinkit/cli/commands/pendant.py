@@ -26,7 +26,7 @@ def read_mode(word: str) -> int:
     """Return the number of a mode from its name.
 
     Raises:
-        CommandError: If it is not the name of a mode.
+        CommandError: If the word is not the name of a mode.
     """
     mode = MODES.get(word.strip().lower())
     if mode is None:
@@ -43,8 +43,8 @@ class PendantAction:
     Attributes:
         command: Command of the control port.
         values: The arguments of the action, for people.
-        read: Returns the parameter of the command from the arguments; raises CommandError.
-        shows: Items of the status that are shown afterwards; all if empty.
+        read: Function that returns the parameter of the command from the arguments, or raises CommandError.
+        shows: Items of the status that are shown afterwards; if empty, all items are shown.
         waits: True if the action supports ``--wait``.
     """
 

@@ -138,10 +138,10 @@ def serve_abh3(
     bus: BusOptions = _BUS,
     listening: CaoListenOptions = _ADMITTING,
 ) -> int:  # fmt: skip
-    """Serve virtual ABH3 drivers on a CAN bus; print "ready URL" for it. Stop on SIGINT, SIGTERM or SIGHUP.
+    """Serve virtual ABH3 drivers on a CAN bus; print "ready URL" for the bus. Stop on SIGINT, SIGTERM or SIGHUP.
 
-    With an address such as --tcp HOST:PORT, also serve CaoProv.Waco.ABH3 on this bus to CAO clients, and print "ready URL"
-    for each listener.
+    With an address such as --tcp HOST:PORT, also serve the provider CaoProv.Waco.ABH3 for this bus to CAO clients, and
+    print "ready URL" for each listener.
     """
     served = any(listening.at.given())
     check(listening)
@@ -190,7 +190,10 @@ def _only_here() -> str:
 
 @contextmanager
 def _wait_for_signals() -> Iterator[Callable[[], None]]:
-    """Yield a function that waits for SIGINT, SIGTERM or SIGHUP; the same signal a second time ends the process at once."""
+    """Yield a function that waits for SIGINT, SIGTERM or SIGHUP.
+
+    The same signal a second time ends the process immediately.
+    """
     received: list[int] = []  # not a threading.Event: set() in a handler would deadlock while wait() holds its lock
 
     def handle(number: int, _frame: object) -> None:
@@ -226,10 +229,10 @@ def _drivers(addresses: tuple[int, ...], settings: dict[str, Any], time_scale: f
 
 
 def _period(milliseconds: int) -> int:
-    """Return the period of single packets after checking it: 0 and -1 have other meanings for a driver.
+    """Return the period of single packets in ms after checking it, because 0 and -1 have other meanings for a driver.
 
     Raises:
-        CommandError: If it is less than 1.
+        CommandError: If the period is less than 1 ms.
     """
     if milliseconds < 1:
         raise unusable(
@@ -239,7 +242,7 @@ def _period(milliseconds: int) -> int:
 
 
 def _modes(given: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the period of each broadcast in ms; 0 for on request only.
+    """Return the period of each broadcast in ms; 0 if it is sent on request only.
 
     Raises:
         CommandError: If a text does not have the form N=MS.

@@ -52,7 +52,7 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
                 providers.append(provider)
         except LoadFailed as error:
             raise CommandError(str(error), 2) from error
-        except ValueError as error:  # it has another dialect
+        except ValueError as error:  # the provider has another dialect
             raise CommandError(f"{target}: {error}", 2) from error
     return providers
 

@@ -207,7 +207,7 @@ def serve_rc8(
 
 
 def _read_control(url: str | None, path: str | None) -> str:
-    """Return the secret of the control port if its file exists, else ``""``.
+    """Return the secret of the control port if its file exists, otherwise ``""``.
 
     Raises:
         CommandError: If the port is not allowed, or the file cannot be used.
@@ -228,7 +228,7 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
 
     @contextmanager
     def offered(port: int) -> Iterator[Sequence[str]]:
-        if secret:  # from a file of the user, who knows it
+        if secret:  # from a file of the user, so it need not be printed or stored
             yield ()
         else:
             with stored_secret(provider.secret, port, path):
@@ -256,7 +256,7 @@ def read_joints(text: str) -> tuple[float, ...]:
     """Return the joint position from ``J(0, 30, 90, 0, 60, 0)`` or from the numbers alone.
 
     Raises:
-        CommandError: If the text is neither.
+        CommandError: If the text has neither of these forms.
     """
     try:
         if text.strip()[:1] not in ("J", "j"):

@@ -48,8 +48,8 @@ def demo(
 ) -> None:  # fmt: skip
     """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the document against them.
 
-    With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of its document. Every
-    reply is compared with the document; the exit code is 1 if one differs.
+    With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of its document.
+    Every reply is compared with the document; the exit code is 1 if one differs.
     """
     from orinkit.cli._shared.output import print_json
 
@@ -194,7 +194,7 @@ class StepOutcome:
 
 
 class MotionDisplay:
-    """Shows and records the joint position, read over a second connection, while a call on the first one is executing."""
+    """Shows and records the joint position during a call; a second connection reads the position."""
 
     def __init__(self, url: str, say: Callable[[str], None], recording: DemoRecording | None) -> None:
         self._url = url
@@ -301,7 +301,7 @@ class DemoRun:
 
 
 def compare(packets: list[TracedPacket], step: DemoStep) -> str:
-    """Return the difference from the document, ``""`` if there is none; S_EXECUTING may precede the reply (RC8 3.1.1)."""
+    """Return the difference from the document, or ``""``. S_EXECUTING may precede the reply (RC8 3.1.1)."""
     from orinkit.bcap import packet
     from orinkit.core import hresult
 

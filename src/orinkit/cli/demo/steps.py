@@ -72,7 +72,7 @@ class StreamStep:
     Attributes:
         text: Description in English, a message of the catalogue.
         section: Section of the document.
-        controller, robot: Their handles.
+        controller, robot: Handles of the controller and of the robot.
         start: Initial joint position, the result of an earlier step.
         mode: Slave mode: 0, 1 or 2.
         points: Returns the set-points (joints) for an initial joint position.
@@ -283,7 +283,10 @@ _TIMES: Final = 3
 
 
 def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
-    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times; the last set-point is repeated, to stop."""
+    """Return the set-points of List 4-1: joints 1 and 2 go up and down three times.
+
+    The last set-point is repeated, so that the arm stops.
+    """
     points = []
     for number in [*range(_PERIOD + 1)] * _TIMES:
         sway = _AMPLITUDE - _AMPLITUDE * math.cos(2 * math.pi * number / _PERIOD)
@@ -360,4 +363,4 @@ LISTS: Final[dict[str, DemoProgram]] = {
     "List 3-3": DemoProgram(N_("the robot"), LIST_3_3),
     "List 4-1": DemoProgram(N_("slave mode"), LIST_4_1),
 }
-"""The programs of the RC8 document that the demo runs, by their names there."""
+"""The programs of the RC8 document that the demo runs, by their names in the document."""

@@ -25,7 +25,7 @@ _TOLERANCE: Final = 1.0  # deg, for the encoders at the end, which lag by a few 
 _TRIES: Final = 3
 _SWITCH_OFF_TIMEOUT: Final = 5.0  # s
 _POLL: Final = 0.05  # s
-_LINES: Final = 25  # set-points between two lines
+_LINES: Final = 25  # set-points between two printed lines
 _ANSWERS: Final = (hresult.S_OK, hresult.S_BUF_FULL)
 
 
@@ -81,7 +81,7 @@ def carry_out(
 
 
 def _motor_on(robot: orinkit.Robot) -> None:
-    """Switch the motor on; retry while it is still switching off, which happens once the error has stopped the arm."""
+    """Switch the motor on; retry while the controller is still switching it off because of the error."""
     end = monotonic() + _SWITCH_OFF_TIMEOUT
     while True:
         try:

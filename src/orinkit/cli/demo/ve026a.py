@@ -1,4 +1,4 @@
-"""``orinkit demo ve026a``: run the procedure of VE026A 6.2 over a pseudo-terminal, show every packet, check every reply."""
+"""``orinkit demo ve026a``: run the procedure of VE026A 6.2 over a pseudo-terminal, show packets, and check replies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import orinkit
 
 _URL: Final = "pty://"
-_SHOWN: Final = 3  # calls of slvMove that are shown at the beginning and at the end
+_SHOWN: Final = 3  # number of calls of slvMove that are shown at the beginning, and again at the end
 _CYCLES: Final = 125  # set-points of the wave: 1 s
 _HEIGHT: Final = 5.0  # deg
 _PERIOD: Final = 0.008
@@ -153,7 +153,7 @@ class VE026ADemo:
                     self.say(line)
 
     def _check(self, packets: list[TracedPacket], title: str) -> int:
-        """Check checksum, serial number, reserved field and return code of every reply; return the number of replies."""
+        """Check checksum, serial number, reserved field and return code of each reply; return the number of replies."""
         from orinkit.bcap import packet
         from orinkit.core import hresult
 

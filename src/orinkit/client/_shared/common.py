@@ -423,7 +423,7 @@ class HandleTable:
             self._shared[release.id, handle] += 1
 
     def drop_reference(self, release: Function[[int], None], handle: int) -> bool:
-        """Count one object fewer with this handle; return True if it was the last one, so that the handle is released."""
+        """Count one object fewer with this handle; return True if it was the last one: the handle must be released."""
         with self._lock:
             self._shared[release.id, handle] -= 1
             if self._shared[release.id, handle] > 0:

@@ -80,7 +80,7 @@ class Timing:
         return max(self.gaps, default=0.0)
 
     def histogram(self, width: float = 0.001) -> dict[int, int]:
-        """Return a histogram of the gaps: key n has the number of gaps from n * width to below (n + 1) * width, in s."""
+        """Return a histogram of the gaps: key n counts the gaps from n * width to below (n + 1) * width (in s)."""
         counts: dict[int, int] = {}
         for gap in self.gaps:
             place = int(gap / width)
@@ -206,7 +206,7 @@ class SampleReader:
         shared: Memory shared with the streaming process.
         next: Number of the next sample.
         missed: Number of samples that were overwritten before they were read.
-        period: Cycle time in s. With it, the samples are numbered from ``began_ns``; with 0, from the start of this
+        period: Cycle time in s, for numbering the samples from ``began_ns``; 0 to number them from the start of this
             stream.
         began_ns: Origin of the times in ns: the start of an earlier stream; 0 for the start of this stream.
     """
