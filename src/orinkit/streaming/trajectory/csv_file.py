@@ -47,12 +47,12 @@ _TIMES: Final = (TIME, "time", "t")
 _JOINT: Final = re.compile(r"j([1-8])")
 _KNOWN: Final = {*_TIMES, *map(str.lower, FIELDS["J"]), *FIELDS["P"], *FIELDS["T"]}
 _FEWEST_TIMES: Final = 3
-_FEWEST_JOINTS: Final = 6  # columns of a table without names
+_FEWEST_JOINTS: Final = 6  # smallest number of columns of a table without names
 _MOST_JOINTS: Final = 8
-_UNUSED_JOINT: Final = 7  # a recording omits it if only joint 8 is used
+_UNUSED_JOINT: Final = 7  # a recording omits joint 7 if the only extra axis is joint 8
 _LONGEST_LINE: Final = 100_000  # characters
 _LONGEST_NAME: Final = 200
-_UNEVEN: Final = 0.01  # of a period
+_UNEVEN: Final = 0.01  # permitted deviation of times from equal intervals, as a fraction of the period
 _ROUNDING: Final = 2e-6  # s: times have six decimals
 _LONGEST_PERIOD: Final = 10.0  # s
 _SEPARATORS: Final = ";,\t"
@@ -78,7 +78,7 @@ class CsvTable:
 
     Attributes:
         path: Path of the file.
-        note: The comment read last, as a single cell, with its line number; ``None`` if there was none.
+        note: The comment read last, as a single cell, with its line number; ``None`` if there was no comment.
     """
 
     def __init__(self, path: Path) -> None:
@@ -106,7 +106,7 @@ class CsvTable:
             raise
         except (UnicodeDecodeError, csv.Error) as error:
             raise wrong(self.path, 0, tr("not a CSV file in UTF-8 ({error})", error=error)) from None
-        except (OSError, ValueError) as error:  # a name with a NUL
+        except (OSError, ValueError) as error:  # ValueError: the path contains a NUL character
             reason = error.strerror if isinstance(error, OSError) else error
             raise InvalidValue(tr("cannot read {path}: {reason}", path=_named(self.path), reason=reason)) from None
 
@@ -157,7 +157,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
     The period is ``None`` if the file has no times.
 
     Raises:
-        InvalidValue: If the file cannot be read, or is not a trajectory; the message has its name and the line.
+        InvalidValue: If the file cannot be read, or is not a trajectory; the message contains its name and the line.
     """
     if path.suffix.lower() == ".mcap":
         raise wrong(path, 0, tr("a trajectory must be a CSV file. Try: record as .csv"))  # fmt: skip
@@ -191,7 +191,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
 
 
 def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
-    """Check that the first of more than six unnamed columns is not a time, which would move J1."""
+    """Refuse rows of more than six unnamed columns if the first column looks like a time: it would be used as J1."""
     first = [point[0] for point in points]
     if len(points[0]) <= _FEWEST_JOINTS or len(first) < _FEWEST_TIMES or first[0] != 0.0:
         return
@@ -265,7 +265,7 @@ def wrong(path: Path, line: int, text: str) -> InvalidValue:
 
 
 def _unnamed_layout(table: CsvTable, first: CsvRow) -> _CsvLayout:
-    """Return the layout of rows without a header: that of the comment before them, otherwise joints."""
+    """Return the layout of rows without a header: the layout in the comment before them, otherwise joints."""
     note = table.noted()
     if note is not None and len(note.cells) == len(first.cells):
         layout = _find(table.path, note)

@@ -1,7 +1,7 @@
 """First and second differences of set-points, which a controller checks.
 
-The arm stands at ``start`` before the trajectory, and at the last point after it. Each list has one entry per sample,
-and one more for the change to standstill after the last sample.
+The arm stands at ``start`` before the trajectory, and at the last point afterwards. Each list has one entry per sample,
+and one more entry for the change to standstill after the last sample.
 """
 
 from __future__ import annotations

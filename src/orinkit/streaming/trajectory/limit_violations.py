@@ -41,27 +41,27 @@ def check_period(period: object) -> None:
     """Check a period.
 
     Raises:
-        InvalidValue: If it is not above 0 and at most 10 s.
+        InvalidValue: If the period is not above 0 and at most 10 s.
     """
     check_seconds("period", period, 10.0)
 
 
 RANGE: Final = -1
-"""Rank of a joint out of its range, which is reported before all other limit violations of the same sample."""
+"""Rank of a joint that is out of its range; this is reported before all other limit violations of the same sample."""
 
 _ROUNDING: Final = 1e-9  # deg, mm
 _POSITION_TOLERANCE: Final = 1e-6  # mm
-_ANGLE_TOLERANCE: Final = 1e-4  # deg: vectors with six decimals
+_ANGLE_TOLERANCE: Final = 1e-4  # deg: for orientations given by vectors with six decimals
 _ROBOT_JOINTS: Final = 6
-_SHOWN: Final = 3  # decimals
+_SHOWN: Final = 3  # number of decimals in messages
 
 
 class LimitViolation(NamedTuple):
-    """The first violation of a limit. Of several, the smallest tuple is reported.
+    """The first violation of a limit. If several limits are violated, the smallest of these tuples is reported.
 
     Attributes:
-        sample: Number of the sample, from 0; equal to the number of samples for the stop after the last one.
-        rank: Order of several violations at the same sample.
+        sample: Number of the sample, from 0; for the stop after the last sample, the number of samples.
+        rank: Order in which several violations at the same sample are reported.
         axis: Number of the joint, from 1; 0 for a tool.
         value: The value that exceeds the limit.
     """
@@ -77,7 +77,7 @@ class LimitCheck(NamedTuple):
 
     Attributes:
         rank, axis: As in :class:`LimitViolation`.
-        values: The differences, one per sample and one after the last.
+        values: The differences, one per sample and one after the last sample.
         most: The largest allowed difference.
         limit: The limit in its own unit.
         per: Divisor that converts a difference to that unit.
@@ -95,7 +95,7 @@ class LimitCheck(NamedTuple):
     text: str
 
     def breach(self) -> LimitViolation | None:
-        """Return the first violation of the limit, ``None`` if there is none."""
+        """Return the first violation of the limit; ``None`` if there is none."""
         most = self.most
         if max(self.values) <= most and min(self.values) >= -most:
             return None
@@ -219,7 +219,15 @@ def joints_away(start: Sequence[float], first: Sequence[float]) -> str:
 
 
 def tool_away(start: Sequence[float], first: Sequence[float], distance: float, angle: float, kind: PoseKind) -> str:
-    """Return the same message for a tool, ``distance`` in mm, ``angle`` in degrees."""
+    """Return the message for a tool that is not at the beginning of the trajectory.
+
+    Args:
+        start: Pose of the tool.
+        first: First point of the trajectory.
+        distance: Distance between the two, mm.
+        angle: Angle between the two orientations, deg.
+        kind: Pose type.
+    """
     by = f"{distance:.{_SHOWN}f} mm, {angle:.{_SHOWN}f} deg"
     return tr(
         "the tool is at {here}, but the trajectory begins at {first}; it is off by {by}. Try: move there first",

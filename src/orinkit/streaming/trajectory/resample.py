@@ -13,7 +13,7 @@ from orinkit.streaming.trajectory.spline import Curve
 if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
-_SAME: Final = 1e-4  # of a period: times in files are rounded
+_SAME: Final = 1e-4  # periods with a smaller relative difference are equal, because times in files are rounded
 _ROUNDING: Final = 1e-9
 
 
@@ -21,7 +21,7 @@ def resample(points: Points, from_period: float, to_period: float, kind: PoseKin
     """Return the same motion with another period, by cubic interpolation.
 
     The first and the last set-point are not changed. If the duration is not a multiple of the new period, the motion
-    takes a fraction of a period longer. A longer period does not average samples.
+    takes a fraction of a period longer. If the new period is longer than the old one, samples are not averaged.
 
     Args:
         points: Set-points, as ``read_trajectory`` returns them.

@@ -27,16 +27,17 @@ if TYPE_CHECKING:
 
 _ROUNDS: Final = 20  # the largest number of attempts, each slower than the one before
 _MORE: Final = 0.005  # reduction of the limits in each round, at limit violations
-_LITTLE: Final = 0.002  # the same elsewhere
+_LITTLE: Final = 0.002  # reduction of the limits in each round, everywhere else
 
 
 def retime(
     points: Sequence[Sequence[float]], limits: Limits | PathLimits, period: float, kind: PoseKind = "J"
 ) -> list[tuple[float, ...]]:
-    """Return the fastest trajectory along the same path within the limits, nowhere faster than the given one.
+    """Return the fastest trajectory along the same path within the limits.
 
-    It begins at the first point and ends at the last one, at standstill. A jump between two points becomes a straight
-    motion (of the joints for J, of the tool for P and T). A trajectory within the limits is returned unchanged.
+    It is nowhere faster than the given trajectory. It begins at the first point and ends at the last one, at
+    standstill. A jump between two points becomes a straight motion (of the joints for J, of the tool for P and T). A
+    trajectory within the limits is returned unchanged.
 
     Args:
         points: The trajectory, one point per period.
@@ -79,19 +80,19 @@ class _RetimeProblem(Protocol):
     ranges: Sequence[tuple[float, float]]
 
     def fault(self, points: Points) -> TrajectoryError | None:
-        """Return the error for a limit violation, ``None`` if there is none."""
+        """Return the error for a limit violation; ``None`` if there is none."""
 
     def check_range(self, points: Points) -> None:
-        """Raise TrajectoryError for points out of range, which retiming cannot correct."""
+        """Raise TrajectoryError if a point is out of range, because retiming cannot correct that."""
 
     def constraints(self, curve: Curve) -> CurveConstraints:
         """Return the constraints of the limits on a curve."""
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
-        """Return a point of the curve, clipped to the range, which the curve may leave between samples."""
+        """Return a point of the curve, clipped to the range; between samples, the curve may leave the range."""
 
     def excesses(self, points: Points) -> list[float]:
-        """Return the fraction of the limits that each sample, and the stop after the last one, uses."""
+        """Return the fractions of the limits that the samples use; the last value is for the stop after them."""
 
 
 class _JointProblem:
@@ -182,8 +183,8 @@ def _slow_down(
 ) -> None:
     """Reduce the usable fraction of the limits around each limit violation, and slightly everywhere else.
 
-    The slight reduction, from the second round on, is for samples that are just within the limits and could violate
-    them because others have moved.
+    The slight reduction applies from the second round on. It is for samples that are just within the limits, and could
+    violate them after other samples have moved.
     """
     last = len(allowed) - 1
     places = [0, *samples, last]

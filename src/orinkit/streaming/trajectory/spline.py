@@ -1,8 +1,8 @@
 """A smooth curve through the points of a trajectory: cubic splines over the sample number.
 
-For points of a smooth motion, the curve is the spline with a continuous second derivative. Such a spline overshoots at
-points of other motions: before and after a jump, or at an abrupt stop. There the slopes are limited, so that the curve
-stays between its points: a pause remains a pause, a jump becomes a straight line.
+For points of a smooth motion, the curve is the spline with a continuous second derivative. Such a spline overshoots if
+the motion is not smooth: before and after a jump, or at an abrupt stop. At these points the slopes are limited, so that
+the curve stays between its points: a pause remains a pause, and a jump becomes a straight line.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
 _RATIO: Final = 2.0 - math.sqrt(3.0)  # limit of the elimination factors of the spline's equations
-_SOLVED: Final = 40  # equations after which the factors equal the limit within rounding
+_SOLVED: Final = 40  # number of equations after which the factors equal the limit except for rounding
 _ROUGH: Final = 0.5  # relative difference of neighbouring second differences above which a motion is not smooth
 _STEEPEST: Final = 1.5  # largest slope, as a multiple of the smaller adjacent chord, if the motion is not smooth there
 _HIGHEST: Final = 4.0 / 27.0  # overshoot of a cubic beyond its ends, as a multiple of the slope at an end
@@ -70,7 +70,12 @@ class Curve:
         ]
 
     def at(self, samples: Sequence[int], fractions: Sequence[float]) -> list[tuple[float, ...]]:
-        """Return the poses at places on the curve, each given as a sample and the fraction to the next one, 0 to 1."""
+        """Return the poses at places on the curve.
+
+        Args:
+            samples: Number of the sample before each place.
+            fractions: For each place, the fraction of the interval to the next sample, 0 to 1.
+        """
         columns = []
         for a, b, c, d in self.coordinates:
             columns.append([a[i] + f * (b[i] + f * (c[i] + f * d[i])) for i, f in zip(samples, fractions, strict=True)])
@@ -185,7 +190,7 @@ def _figure_of(column: Sequence[float]) -> float:
 
 
 def _without_flips(turns: list[Quaternion]) -> list[Quaternion]:
-    """Return the same orientations, with the sign of each quaternion chosen so that it is near the one before."""
+    """Return the same orientations; choose the sign of each quaternion so that it is near the previous one."""
     w, x, y, z = turns[0]
     chosen = []
     for turn in turns:

@@ -4,16 +4,17 @@ The algorithm is that of H. Pham and Q.-C. Pham, "A New Approach to Time-Optimal
 Reachability Analysis", IEEE Transactions on Robotics 34(3), 2018.
 
 The path parameter is s, the number of the sample; its rate ds/dt is limited to 1 sample per period. The state is
-z = (ds/dt)^2, the control u = d2s/dt2. All constraints are linear in both: with the derivatives q' and q'' of a
-coordinate, ``|q' u + q'' z| <= acceleration`` and ``q'^2 z <= velocity^2``. The path is divided into cells with
+z = (ds/dt)^2, and the control is u = d2s/dt2. All constraints are linear in z and u: with the derivatives q' and q'' of
+a coordinate, ``|q' u + q'' z| <= acceleration`` and ``q'^2 z <= velocity^2``. The path is divided into cells with
 constant u.
 
 The backward pass, from the end to the start, computes the controllable set at each grid point: the interval of z from
-which some controls keep all following constraints. Only its upper end is needed; Newton's method finds it, instead of a
-linear program. The forward pass, from the start to the end, applies the greatest u that stays in the controllable sets.
+which some controls satisfy all following constraints. Only the upper end of the interval is required. It is computed by
+Newton's method; a linear program is not required. The forward pass, from the start to the end, applies the greatest u
+that stays in the controllable sets.
 
-A second difference of set-points is a mean of accelerations, so the set-points keep every limit that the motion keeps.
-Time is in periods, and accelerations are fractions of their limits.
+A second difference of set-points is a mean of accelerations. Therefore the set-points satisfy every limit that the
+motion satisfies. Time is in periods, and accelerations are fractions of their limits.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _STEEPNESS: Final = 5.0  # cells per root of q'' / q' at an end: q' then changes
 _LOW_CURVATURE: Final = 0.2  # q'' / q' up to which q' hardly changes from sample to sample
 _NOTHING: Final = 1e-12
 _LEAST: Final = 0.01  # lower bound of z, as a fraction of the greatest z at a grid point
-_MAX_NEWTON_STEPS: Final = 30  # a step is exact while the active constraints are the same; two or three are usual
+_MAX_NEWTON_STEPS: Final = 30  # two or three are usual: a step is exact while the active constraints are the same
 _DIRECTIONS: Final = tuple((math.cos(n * math.pi / 6), math.sin(n * math.pi / 6)) for n in range(6))
 _INSCRIBED: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these directions lie within the circle
 
@@ -162,9 +163,9 @@ class SpeedProfile(NamedTuple):
     periods: float
 
     def sampled(self) -> tuple[list[int], list[float]]:
-        """Return the place of the arm after each period, without the first and the last: samples and fractions.
+        """Return the places on the curve after each period, as samples and fractions, without the first and last place.
 
-        The end is reached after a whole number of periods: the motion is slowed down by a fraction of a period.
+        The motion is slowed down by a fraction of a period, so that it ends after a whole number of periods.
         """
         count = math.ceil(self.periods - 1e-6)
         pace = self.periods / count
@@ -181,7 +182,7 @@ class SpeedProfile(NamedTuple):
                 number += 1
                 wanted = number * pace
             began += took
-        missing = count - 1 - len(samples)  # rounding
+        missing = count - 1 - len(samples)  # places at the end that are missing because of rounding
         return samples + [len(self.cells) - 1] * missing, fractions + [1.0] * missing
 
     def _walk(self) -> Iterator[tuple[int, float, float, float, float]]:
@@ -196,7 +197,7 @@ class Cells(NamedTuple):
     """The cells of a curve.
 
     Attributes:
-        free: For each interval between samples, True if the full rate is within the limits.
+        full_rate_allowed: For each interval between samples, True if the full rate is within the limits.
         counts: Number of cells of each interval.
     """
 
@@ -205,7 +206,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(constraints: CurveConstraints) -> Cells:
-    """Divide a curve into cells: a slow interval into about as many cells as it takes periods."""
+    """Divide a curve into cells; an interval that takes n periods is divided into about n cells."""
     free = constraints.full_rate_allowed()
     last = len(free) - 1
     return Cells(
@@ -246,19 +247,19 @@ def _count(constraints: CurveConstraints, interval: int, *, at_end: bool) -> int
     middle, third = constraints.at(interval, 0.5)
     largest = max(*slopes, *[abs(row[0]) for row in middle], _NOTHING)
     periods = math.sqrt(max(bend, 1.0 / min(cap, other, third)))
-    if at_end:  # from or to standstill
+    if at_end:  # the interval begins or ends at standstill
         return min(_MOST_CELLS, math.ceil(max(periods, math.sqrt(2.0 * largest))))
     changes = [max(abs(b[0] - a[0]), abs(c[0] - b[0])) for a, b, c in zip(begin, middle, end, strict=True)]
     part = min(1.0, 4.0 * max(changes, default=0.0) / largest)  # fewer cells if the slopes hardly change
     if min(cap, other) > third:
-        part = max(part, 0.5)  # the velocity limits are active, most in the middle
+        part = max(part, 0.5)  # the velocity limits are active, mainly in the middle of the interval
     steep = _STEEPNESS * math.sqrt(bend / max(min(slopes), _NOTHING)) if bend > _HIGH_CURVATURE else 0.0
     return max(1, min(_MOST_CELLS, math.ceil(max(periods * part, steep))))
 
 
 @lru_cache(maxsize=_MOST_CELLS)
 def _grid(count: int) -> tuple[float, ...]:
-    """Return the grid of an interval, from 0 to 1: cells are short at its ends, where an arm may be at standstill."""
+    """Return the grid of an interval, from 0 to 1. Cells are short at its ends, because the arm may stand there."""
     return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
 
 
@@ -352,11 +353,12 @@ def _cell_constraints(begin: Terms, end: Terms, width: float, part: float, cap: 
 
 
 def _max_controllable(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
-    """Return the greatest controllable z: up to ``cap``, with a u that keeps all limits and leads to a controllable z.
+    """Return the greatest controllable z, at most ``cap``.
 
-    That is ``least <= z + width * u <= following``. ``least`` is slightly above 0: an arm that stops on its way, before
-    a place that must be passed slowly, could not continue. The width of the interval of u is a concave function of z,
-    so Newton's method converges from above to the z at which it is 0, without undershooting.
+    z is controllable if a u exists that is within all limits and leads to a controllable z at the next grid point:
+    ``least <= z + width * u <= following``. ``least`` is slightly above 0, because an arm that stops before a place
+    that must be passed slowly could not continue. The width of the interval of u is a concave function of z. Therefore
+    Newton's method converges from above to the z at which the width is 0, without undershooting.
     """
     z = cap
     for _ in range(_MAX_NEWTON_STEPS):
@@ -406,7 +408,7 @@ def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, fl
 
 
 def _polygon_terms(slope: float, along: float, across: float, most: float) -> Terms:
-    """Return the terms that bound the magnitude of an acceleration, by a twelve-sided polygon within the circle."""
+    """Return the terms that limit the magnitude of an acceleration, by a twelve-sided polygon within the circle."""
     size = _INSCRIBED / most
     return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _DIRECTIONS]
 

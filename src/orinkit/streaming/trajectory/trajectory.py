@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 LARGEST: Final = 1e6
 """The largest magnitude of a value, mm or deg."""
 TOLERANCE: Final = 5e-7
-"""Relative tolerance of the limits of a joint, for rounding. A controller may be as strict."""
+"""Relative tolerance of the limits of a joint, for rounding. It is small, because a controller may be as strict."""
 
 _NUMERIC: Final = frozenset({float, int})
 _SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
@@ -60,7 +60,7 @@ def read_trajectory(
 
     Raises:
         TrajectoryError: If the trajectory is empty or too long, or a value is not valid; with sample and axis.
-        InvalidValue: If the file cannot be used; the message has its name and the line.
+        InvalidValue: If the file cannot be used; the message contains its name and the line.
     """
     _check_kind(kind, axes)
     if isinstance(source, str | Path):
@@ -85,7 +85,7 @@ def read_trajectory(
 
 
 def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None = None) -> tuple[float, ...]:
-    """Read one set-point, as :func:`read_trajectory`.
+    """Read one set-point; :func:`read_trajectory` describes its forms.
 
     Args:
         value: A sequence of numbers, a numpy array (values,), a P, J or T.
@@ -94,7 +94,7 @@ def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None 
         sample: Number of the sample from 0, for the message.
 
     Raises:
-        TrajectoryError: If it is not a set-point of this type.
+        TrajectoryError: If the value is not a set-point of this type.
     """
     _check_kind(kind, axes)
     numbers = _numbers(value, kind, axes, sample)
@@ -247,13 +247,13 @@ def check_trajectory(
 
     Args:
         points: Joints, as :func:`read_trajectory` returns them.
-        limits: Limits of as many axes.
+        limits: Limits of the arm, with as many axes as the points have.
         start: Joint position of the arm; ``None``: the first sample.
         period: Time between two set-points, s.
         tolerance: Relative tolerance of the velocity and acceleration limits.
 
     Raises:
-        TrajectoryError: If a limit is violated; the message has the first such sample, the values, and a remedy.
+        TrajectoryError: If a limit is violated; the message contains the first such sample, the values, and a remedy.
     """
     check_period(period)
     axes = len(limits.lower)
@@ -278,7 +278,7 @@ def check_range(points: Points, limits: Limits, period: float) -> None:
     """Check that no joint leaves its range, regardless of velocities.
 
     Raises:
-        TrajectoryError: If a joint leaves its range; with the first such sample.
+        TrajectoryError: If a joint leaves its range; the message contains the first such sample.
     """
     found = limit_violations.out_of_range(_columns(points, len(limits.lower)), limits)
     if found:
@@ -335,7 +335,7 @@ def _columns(points: Points, size: int) -> list[tuple[float, ...]]:
 
 
 def _start(start: Sequence[float], axes: int) -> tuple[float, ...]:
-    """Return as many joints as there are limits: a controller reports eight joints for an arm with six."""
+    """Return as many joints as there are limits, because a controller reports eight joints even for an arm with six."""
     if not axes <= len(start) <= _MOST_JOINTS:
         raise TrajectoryError(tr("start is {start}, but {axes} joints are required", start=brief(start), axes=axes))
     return tuple(_number(value, "J", None, place) for place, value in enumerate(start[:axes]))
