@@ -60,8 +60,8 @@ class RC8SlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off.
 
     Args:
-        arm: The arm; it calls :meth:`step` and :meth:`complete_waiting` in each cycle while the mode is on, and :meth:`end`
-            when it is stopped.
+        arm: The arm. While the mode is on, it calls :meth:`step` and :meth:`complete_waiting` in each cycle, and
+            :meth:`end` when the arm is stopped.
         cycles: The control loop of the controller.
         fault: Callback that raises an error of the controller; invoked with code and detail.
 
