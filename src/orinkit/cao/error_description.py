@@ -19,8 +19,8 @@ _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 def describe_error(reason: Callable[[int], str], parameter: Variant) -> str:
     """Return the result of GetErrorDescription.
 
-    The result is the description of the client's last error with the code, or the text of the code if there was no such
-    error.
+    The result is the description of the client's last error with the given return code. If there was no such error, the
+    result is the text of the code.
 
     Args:
         reason: the client's :attr:`ClientInfo.reason`.

@@ -234,7 +234,7 @@ class RobotObject(OwnerObject):
         raise not_implemented()
 
     def drive(self, axis: int, value: float, option: str) -> Result[None]:
-        """Move one joint by degrees or mm."""
+        """Move one joint by a relative value in deg or mm."""
         raise not_implemented()
 
     def go_home(self) -> Result[None]:
@@ -254,7 +254,7 @@ class RobotObject(OwnerObject):
         raise not_implemented()
 
     def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Result[None]:
-        """Rotate about an axis through a pivot by degrees."""
+        """Rotate by an angle in deg about an axis through a pivot."""
         raise not_implemented()
 
     def speed(self, axis: int, speed: float) -> Result[None]:

@@ -87,7 +87,7 @@ def stored_size(value: Variant) -> int:
     return size
 
 
-_HEAD: Final = 6  # type and count
+_HEAD: Final = 6  # bytes of type and count
 _LENGTH: Final = 4
 
 

@@ -11,7 +11,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
 
 Trace: TypeAlias = Callable[[str, bytes], None]
-"""Callback invoked with every packet or HTTP body: ``">"`` and a request, ``"<"`` and a reply."""
+"""Callback invoked for every packet or HTTP body, with ``">"`` and a request, or with ``"<"`` and a reply."""
 
 _RESULT_TYPES: Final[dict[VarType | None, type]] = {VarType.I4: int, VarType.BSTR: str}
 

@@ -176,7 +176,7 @@ class _Entry:
     parent: int
     label: str
     guard: AbstractContextManager[object]
-    kept: dict[str, int] = field(default_factory=dict)  # stored bytes by method
+    kept: dict[str, int] = field(default_factory=dict)  # number of stored bytes, by method
 
 
 class Session:

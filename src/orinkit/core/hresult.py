@@ -14,9 +14,9 @@ In a controller code, L is the level, 0 (notice) to 5 (fatal), MM the subsystem 
 many motion and servo codes is the axis, 1 to 8.
 
 :data:`CODES` contains the known codes; :func:`lookup` also accepts unknown ones. Each code without an axis is a
-constant of this module. Some errors have a run of codes, one per axis: only the code of axis 1 is a constant
-(``..._AXIS1``); the codes of the other axes follow it numerically. If several codes have the same meaning, the names of
-the later ones end in ``_2``, ``_3`` ...
+constant of this module. Some errors have a run of codes, for example one per axis: only the first code is a constant
+(``..._AXIS1``); the others follow it numerically. If several codes have the same meaning, the names of the later ones
+end in ``_2``, ``_3`` ...
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ _MARGIN: Final = 1.2  # inch, in total above and below the diagrams
 
 
 def draw(trace: StreamTrace, figure: Figure, label: Translate = tr) -> None:
-    """Draw a stream: a diagram for each value that changes, and one of the deviations.
+    """Draw a stream: a diagram for each value that changes, and a diagram of the deviations.
 
     Args:
         trace: Command and feedback.

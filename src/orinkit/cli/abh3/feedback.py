@@ -87,8 +87,8 @@ class DriverFeedback:
 class FeedbackDisplay:
     """Shows the feedback of a driver on stdout, and notes on stderr, while the ``with`` statement lasts.
 
-    Output never blocks. Only at the end of the ``with`` statement, the display waits for the reader of the output; it stops
-    waiting if the reader makes no progress for 1 s.
+    Output never blocks. Only at the end of the ``with`` statement, the display waits for the reader of the output; it
+    stops waiting if the reader makes no progress for 1 s.
 
     Args:
         as_json: Print JSON, one object per line.

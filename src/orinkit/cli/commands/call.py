@@ -188,7 +188,7 @@ def read_arguments(
 
     Args:
         entry: The function.
-        arguments: The arguments of the function that are given as words, which do not include a handle.
+        arguments: The arguments of the function, without the handle.
         texts: The words.
 
     Raises:

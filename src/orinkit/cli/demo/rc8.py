@@ -103,7 +103,7 @@ def _demo_rc8(say: Callable[[str], None], picture: str | None, *, fields: bool) 
 
 
 class DemoRecording:
-    """Data for the pictures: the control log of the watched motion, and command and feedback of slave mode."""
+    """Data for the pictures: the control log of the motion, and command and feedback of slave mode."""
 
     def __init__(self) -> None:
         self.records: list[list[float]] = []
@@ -137,9 +137,9 @@ def run_program(
         name: Name of the program in the document.
         program: The program.
         documents: Receives each step with its packets, for JSON.
-        say: Called with each line for people.
+        say: Callback invoked with each line to be printed.
         fields: True to explain packets field by field.
-        recording: Receives the watched motion.
+        recording: Receives the data for the pictures.
 
     Raises:
         CommandError: If a reply differs from the document.

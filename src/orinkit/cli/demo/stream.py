@@ -44,8 +44,8 @@ def carry_out(
         handles: Handles of controller and robot.
         points: The set-points.
         mode: Slave mode: 0, 1 or 2.
-        say: Called with lines that show the joint position, if there is no terminal for a progress bar.
-        entered: Called when slave mode is on; the packets after that are not traced.
+        say: Callback invoked with lines that show the joint position, if there is no terminal for a progress bar.
+        entered: Callback invoked when slave mode is on; the packets after that are not traced.
 
     Returns:
         The report, and the difference from the document; ``""`` if there is none.

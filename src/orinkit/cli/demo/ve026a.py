@@ -28,7 +28,7 @@ class VE026ADemo:
     """A run of the demo.
 
     Attributes:
-        say: Called with each line for people.
+        say: Callback invoked with each line to be printed.
         fields: True to explain packets field by field.
         steps: The steps with their packets, for JSON.
         answers: Number of replies checked.

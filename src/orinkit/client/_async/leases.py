@@ -145,7 +145,7 @@ class AsyncArm(AsyncLease):
 
 
 class AsyncMotor(AsyncLease):
-    """Switches the motor on and off; both wait until the controller has switched it."""
+    """Switches the motor on and off, and waits in both cases until the controller has done so."""
 
     __slots__ = ()
 

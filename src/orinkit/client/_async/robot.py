@@ -146,8 +146,7 @@ class AsyncRobot(AsyncArmBase):
 
         Returns:
             The motion; ``None`` in the form of CAO. The motion is over, unless ``wait`` is False, or the pass mark
-                (``"@P"``,
-            ``"@10"``) allows the call to return while the arm still moves.
+            (``"@P"``, ``"@10"``) allows the call to return while the arm still moves.
 
         Raises:
             TypeError: If the arguments match neither form.
@@ -384,8 +383,7 @@ class AsyncRobot(AsyncArmBase):
 
         Returns:
             0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if
-                the
-            pose is out of reach; -2 if it is a singular point.
+            the pose is out of reach; -2 if it is a singular point.
         """
         return int(common.read_number("OutRange", await self._ask("OutRange", pose_text(pose))))
 

@@ -149,8 +149,8 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
     """Check ``alive``, the interval in s within which the server must receive a sign of life from the client.
 
     Raises:
-        InvalidValue: If the value is not a number from 0.3 to 3,600, if the dialect has no options, or if the option of
-            Service_Start already contains ``Alive``.
+        InvalidValue: If the value is not a number from 0.3 to 3,600, if the dialect has no options, or if the option
+            string of Service_Start already contains ``Alive``.
     """
     if seconds is None:
         return

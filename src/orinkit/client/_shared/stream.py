@@ -103,7 +103,8 @@ class StreamResult:
 
     Attributes:
         sent: Number of set-points of the trajectory that were sent.
-        underflows: Number of times that set-points were late, so that the arm was stopped; 0 for a sequence.
+        underflows: Number of times that set-points were late, so that the arm was stopped; possible with an iterator
+            only.
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.
