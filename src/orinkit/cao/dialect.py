@@ -70,7 +70,7 @@ VE026A: Final = Dialect(
     takes_arm=False,
     short_numbers=True,
     slave_formats=False,
-    slave_mode=1,  # mode 2 requires a set-point every 8 ms, for which 38,400 bit/s is too slow
+    slave_mode=1,  # mode 0 (slvChangeMode 2) requires a set-point every 8 ms, for which 38,400 bit/s is too slow
     busy=hresult.E_ROBOTISBUSY,
     patience={
         "motor": 6.0,
