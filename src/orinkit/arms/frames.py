@@ -1,7 +1,8 @@
-"""Conversions between frames in the notations of the controller (P and T) and 4x4 matrices; functions for rotations.
+"""Conversions of coordinate frames between 4x4 matrices and the notations of the controller (P and T), and rotations.
 
-P is X, Y, Z in mm and RX, RY, RZ in deg, with the rotation ``Rz(RZ) Ry(RY) Rx(RX)``. T is X, Y, Z, then the orient vector
-O (the tool's Y axis) and the approach vector A (its Z axis). Functions from and to P accept any number of frames at once.
+P is X, Y, Z in mm and RX, RY, RZ in deg, with the rotation ``Rz(RZ) Ry(RY) Rx(RX)``. T is X, Y, Z in mm, then the
+orient vector O (the tool's Y axis) and the approach vector A (its Z axis). Functions that convert from or to P accept
+any number of frames in one call.
 """
 
 from __future__ import annotations
@@ -59,9 +60,9 @@ def matrix_of_position(values: ArrayLike) -> Array:
 def position_of_matrix(matrix: ArrayLike) -> Array:
     """Return the P values of a frame.
 
-    Every angle is -180 < angle <= 180, RY is -90 to 90. If RY is 90 or -90, only the sum or the difference of RX and RZ is
-    determined; RX is then 0. An angle within 1e-12 of a multiple of 90 deg is rounded to it, and a length within 1e-12 of
-    a whole number to that number.
+    RX and RZ are in -180 < angle <= 180, and RY is -90 to 90. If RY is 90 or -90, only the sum or the difference of RX
+    and RZ is determined; RX is then 0. An angle within 1e-12 of a multiple of 90 deg is rounded to this multiple, and a
+    length within 1e-12 of a whole number is rounded to this number.
 
     Args:
         matrix: (..., 4, 4).
@@ -90,7 +91,8 @@ def position_of_matrix(matrix: ArrayLike) -> Array:
 def matrix_of_trans(values: ArrayLike) -> Array:
     """Return the frame (4, 4) of T values.
 
-    A is the direction of Z; the component of O perpendicular to A is the direction of Y. Their lengths are irrelevant.
+    A is the direction of Z, and the component of O perpendicular to A is the direction of Y. The lengths of O and A are
+    irrelevant.
 
     Args:
         values: (9,) X, Y, Z mm, O, A.
@@ -145,7 +147,7 @@ def inverse_of(matrix: ArrayLike) -> Array:
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Return the rotation (3, 3) about an axis (3,), of any length, by an angle in deg.
+    """Return the rotation (3, 3) about an axis (3,) by an angle in deg. The axis may have any length.
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite, or the axis is zero.
@@ -172,7 +174,8 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
         second: (3, 3).
 
     Returns:
-        The axis, a unit vector (3,) in the base frame, (0, 0, 1) if the angle is 0; and the angle, deg, 0 to 180.
+        The axis and the angle. The axis is a unit vector (3,) in the base frame; it is (0, 0, 1) if the angle is 0. The
+        angle is 0 to 180 deg.
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
@@ -196,7 +199,7 @@ def _unit(vector: Array, name: str) -> Array:
 
 
 def _rounded(values: Array, grid: float) -> Array:
-    """Return values, rounded to a multiple of ``grid`` if they are very close to it; negative zeros become zeros."""
+    """Return values; those very close to a multiple of ``grid`` are rounded to it, and negative zeros become zeros."""
     nearest = grid * np.round(values / grid)
     return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
 

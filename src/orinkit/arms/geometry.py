@@ -1,7 +1,8 @@
 """Vectors in space, and orientations as unit quaternions (w, x, y, z).
 
-The module does not need numpy, because the streaming process must start quickly; :mod:`orinkit.arms.frames` converts whole
-arrays. The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX); a T contains the tool's Y axis (O) and Z axis (A).
+This module does not import numpy, because the streaming process must start quickly. :mod:`orinkit.arms.frames` converts
+whole arrays. The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX). A T contains the tool's Y axis (O) and Z axis
+(A).
 """
 
 from __future__ import annotations
@@ -85,8 +86,8 @@ def of_angles(rx: float, ry: float, rz: float) -> Quaternion:
 def angles_of(turn: Quaternion) -> Vector:
     """Return RX, RY, RZ in degrees: -180 < RX, RZ <= 180, RY from -90 to 90.
 
-    Near RY = -90 and 90, RX and RZ rotate about nearly the same axis. There RX is computed from the result for RZ, so
-    that both together are as precise as elsewhere.
+    Near RY = -90 and 90, RX and RZ rotate about nearly the same axis. In this case, RX is computed from the result for
+    RZ, so that the rotation by both is as precise as for other RY.
     """
     (r00, r01, r02), (r10, r11, r12), (r20, _, _) = matrix_of(*turn)
     rz = math.atan2(r10, r00) if math.hypot(r00, r10) >= _GIMBAL else math.atan2(-r01, r11)
@@ -97,7 +98,9 @@ def angles_of(turn: Quaternion) -> Vector:
 
 
 def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion:
-    """Return the orientation given by O and A: A is the direction of Z, and O, made orthogonal to A, that of Y.
+    """Return the orientation given by O and A.
+
+    A is the direction of Z, and the component of O perpendicular to A is the direction of Y.
 
     Raises:
         InvalidValue: If one of them is zero, or they are parallel.
@@ -119,9 +122,10 @@ def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion
 def of_matrix(
     a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float, i: float
 ) -> tuple[float, float, float, float]:
-    """Return the orientation given by a rotation matrix, row by row, as w, x, y, z with a norm of 2 to 4.
+    """Return the orientation given by a rotation matrix, as a quaternion w, x, y, z with a norm of 2 to 4.
 
-    Of the four ways to compute it, the one is used whose largest component is never near zero.
+    The arguments are the elements of the matrix, row by row. Of the four formulas for the quaternion, the one is used
+    whose largest component is not near zero for this matrix.
     """
     trace = a + e + i
     if trace >= a and trace >= e and trace >= i:
@@ -136,7 +140,7 @@ def of_matrix(
 def matrix_of(
     w: _Number, x: _Number, y: _Number, z: _Number
 ) -> tuple[tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number]]:
-    """Return the rows of the rotation matrix of an orientation, or of many, given as arrays."""
+    """Return the rows of the rotation matrix of an orientation. With arrays, many orientations are converted."""
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
         (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
@@ -151,7 +155,7 @@ def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, flo
 
 
 def rotvec_between(first: Quaternion, second: Quaternion) -> Vector:
-    """Return the rotation between two orientations: its axis in the base frame times its angle in degrees, 0 to 180."""
+    """Return the rotation from ``first`` to ``second``: its axis in the base frame times its angle, 0 to 180 deg."""
     a, b, c, d = first
     w, x, y, z = second
     real = w * a + x * b + y * c + z * d

@@ -23,9 +23,9 @@ _NAME: Final = re.compile(r'^name = "([^"]+)"$', re.MULTILINE)
 
 
 def _built_in() -> dict[str, str]:
-    """Return the file of each built-in model by its name, in the order of the names.
+    """Return the file names of the built-in models by model name, in the order of the model names.
 
-    Only the name is read: parsing all files would delay the start of every program.
+    Only the model name is read from each file, because parsing all files would delay the start of every program.
     """
     found = {}
     for file in resources.files(_PACKAGE).iterdir():
@@ -38,15 +38,15 @@ def _built_in() -> dict[str, str]:
 
 _BUILT_IN: Final = _built_in()
 MODEL_NAMES: Final = tuple(_BUILT_IN)
-"""Names of the built-in models, those of the TOML files in this package, for :func:`load_model`."""
+"""Names of the built-in models for :func:`load_model`; each model is a TOML file in this package."""
 
-DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # velocity / acceleration if a file has no acceleration (5 x velocity per second)
+DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # s, velocity / acceleration, if a file contains no acceleration
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
 
 _SERIES: Final = re.compile("[A-Z]+[0-9]+")
 _ARM_AXES: Final = 6
 _MAX_AXES: Final = 8
-_LARGEST: Final = 1e6  # mm or deg, and their first and second derivatives
+_LARGEST: Final = 1e6  # for lengths in mm, angles in deg, and their first and second derivatives
 _LONGEST_NAME: Final = 64
 _LARGEST_FILE: Final = 1_000_000
 _KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "path"})
@@ -60,9 +60,9 @@ class AxisModel:
     Attributes:
         lower: Lower soft limit.
         upper: Upper soft limit.
-        velocity: Largest velocity, per second.
-        acceleration: Largest acceleration, per second squared. DENSO does not publish it; if a file does not contain it,
-            it is 5 x ``velocity``, which is an assumption of this project.
+        velocity: Largest velocity, deg/s or mm/s.
+        acceleration: Largest acceleration, deg/s^2 or mm/s^2. DENSO does not publish it. If a file does not contain it,
+            5 x ``velocity`` per second is used, which is an assumption of this project.
         linear: True for a linear axis.
     """
 
@@ -77,15 +77,15 @@ class AxisModel:
 class ArmModel:
     """The model of one arm.
 
-    The frames are those of a six-axis arm that stands upright with the axes z, y, y, z, y, z when all joints are zero.
-    Each origin is applied before the rotation of its joint.
+    The coordinate frames are those of a six-axis arm. When all joints are zero, the arm stands upright, and the joints
+    rotate about the axes z, y, y, z, y, z. Each origin is applied before the rotation of its joint.
 
     Attributes:
         name: Name of the model, for example ``"VS-050"``.
         type_name: Reply to ``@TYPE_NAME`` and ``GetRobotTypeName``.
         origins: Origins of the six joints, (x, y, z) each, mm.
         axes: Six to eight axes; the seventh and eighth are extra axes that do not move the flange.
-        home: Home position of each axis, within the limits; the virtual arm starts there.
+        home: Home position of each axis, within the limits. The virtual arm starts at this position.
         path_speed: Largest velocity of the flange on a path, mm/s. This and the next three limits are not published;
             their defaults 1500, 7500, 360 and 1800 are assumptions of this project.
         path_acceleration: Largest acceleration of the flange on a path, mm/s^2.
@@ -125,7 +125,8 @@ def load_model(name_or_path: str | Path) -> ArmModel:
 def model_of_type(type_name: str) -> ArmModel | None:
     """Return the built-in model for a type name (``@TYPE_NAME``, GetRobotTypeName); ``None`` if there is none.
 
-    Only the series is compared (``VS050`` of ``VS050A3-AV6-NNN-NNN``); the rest describes the controller.
+    Only the series is compared, for example ``VS050`` in ``VS050A3-AV6-NNN-NNN``. The rest of the name describes the
+    controller.
     """
     wanted = _SERIES.match(type_name.strip().upper())
     for name in MODEL_NAMES:

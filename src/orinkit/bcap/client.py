@@ -1,12 +1,13 @@
 """The client side of a b-CAP conversation, without I/O.
 
-:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``: the caller sends the bytes (if any), then waits
-for received bytes for at most that many seconds; ``None`` for the seconds continues the current wait. The caller sends back
-the bytes received, ``b""`` if the peer has closed the connection, or ``None`` after a time-out. The generator returns the
-return code and the result. The two runners in :mod:`orinkit.transport` do the waiting.
+:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``. The caller sends ``data`` to the controller
+if it is not empty, and then waits up to ``seconds`` for received bytes. If ``seconds`` is ``None``, the caller
+continues the previous wait. The caller passes the received bytes to the generator: ``b""`` if the peer has closed the
+connection, ``None`` after a time-out. The generator returns the return code and the result. The two functions in
+:mod:`orinkit.transport` that run such generators do the I/O.
 
-On unreliable transports (:mod:`orinkit.bcap.profiles`) a request without a reply is repeated. The controller recognizes the
-duplicate by the reserved field and executes the request once.
+On unreliable transports (:mod:`orinkit.bcap.profiles`), a request without a reply is repeated. The controller
+recognizes the duplicate by the reserved field and executes the request once.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from orinkit.values.variant import Variant, VarType, variant
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
 
-_SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # serial, reserved, code, argument count: at offset 5
+_SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # at offset 5: serial, reserved, code, argument count
 _HEADER: Final = packet.HEADER.pack
 _FAILED: Final = 0x8000_0000
 _EXECUTING: Final = hresult.S_EXECUTING
@@ -45,17 +46,18 @@ class BcapConversation:
     """Requests and replies of one client over one link, one at a time.
 
     Args:
-        limits: bounds on a packet; those of the profile apply too.
-        trace: see below.
+        limits: limits of a packet; the limits of the profile also apply.
+        trace: callback invoked with every packet; ``None`` for no callback.
         profile: the b-CAP transport profile.
         dialect: dialect of the controller; may be set later, when it is known.
-        clock: returns the time, s; for deadlines and the detection of floods.
+        clock: function that returns the time, s; used for deadlines and to detect too many unexpected packets.
 
     Attributes:
-        stray_replies: number of replies that did not belong to the current call: late, repeated, or foreign.
-        trace: callback invoked with every packet; ``None`` for none.
+        stray_replies: number of replies that did not belong to the current call: late, repeated, or for another client.
+        trace: callback invoked with every packet; ``None`` for no callback.
         profile: the b-CAP transport profile.
-        echoes_reserved: whether the last reply repeated the request's reserved field, as a VE026A does (UDP, serial lines).
+        echoes_reserved: True if the last reply repeated the reserved field of the request, as a VE026A does (UDP,
+            serial lines).
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class BcapConversation:
         self._tail = profile.tail
         self._serial = 1
         self.echoes_reserved = False
-        self._stopped = True  # no Service_Stop is necessary: one has been sent, or no request at all
+        self._stopped = True  # no Service_Stop is necessary: it has been sent, or no request has been sent
         self.dialect = dialect
 
     @property
@@ -114,25 +116,25 @@ class BcapConversation:
         retry_timeout: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
-        """Call a function; return a generator, see the module's docstring.
+        """Return a generator that calls a function; see the docstring of this module.
 
         Args:
-            function: an entry of the table.
+            function: an entry of the table of functions.
             arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
             seconds: time-out of one attempt, s; every S_EXECUTING from the controller restarts it.
-            exact: return the result as a :class:`~orinkit.values.variant.Variant`.
-            tries: total number of attempts on unreliable transports (RC8 table 5-1: TORetry); every S_EXECUTING restarts
-                the count.
-            retry_timeout: minimum time-out of all attempts but the first, s: after noise on a serial line, the server finds the next
-                packet only after a period of silence.
+            exact: True to return the result as a :class:`~orinkit.values.variant.Variant`.
+            tries: total number of attempts on unreliable transports (RC8 table 5-1: TORetry); every S_EXECUTING
+                restarts the count.
+            retry_timeout: minimum time-out of every attempt except the first, s. After noise on a serial line, the
+                server detects the next packet only after a period of silence.
             deadline: limit on the duration of the call, s, regardless of S_EXECUTING; ``None`` for no limit.
 
         Raises:
             InvalidValue: If an argument does not fit its type; nothing has been sent.
             CallTimeout: If no reply was received in time. A later reply is dropped and never assigned to another call.
             ConnectionLost: If the peer has closed the connection.
-            ProtocolError: If the received data is not b-CAP or not what the function returns, or if too many packets were
-                received that are not the reply.
+            ProtocolError: If the received data is not b-CAP, if the result does not have the type that the function
+                returns, or if too many packets other than the reply were received.
             CallError: If the controller has returned an error code.
         """
         if self.profile.lossy:
@@ -149,7 +151,7 @@ class BcapConversation:
     ) -> Operation:
         serial = self._take_serial()
         request = self._request(function, arguments, serial, 0)
-        # a call with an immediate reply does not need the clock
+        # without a deadline, the clock is not read unless a packet other than the reply arrives
         patience = None if deadline is None else CallTimer(function.name, deadline, self._clock)
         received = yield request, seconds if patience is None else patience.bound(seconds)
         framer = self._framer
@@ -207,13 +209,13 @@ class BcapConversation:
                 raise no_answer(function, received, seconds)
             seen, executing = 0, False
             idle = 0
-            # noise before a reply may have hidden it until the time-out
+            # after a time-out, a reply may be found that noise before it has hidden
             frame = framer.feed(received) if received else framer.timeout()
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
                 answered, reserved, code, count = _SERIAL_AND_CODE(frame, 5)
-                if requests.get(answered, frame) == frame:  # foreign, or an echo of the line
+                if requests.get(answered, frame) == frame:  # for another client, or an echo of the line
                     self.stray_replies += 1
                     idle += 1
                 elif code == _EXECUTING:
@@ -229,7 +231,7 @@ class BcapConversation:
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
             if not idle and received and not self.profile.shared:
-                idle = 1  # an empty datagram; on a serial line, a single byte is normal
+                idle = 1  # a datagram without a packet; on a serial line, a part of a packet is normal
             patience.count_other(idle, executing=executing)
             if received or executing:
                 received = yield b"", patience.bound(seconds if executing else None)
@@ -247,7 +249,8 @@ class BcapConversation:
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the packets to send before a connectionless link is closed: Service_Stop.
 
-        Each packet comes with the time to wait for a reply, s. That is 0, so the packet is repeated in case it is lost.
+        Each packet comes with the time to wait for a reply, s. This time is 0: a loss would not be detected, so the
+        packet is sent several times.
         """
         if self._stopped or not self.profile.lossy:
             return []
@@ -277,7 +280,7 @@ class BcapConversation:
             return None
         if count:
             value, _ = codec.decode(frame, 15, len(frame) - self._tail, self._limits, exact=exact)
-        else:  # a VE026A returns no value if an RC8 returns VT_EMPTY
+        else:  # for some functions, a VE026A returns no value, and an RC8 returns VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         return checked(function, value, exact=exact)
 
@@ -285,7 +288,7 @@ class BcapConversation:
 def sign_of_life(handle: int) -> bytes:
     """Return a keep-alive packet that may be sent over a stream during a call: Controller_GetName.
 
-    Its serial is 0, which no call has, so its reply (E_BUSY_PROC) is dropped.
+    Its serial is 0, which no call uses. The client therefore drops the reply (E_BUSY_PROC).
     """
     return encode_request(controller_get_name, (handle,), 0)
 
@@ -315,11 +318,11 @@ def encode_request(
     """Return the packet of a call.
 
     Args:
-        function: an entry of the table.
+        function: an entry of the table of functions.
         arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
         serial: serial of this attempt.
         reserved: serial of the first attempt; 0 on a stream.
-        crc: add a CRC, for a serial line.
+        crc: True to add a CRC, for a serial line.
         vt_error_size: size of a VT_ERROR, bytes.
 
     Raises:
@@ -329,7 +332,7 @@ def encode_request(
     if vt_error_size != DEFAULT_LIMITS.vt_error_size:
         encoders = tuple(_sized(each, vt_error_size) for each in encoders)
     try:
-        body = b"".join(map(_apply, encoders, arguments))  # stops after the last argument: optional ones may be omitted
+        body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
     except (InvalidValue, TypeError) as error:
         raise _argument_error(function, arguments, error) from None
     if crc:

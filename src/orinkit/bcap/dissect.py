@@ -1,6 +1,6 @@
-"""Dissection of packets for people: the meaning of each field (VE026A 3.1, 3.2).
+"""Dissection of packets into fields with readable meanings (VE026A 3.1, 3.2).
 
-:func:`explain` accepts any bytes. It dissects a malformed packet as far as possible and marks the position of the error.
+:func:`explain` accepts any bytes. It dissects a malformed packet up to the error and marks the position of the error.
 :func:`one_line` summarizes a packet in one line; :func:`split` finds the packets in a sequence of bytes.
 
 >>> start = bytes.fromhex("01100000000100000001000000000004")
@@ -33,7 +33,7 @@ from orinkit.values.variant import Variant
 Kind: TypeAlias = Literal["request", "reply"]
 
 LONGEST_MEANING: Final = 400
-"""Limit on the characters of a value that :func:`explain` shows; the raw bytes are always complete."""
+"""Maximum number of characters of a value that :func:`explain` shows; the raw bytes are always complete."""
 _LONGEST_VALUE: Final = 80
 _LAST_FUNCTION_ID: Final = 255
 _CRC_SIZE: Final = 2
@@ -53,7 +53,7 @@ class PacketField:
         raw: bytes of the field; empty for an error between two bytes.
         name: name of the field, in the current language.
         meaning: meaning of the field; for a value its VARIANT notation, for an error its description.
-        error: whether the field is an error.
+        error: True if the field is an error.
         level: 0 for the packet itself, 1 for an argument, one more for each enclosing array.
     """
 
@@ -71,7 +71,7 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
     Args:
         frame: a packet, possibly malformed.
         kind: ``"request"`` or ``"reply"``; by default a code of 1 to 255 is a function id and any other a return code.
-        request: for a reply: the packet of its request.
+        request: the packet of the request, if ``frame`` is a reply.
     """
     dissector = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
     dissector.packet()
@@ -88,7 +88,7 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
 
     Args:
         frame: a packet, possibly malformed.
-        request: for a reply: the packet of its request.
+        request: the packet of the request, if ``frame`` is a reply.
     """
     try:
         found = packet.decode(frame, exact=True)
@@ -172,7 +172,7 @@ def _notation(vt: int, count: int, data: bytes) -> str:
     return printable(format_variant(value), LONGEST_MEANING)
 
 
-# --- dissection ---------------------------------------------------------------------------------------------------------
+# --- dissection -------------------------------------------------------------------------------------------------------
 
 
 class _Dissector:
@@ -223,7 +223,7 @@ class _Dissector:
         self._end(end, stop)
 
     def _stop(self) -> int:
-        """Return the end of the packet: according to its length if there is an EOT, otherwise the end of the bytes."""
+        """Return the end of the packet according to its length, if an EOT is there; otherwise the end of the bytes."""
         (length,) = packet.LENGTH.unpack_from(self.frame, 1)
         fits = packet.OVERHEAD <= length <= len(self.frame) and self.frame[length - 1] == packet.EOT
         return length if fits else len(self.frame)
@@ -308,7 +308,7 @@ class _Dissector:
         self.take(4, _part(name, tr("element count")), str(count), level=level)
 
     def _data(self, name: str, vt: int, count: int, stop: int, level: int) -> bool:
-        """Dissect the data of an argument or element as far as they are valid; return True if all of them are."""
+        """Dissect the valid part of the data of an argument or element; return True if all of the data is valid."""
         base, array = vt & ~ARRAY, bool(vt & ARRAY)
         if not array and count != 1:
             return False

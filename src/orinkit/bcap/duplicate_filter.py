@@ -1,10 +1,10 @@
 """Detection of duplicate requests, so that each request is executed once (docs/protocol.md: duplicates).
 
-On UDP and on serial lines a request is identified by a number: the serial of its first attempt, which is in the reserved
-field of every attempt. Numbers increase with every request and wrap from 65535 to 1. A request with a number below the
-newest one is late: its client has received the reply, or has given up the call and made another one, so the request is not
-executed. Old clients set the field to 0: then the serial itself is the number, which may be 0 too, and only duplicates of
-the newest request are detected.
+On UDP and on serial lines, each request has a number: the serial of its first attempt. The reserved field of every
+attempt contains this number. Numbers increase with every request and continue with 1 after 65535. A request with a
+number below the newest number is late and is not executed: its client has already received the reply, or has abandoned
+the call and made another one. Old clients set the reserved field to 0. In this case the serial itself is the number,
+which may also be 0, and only duplicates of the newest request are detected.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import Final
 from orinkit.core import hresult
 
 MEMORY: Final = 10.0
-"""Seconds for which requests are stored (reference: UDP clients are disconnected after that silence)."""
+"""Seconds for which requests are stored. (Reference behaviour: a silent UDP client is disconnected after this time.)"""
 
 _SERVICE_START: Final = 1
-_LATE_DATAGRAM: Final = 2.0  # s that a packet may travel: a later Service_Start belongs to another client
-_LATE_BYTES: Final = 1.0  # s; the same on a serial line
+_LATE_DATAGRAM: Final = 2.0  # s, longest delay of a packet; a Service_Start that arrives later belongs to another client
+_LATE_BYTES: Final = 1.0  # s, the same on a serial line
 _MAX_SERIAL: Final = 0xFFFF  # serial numbers: 1 to 65535
 _HALF: Final = _MAX_SERIAL // 2
 _MAX_STORED: Final = 64  # limit on stored replies
@@ -53,7 +53,7 @@ _BUSY: Final = CachedReply(hresult.E_BUSY_PROC)
 class _Request:
     content: bytes
     reserved: bool
-    time: float  # when it was received; later: when it was replied to
+    time: float  # time of reception; later, time of the reply
     reply: CachedReply | None = None
 
 
@@ -61,7 +61,7 @@ class DuplicateFilter:
     """Detects duplicate requests of one client, or of successive clients on one line.
 
     Args:
-        shared: whether clients may succeed one another on the same line.
+        shared: True if several clients may use the same line one after the other.
     """
 
     def __init__(self, *, shared: bool) -> None:
@@ -74,7 +74,7 @@ class DuplicateFilter:
         self._stopped = True
 
     def check(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
-        """Return how to handle a request; a new one is in progress from then on, until :meth:`store_reply`.
+        """Return the way to handle a request. A new request is then in progress until :meth:`store_reply`.
 
         Args:
             serial: serial of this attempt.
@@ -82,14 +82,14 @@ class DuplicateFilter:
             function: function id.
             content: function id and arguments as bytes.
             now: the time, s.
-            busy: whether a call is in progress, so that a new request and its duplicates are refused.
+            busy: True if a call is in progress, so that a new request and its duplicates are refused.
         """
         number = reserved or serial
         known = self._known.get(number)
         if known is not None and known.content == content:
             if number == self._running:
                 return Decision.RUNNING
-            # a client that marks a request as another attempt means that very request, regardless of its age
+            # a request that the client has marked as another attempt is a duplicate, regardless of its age
             if (number == self._newest or reserved) and (serial != number or now - known.time < MEMORY):
                 return self._seen(known, function, number, now)
         if function == _SERVICE_START:
@@ -112,7 +112,7 @@ class DuplicateFilter:
         return reply
 
     def service_stopped(self) -> None:
-        """Note a Service_Stop: the next Service_Start belongs to another client."""
+        """Record a Service_Stop: the next Service_Start belongs to another client."""
         self._stopped = True
 
     def _seen(self, known: _Request, function: int, number: int, now: float) -> Decision:
@@ -123,14 +123,14 @@ class DuplicateFilter:
         return Decision.STALE if known.reply is None else Decision.REPLIED
 
     def _begin(self, number: int, request: _Request, *, busy: bool) -> Decision:
-        """Return how to handle an unknown Service_Start."""
+        """Return the way to handle a Service_Start that is not a duplicate of a stored request."""
         if number == self._start and not self._is_another(request.time):
             return Decision.STALE
         ahead = 0 < (number - self._newest) % _MAX_SERIAL <= _HALF
         if self._shared or self._stopped or not ahead:
             return self._restart(number, request)
         decision = self._take(number, request, busy=busy)
-        if self._known[number] is request:  # otherwise it has the number of the call in progress, and no session begins
+        if self._known[number] is request:  # false if the call in progress has this number; then no session begins
             self._start, self._started = number, request.time
         return decision
 
@@ -143,12 +143,12 @@ class DuplicateFilter:
         return decision
 
     def _is_another(self, now: float) -> bool:
-        """Return True if a seemingly known Service_Start comes from a restarted client with the same number."""
+        """Return True if a Service_Start with the number of an earlier one comes from a restarted client."""
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
         if busy:
-            if number != self._running:  # its reply will be stored there
+            if number != self._running:  # the entry of the running call is kept for its reply
                 request.reply = _BUSY
                 self._remember(number, request)
             return Decision.BUSY

@@ -1,7 +1,8 @@
 """b-CAP packets, and their framing in a byte stream (VE026A 3.1).
 
 A packet is ``SOH | length u32 | serial u16 | reserved u16 | function id or return code u32 | argument count u16 |
-arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian; the length is that of the whole packet.
+arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian; the length is that of the whole
+packet.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ LENGTH: Final = struct.Struct("<I")
 _START: Final = struct.Struct("<BI").unpack_from
 _CRC: Final = struct.Struct("<H")
 _EOT: Final = bytes([EOT])
-_COPIED: Final = 64 * 1024  # bytes of a packet up to which it is copied: 16 MiB would take 10 ms
+_COPIED: Final = 64 * 1024  # largest packet that is copied, bytes; to copy 16 MiB would take 10 ms
 _SHOWN: Final = 32  # bytes shown of data that is not a packet
 _HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
@@ -70,7 +71,7 @@ def with_room(body: bytes) -> bytearray:
 
 
 def pack_around(room: bytearray, serial: int, code: int, count: int, reserved: int = 0) -> bytearray:
-    """Complete a buffer from :func:`with_room` to a packet of ``count`` arguments, without a CRC and without copying."""
+    """Complete a buffer from :func:`with_room` to a packet of ``count`` arguments, without CRC and without copying."""
     HEADER.pack_into(room, 0, SOH, len(room), serial, reserved, code, count)
     return room
 
@@ -86,7 +87,10 @@ def encode(packet: Packet, *, crc: bool = False) -> bytes:
 
 
 def checksum(data: bytes) -> int:
-    """Return the CRC of a serial line: CCITT, initial value 0xFFFF, over length field to last argument (VE026A 3.1)."""
+    """Return the CRC for a serial line (VE026A 3.1): CCITT with the initial value 0xFFFF.
+
+    The CRC covers the packet from the length to the last argument.
+    """
     return binascii.crc_hqx(data, 0xFFFF)
 
 
@@ -94,7 +98,7 @@ def decode(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool =
     """Decode one complete packet, for example one from :class:`Framer`.
 
     Raises:
-        ProtocolError: If the bytes are not a valid packet; ``code`` is the return code of a server.
+        ProtocolError: If the bytes are not a valid packet; its ``code`` is the return code with which a server replies.
     """
     check_frame(frame, limits, crc=crc)
     end = len(frame) - (3 if crc else 1)
@@ -170,7 +174,7 @@ def _too_long(length: int, limits: PacketLimits) -> LimitExceeded:
 
 
 def _no_packet(data: bytes | bytearray) -> ProtocolError:
-    """Return the exception for data of a stream that does not begin with SOH; it shows the first bytes in printable form."""
+    """Return the exception for data that does not begin with SOH. Its text shows the first bytes in printable form."""
     shown = ascii(bytes(data[:_SHOWN]))[1:] + ("..." if len(data) > _SHOWN else "")
     hint = tr(". This is HTTP. Try: use an http:// address and an e-CAP server") if _HTTP.match(data) else ""
     return ProtocolError(
@@ -200,9 +204,10 @@ class FramerBase:
 class Framer(FramerBase):
     """Extracts packets from a byte stream that may be split anywhere.
 
-    Every packet must begin where the previous one ends. Anything else is refused: a first byte other than SOH, an impossible
-    length, a last byte other than EOT. The framer does not search for another packet after that, because a web page can make
-    a browser send bytes of its choice, but only after an HTTP header. All later calls fail too.
+    Every packet must begin where the previous one ends. A first byte other than SOH, an impossible length, or a last
+    byte other than EOT raises an exception. All later calls then raise it too: the framer does not search for another
+    packet. The reason is that a web page can make a browser send bytes of the page's choice, but only after an HTTP
+    header.
     """
 
     skipped_bytes = 0
@@ -218,11 +223,11 @@ class Framer(FramerBase):
         return 0
 
     def resync(self) -> bytes | None:
-        """Return None: in a stream there is no other packet inside a packet."""
+        """Return None: in a stream, an incomplete packet contains no other packet."""
         return None
 
     def timeout(self) -> bytes | None:
-        """Return None: in a stream the rest of a packet is never lost."""
+        """Return None: in a stream, the rest of a packet is never lost."""
         return None
 
     def feed(self, data: bytes) -> bytes | None:
@@ -243,7 +248,7 @@ class Framer(FramerBase):
         """Return the next complete packet, or ``None`` if more bytes are needed.
 
         Raises:
-            ProtocolError: If the data is not a packet (``fatal`` is set).
+            ProtocolError: If the data is not a packet; its ``fatal`` is True.
         """
         if self._error is not None:
             raise self._error
@@ -272,7 +277,7 @@ class Framer(FramerBase):
             )
         if len(buffer) == length and length > _COPIED:
             self._buffer = bytearray()
-            return cast("bytes", buffer)  # read like bytes, and not modified any more
+            return cast("bytes", buffer)  # it can be read like bytes, and it is no longer modified
         with memoryview(buffer) as view:
             frame = bytes(view[:length])
         del buffer[:length]

@@ -1,8 +1,9 @@
 """Transport profiles of b-CAP: stream (TCP), datagrams (UDP), serial line (b-CAP/COM).
 
-A :class:`BcapProfile` describes the differences. On a stream nothing is lost, and anything but packets ends the connection.
-On the other two a packet may be lost, so a client repeats a request without a reply: with a new serial, and with the serial
-of its first attempt in the reserved field, by which a server recognizes it (:mod:`orinkit.bcap.duplicate_filter`).
+A :class:`BcapProfile` describes the differences. On a stream, nothing is lost, and data that is not a packet ends the
+connection. On the other two transports, a packet may be lost, so a client repeats a request without a reply. Each
+attempt has a new serial. Its reserved field contains the serial of the first attempt, by which a server recognizes the
+request (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -90,9 +91,9 @@ class BcapProfile(TransportProfile):
     """A transport profile of b-CAP.
 
     Attributes:
-        framer: factory of a client's framer; its argument are the bounds on packets.
-        server_framer: the same for a server.
-        crc: whether packets have a CRC (VE026A 3.1).
+        framer: function that creates the framer of a client from the limits of a packet.
+        server_framer: function that creates the framer of a server from the limits of a packet.
+        crc: True if packets have a CRC (VE026A 3.1).
     """
 
     framer: Callable[[PacketLimits], Framing]

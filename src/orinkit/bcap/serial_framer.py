@@ -12,28 +12,28 @@ from orinkit.core.i18n import tr
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 LEAST: Final = packet.OVERHEAD + 2
-"""Bytes of a packet without arguments."""
+"""Bytes of a packet without arguments, with its CRC."""
 
-_MAX_WORK: Final = 1 << 20  # bytes of wrong checksums computed before the buffer is discarded
+_MAX_WORK: Final = 1 << 20  # if wrong checksums were computed over more bytes than this, the buffer is discarded
 _LAST_FUNCTION: Final = len(FUNCTIONS)
 _MAX_ARGUMENTS: Final = 8
 _HEAD: Final = packet.HEADER.size
 
 
 class LineFramer(packet.FramerBase):
-    """Finds packets between noise: each must be complete and have a correct CRC.
+    """Finds packets between noise: each packet must be complete and have a correct CRC.
 
-    If a sequence of bytes is not a packet, the search continues right after its first byte, so that no packet is lost with
-    the noise before it. A length caused by noise may announce bytes that never arrive; the caller calls :meth:`timeout`
-    after a period of silence on the line.
+    If a sequence of bytes is not a packet, the search continues immediately after its first byte, so that no packet is
+    lost with the noise before it. Noise may look like a header and announce bytes that never arrive. Therefore the
+    caller calls :meth:`timeout` after a period of silence on the line.
 
     Args:
-        limits: bounds on a packet.
-        reports_too_long: raise an exception if a request is announced that exceeds the limit, so that a server can send a
-            reply; a client treats it as noise.
+        limits: limits of a packet.
+        reports_too_long: True to raise an exception if the header of a request announces a packet above the limit, so
+            that a server can send a reply. False to treat such a header as noise, for a client.
 
     Attributes:
-        limits: bounds on a packet.
+        limits: limits of a packet.
         skipped_bytes: number of bytes received outside any packet.
     """
 
@@ -41,7 +41,7 @@ class LineFramer(packet.FramerBase):
         super().__init__(limits)
         self.skipped_bytes = 0
         self._reports_too_long = reports_too_long
-        self._reported = False  # whether the buffered data has been reported
+        self._reported = False  # LimitExceeded was raised for the buffered data
         self._work = 0
 
     @property
@@ -65,8 +65,8 @@ class LineFramer(packet.FramerBase):
         """Return the next complete packet, or ``None`` if more bytes are needed.
 
         Raises:
-            LimitExceeded: If a request is announced that exceeds the limit; its first byte is skipped. Raised once for the
-                same buffered data.
+            LimitExceeded: If the header of a request announces a packet above the limit. The first byte of the header
+                is skipped. The exception is raised only once for the same buffered data.
         """
         buffer = self._buffer
         while buffer:
@@ -92,8 +92,9 @@ class LineFramer(packet.FramerBase):
     def resync(self) -> bytes | None:
         """Return a complete packet that follows the header of an incomplete one, and skip everything before it.
 
-        This is for a header caused by noise, on a line that is never silent. A packet that contains other packets in its
-        arguments looks the same, so call this only if a packet takes far too long.
+        Noise may look like a header. If the line is never silent, :meth:`timeout` is not called, and this method finds
+        the packets after the false header. A valid packet whose arguments contain other packets looks the same.
+        Therefore call this method only if a packet takes far too long.
         """
         buffer = self._buffer
         start = buffer.find(packet.SOH, 1)
@@ -137,7 +138,10 @@ class LineFramer(packet.FramerBase):
         return None
 
     def _refuse(self, length: int) -> None:
-        """Skip the first byte of an announced packet that exceeds the limit: noise, unless it looks like a request."""
+        """Skip the first byte of a header that announces a packet above the limit.
+
+        The header is noise, unless it looks like the header of a request.
+        """
         _, _, serial, _, function, count = packet.HEADER.unpack_from(self._buffer)
         request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MAX_ARGUMENTS
         self._skip(1)

@@ -1,11 +1,11 @@
 """The server side of a b-CAP conversation, without I/O and without a clock.
 
-:class:`ServerConversation` receives bytes and yields actions: :class:`Send` bytes, :class:`Execute` a call, :class:`Decode`
-a large packet first, :class:`Close` the link, :class:`EndSession` the client's session. The caller executes the call, passes the
-result to :meth:`~ServerConversation.finish`, and calls :meth:`~ServerConversation.tick` at
-:meth:`~ServerConversation.deadline`. One call is executed at a time; further calls meanwhile return E_BUSY_PROC (reference
-behaviour: docs/protocol.md). On unreliable transports, duplicates are not executed again
-(:mod:`orinkit.bcap.duplicate_filter`).
+:class:`ServerConversation` receives bytes and yields actions: :class:`Send` (send bytes), :class:`Execute` (execute a
+call), :class:`Decode` (decode a large packet), :class:`Close` (close the link) and :class:`EndSession` (end the
+client's session). The caller executes the call, passes the result to :meth:`~ServerConversation.finish`, and calls
+:meth:`~ServerConversation.tick` at :meth:`~ServerConversation.deadline`. One call is executed at a time. Calls that
+arrive during this time return E_BUSY_PROC (reference behaviour: docs/protocol.md). On unreliable transports, duplicates
+are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
 _MAX_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _FAILED: Final = 0x8000_0000
-_OVERDUE: Final = 0.5  # s that the rest of a packet may take on a serial line before a packet inside it is accepted
+_OVERDUE: Final = 0.5  # s; if a packet on a serial line is incomplete for longer, a packet inside it is accepted
 _NEVER: Final = float("inf")
 LARGE: Final = 16 * 1024
 """Size in bytes from which packets are decoded, and results encoded, outside the event loop."""
@@ -56,7 +56,7 @@ class Close:
 
 @dataclass(frozen=True, slots=True)
 class EndSession:
-    """Release the client's objects and cancel its call, as if it had disconnected; the line stays open."""
+    """Release the client's objects and cancel its call, as if the client had disconnected; the link stays open."""
 
     reason: str
 
@@ -89,7 +89,8 @@ class Encoded(NamedTuple):
     Attributes:
         code: the error code; ``None`` if the result can be sent.
         body: one encoded argument.
-        room: for a large result: the same with room for the rest of the packet, to avoid a copy.
+        room: for a large result, used instead of ``body``: the encoded argument with room for the rest of the packet,
+            so that the argument is not copied.
     """
 
     code: int | None
@@ -104,19 +105,19 @@ class ServerConversation:
     """Requests and replies of one client.
 
     Args:
-        limits: bounds on a packet.
+        limits: limits of a packet.
         invoke_timeout: seconds after which a call returns E_TIMEOUT; a client can set another limit with
             ``InvokeTimeout=<ms>``.
         profile: the b-CAP transport profile.
         dialect: dialect of the controller.
 
     Attributes:
-        timed_out: whether E_TIMEOUT has been sent for the call in progress.
-        wdt: seconds between S_EXECUTING packets during a call, ``None`` for none; set by ``WDT=<ms>``.
+        timed_out: True if E_TIMEOUT has been sent for the call in progress.
+        wdt: seconds between S_EXECUTING packets during a call, ``None`` for no such packets; set by ``WDT=<ms>``.
         stopped: True from the reply to Service_Stop until the next request.
         packets: number of complete packets received.
-        calls: number of packets that were calls to execute.
-        alive: the client's own limit on silence, s, ``None`` for no limit; set by ``Alive=<ms>``.
+        calls: number of calls that were passed on for execution.
+        alive: longest silence that the client has announced, s; ``None`` for no such limit; set by ``Alive=<ms>``.
         last_request_at: time of the last complete request.
         last_reply_at: time of the last reply to a call.
     """
@@ -141,7 +142,7 @@ class ServerConversation:
         self._serial = 0  # of the latest attempt of the current call
         self._reserved = 0
         self._next: Action | None = None  # the action after the one just yielded
-        self._pending_since = _NEVER  # since when the buffer contains an incomplete packet
+        self._pending_since = _NEVER  # time since which the buffer contains an incomplete packet
         self.stopped = False
         self.packets = 0
         self.calls = 0
@@ -157,7 +158,10 @@ class ServerConversation:
 
     @property
     def stale_bytes(self) -> int:
-        """Number of bytes of an incomplete packet that may never be completed, see :meth:`discard_incomplete`; 0 on a stream."""
+        """Number of bytes of an incomplete packet that may never be completed; 0 on a stream.
+
+        See :meth:`discard_incomplete`.
+        """
         return self._framer.pending if self._profile.lossy else 0
 
     @property
@@ -184,8 +188,8 @@ class ServerConversation:
     def discard_incomplete(self, now: float) -> Iterator[Action]:
         """Abandon an incomplete packet on a serial line; yield the actions, as :meth:`receive` does.
 
-        To be called after :data:`~orinkit.bcap.profiles.SILENCE` seconds without data. There may still be an incomplete
-        packet afterwards.
+        Call this method after :data:`~orinkit.bcap.profiles.SILENCE` seconds without data. Afterwards, another
+        incomplete packet may be in the buffer.
         """
         self._now = now
         return self._actions(self._framer.timeout, self._framer.next_frame)
@@ -218,7 +222,7 @@ class ServerConversation:
             yield action
 
     def _inside(self, took: bool) -> bytes | None:
-        """Return a packet that follows the header of an overdue incomplete one (on a serial line)."""
+        """Return a packet that follows the header of an overdue incomplete packet (on a serial line)."""
         if not self.stale_bytes:
             self._pending_since = _NEVER
         elif took or self._pending_since == _NEVER:
@@ -229,7 +233,7 @@ class ServerConversation:
         return None
 
     def update_time(self, now: float) -> None:
-        """Update the time: before further actions of :meth:`receive` are requested, and before a reply."""
+        """Set the current time, before further actions of :meth:`receive` are requested and before :meth:`finish`."""
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
@@ -242,7 +246,7 @@ class ServerConversation:
         if self._requests is not None:
             if not function_id or function_id & _FAILED:  # a reply; replying to it could cause an endless loop
                 return None
-            stopping = function_id == _SERVICE_STOP  # there is no connection that would be closed
+            stopping = function_id == _SERVICE_STOP  # accepted during a call: there is no connection to close
             busy = self._current is not None and not stopping
             decision = self._requests.check(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
             if decision is Decision.RESTART or (decision is Decision.NEW and self._current is not None):
@@ -271,7 +275,7 @@ class ServerConversation:
         """Decode a new request, to be executed or refused."""
         self.stopped = False
         self._serial, self._reserved = serial, reserved
-        if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many
+        if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many arguments
             return Send(self._reply(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
         read = partial(self._read, frame, count, end)
         action: Action
@@ -328,7 +332,7 @@ class ServerConversation:
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
-        """Return the reply to a call, or no bytes if a reply has already been sent (here or by E_TIMEOUT).
+        """Return the reply to a call; ``b""`` if the call was already finished, timed out or abandoned.
 
         Args:
             call: the call that has been executed.
@@ -382,7 +386,7 @@ class ServerConversation:
         return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._profile.crc)
 
     def abandon(self) -> None:
-        """Discard the call in progress: its client has become unreachable."""
+        """Discard the call in progress, because its client has become unreachable."""
         self._current = None
         self.alive = None
 
@@ -397,7 +401,7 @@ class ServerConversation:
         return self._expires_at if self.wdt is None else min(self._next_wdt, self._expires_at)
 
     def tick(self, now: float) -> bytes:
-        """Return the packet that is due now (S_EXECUTING or E_TIMEOUT), or no bytes.
+        """Return the packet that is due now (S_EXECUTING or E_TIMEOUT), ``b""`` if none is due.
 
         After E_TIMEOUT the call may still be executing: further calls return E_BUSY_PROC until it is complete.
         """

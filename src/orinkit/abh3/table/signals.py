@@ -146,7 +146,10 @@ class Word:
 
     @cached_property
     def masks(self) -> Mapping[str, int]:
-        """The masks by name; a name without an axis covers both axes: ``servo_on`` is ``ay_servo_on`` and ``bx_servo_on``."""
+        """The masks by name.
+
+        A name without an axis covers both axes: ``servo_on`` is the mask of ``ay_servo_on`` and ``bx_servo_on``.
+        """
         masks = {bit.name: 1 << bit.number for bit in self.bits}
         for name, mask in list(masks.items()):
             axis, _, rest = name.partition("_")

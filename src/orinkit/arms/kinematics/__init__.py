@@ -1,7 +1,8 @@
 """Forward and inverse kinematics of an arm: figures, limits, singular points.
 
-:class:`Kinematics` is the public interface. ``chain`` is forward kinematics, ``inverse`` the closed form for arms with a
-spherical wrist, ``search`` (with ``roots``) the numeric solution for other arms, ``figures`` the figures.
+:class:`Kinematics` is the public interface. The module ``chain`` contains the forward kinematics, ``inverse`` the
+inverse kinematics in closed form for arms with a spherical wrist, ``search`` (with ``roots``) the numeric inverse
+kinematics for other arms, and ``figures`` the figures.
 """
 
 from orinkit.arms.kinematics.solver import (

@@ -25,11 +25,11 @@ ARM_AXES: Final = 6
 
 
 class Chain:
-    """The frames of a model's six axes.
+    """The coordinate frames of a model's six axes.
 
-    The axes of joints 2 and 3 are parallel, so positions are computed in the frame of joint 1, where these joints move
-    in a plane, and finally rotated by joint 1. The y offset of joint 5 is along its own axis; it is added to the offset
-    of joint 6.
+    The axes of joints 2 and 3 are parallel, so these joints move the arm in a plane of the frame of joint 1. Positions
+    are computed in this frame and then rotated by joint 1. The y offset of joint 5 is along the axis of joint 5;
+    therefore it is added to the offset of joint 6.
 
     Attributes:
         base: Origin of joint 1, mm.
@@ -51,7 +51,7 @@ class Chain:
         )
 
     def forward(self, joints: ArrayLike) -> Array:
-        """Return the flange frame in the base frame, as :meth:`orinkit.arms.kinematics.solver.Kinematics.forward`.
+        """Return the flange frame in the base frame; see :meth:`orinkit.arms.kinematics.solver.Kinematics.forward`.
 
         Joints after the sixth have no influence.
         """
@@ -67,7 +67,10 @@ class Chain:
         return frames
 
     def jacobian(self, joints: ArrayLike) -> Array:
-        """Return the Jacobian of the flange in the base frame, as :meth:`orinkit.arms.kinematics.solver.Kinematics.jacobian`."""
+        """Return the Jacobian of the flange in the base frame.
+
+        See :meth:`orinkit.arms.kinematics.solver.Kinematics.jacobian`.
+        """
         values = joints_of(joints)
         if values.ndim == 1:
             result = np.array(self._jacobian_entries(*_cosines_and_sines(values))).reshape(ARM_AXES, 6).T

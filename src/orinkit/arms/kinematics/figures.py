@@ -1,16 +1,18 @@
 """Figures (FIG): they distinguish the postures that hold the flange in the same pose.
 
-========= ======= =========== =================================================================
-bit       0       1           it is 1 if
-========= ======= =========== =================================================================
+========= ======= =========== ===========================================================================
+bit       0       1           condition for 1
+========= ======= =========== ===========================================================================
 1         RIGHTY  LEFTY       the wrist centre is on the +X side of the frame of joint 1
-2         ABOVE   BELOW       LEFTY: joint 3 is not beyond the stretched elbow; RIGHTY mirrored
-4         FLIP    NONFLIP     joint 5 is positive with LEFTY, negative with RIGHTY
-8, 16, 32 SINGLE  DOUBLE      joint 6, 4, 1 is outside -180 < angle <= 180
-========= ======= =========== =================================================================
+2         ABOVE   BELOW       joint 3 is not above (LEFTY) or not below (RIGHTY) its value at full stretch
+4         FLIP    NONFLIP     joint 5 is positive (LEFTY) or negative (RIGHTY)
+8         SINGLE  DOUBLE      joint 6 is outside -180 < angle <= 180
+16        SINGLE  DOUBLE      joint 4 is outside -180 < angle <= 180
+32        SINGLE  DOUBLE      joint 1 is outside -180 < angle <= 180
+========= ======= =========== ===========================================================================
 
-The wrist centre is the intersection of the axes of joints 4 and 5. The COBOTTA also sets bit 256; its meaning is not
-published, and it is accepted and ignored here.
+The wrist centre is the intersection of the axes of joints 4 and 5. At full stretch, shoulder, elbow and wrist centre
+are on a line. The COBOTTA also sets bit 256, whose meaning is not published. This module accepts and ignores that bit.
 """
 
 from __future__ import annotations
@@ -36,10 +38,10 @@ HIGHEST: Final = 63
 COBOTTA_BIT: Final = 256
 
 DOUBLE_BITS: Final = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
-"""Indices of the joints that can turn more than once, and their bits."""
+"""Indices of the joints that can be DOUBLE, and their bits."""
 
 LIMIT_TOLERANCE: Final = 1e-6
-"""Tolerance of the limits, deg or mm, for the rounding of an angle such as 360 through sine and cosine."""
+"""Tolerance of the limits in deg or mm: an angle such as 360 is rounded when it is computed from sine and cosine."""
 
 _ANGLE_NOISE: Final = 1e-9  # deg; a value this close to 0 or 180 counts as that value
 _LENGTH_NOISE: Final = 1e-9  # mm
@@ -77,7 +79,7 @@ def wrist_distance(chain: Chain, joints: Sequence[float]) -> float:
 
 
 def stretched_elbow(chain: Chain) -> float:
-    """Return joint 3, deg, at which shoulder, elbow and wrist centre are on a line."""
+    """Return the angle of joint 3, deg, at which shoulder, elbow and wrist centre are on a line."""
     fore = math.atan2(chain.fore[0], chain.fore[2] + chain.wrist[2])
     return (math.atan2(chain.upper[0], chain.upper[2]) - fore) / RADIAN
 
@@ -94,9 +96,9 @@ def normalize_around(angles: Array, centre: Array) -> Array:
 
 
 def turn_centres(model: ArmModel) -> Array:
-    """Return the angles (6,), deg, around which solutions are normalized, before any DOUBLE.
+    """Return the angles (6,), deg, around which the joints of a solution are normalized.
 
-    For joints 1, 4 and 6, which are SINGLE, this is 0; for the others the middle of their limits.
+    The angle is 0 for joints 1, 4 and 6, which become SINGLE, and the middle of the limits for the other joints.
     """
     doubled = {index for index, _ in DOUBLE_BITS}
     return np.array(
@@ -116,7 +118,7 @@ def with_turns(
         joints: Joints, deg, of which 1, 4 and 6 are SINGLE.
         figure: The figure; only its DOUBLE bits are used.
         axes: The axes; a joint that is DOUBLE must be within its limits.
-        near: If two turns are possible, the one nearer to these joints is chosen; ``None`` for the smaller angle.
+        near: If two angles are possible, the one nearer to these joints is used; ``None`` to use the smaller angle.
 
     Returns:
         The joints; ``None`` if a joint that must be DOUBLE cannot be within its limits.
@@ -133,7 +135,7 @@ def with_turns(
 
 
 def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
-    """Return all variants of joints: 1, 4 and 6 SINGLE as given, and each DOUBLE that is within the limits."""
+    """Return all variants of joints: each of joints 1, 4 and 6 is SINGLE as given, or DOUBLE within its limits."""
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
     for index, _ in DOUBLE_BITS:
         choices[index] = (joints[index], *_doubles(joints[index], axes[index]))

@@ -1,8 +1,8 @@
 """Inverse kinematics in closed form.
 
-:class:`ArmGeometry` solves joints 1 to 3 for the wrist centre, :class:`SphericalWrist` all joints of an arm whose last three
-axes cross in one point. All functions accept any number of flanges at once. :class:`ArmGeometry` works in radians; joints
-are returned in degrees.
+:class:`ArmGeometry` solves joints 1 to 3 for the wrist centre. :class:`SphericalWrist` solves all joints of an arm
+whose last three axes intersect at one point. All functions accept any number of flange frames in one call.
+:class:`ArmGeometry` uses radians; :class:`SphericalWrist` returns joints in degrees.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, figure_of, no
 Mask = NDArray[np.bool_]
 
 REACH_TOLERANCE: Final = 1e-7
-"""A wrist centre up to this far outside the reach, mm, is moved to its boundary."""
+"""Distance in mm: a wrist centre outside the reach by up to this distance is moved to the boundary of the reach."""
 
 _WRIST_SINGULAR: Final = 1e-10  # sine of joint 5 below which joint 4 is undetermined
 _SHOULDER_SINGULAR: Final = 1e-7  # mm from the axis of joint 1 below which joint 1 is undetermined
@@ -70,8 +70,9 @@ class ArmGeometry:
             lefty: True if the wrist centre must be on the +X side of the frame of joint 1.
 
         Returns:
-            Joint 1, rad; the distance of the wrist centre in front of its axis, mm; the distance of the point from the
-            boundary of the reach, mm, negative if it is out of reach; False if joint 1 is undetermined.
+            Joint 1, rad; the distance of the wrist centre in front of the axis of joint 1, mm; the distance of the
+            wrist centre from the boundary of the reach, mm, negative if it is out of reach; a mask, False if joint 1 is
+            undetermined.
         """
         distance = np.hypot(x, y)
         inner = (distance - self.lateral) * (distance + self.lateral)
@@ -90,8 +91,8 @@ class ArmGeometry:
             positive: Side to which the elbow bends: True if joint 3 is beyond the angle of the stretched arm.
 
         Returns:
-            Joint 2, rad; the sum of joints 2 and 3, rad; the distance of the point from the boundary of the reach, mm,
-            negative if it is out of reach.
+            Joint 2, rad; the sum of joints 2 and 3, rad; the distance of the wrist centre from the boundary of the
+            reach, mm, negative if it is out of reach.
         """
         u, w = forward - self.chain.shoulder[0], up - self.chain.shoulder[2]
         distance = np.hypot(u, w)
@@ -109,7 +110,7 @@ class ArmGeometry:
 
 
 class InverseSolver:
-    """Base of the two solutions of the inverse kinematics.
+    """Base of the two solvers of the inverse kinematics.
 
     Args:
         model: The arm model.
@@ -124,11 +125,11 @@ class InverseSolver:
 
 
 class SphericalWrist(InverseSolver):
-    """Closed-form solution of an arm whose axes 4, 5 and 6 cross in the wrist centre."""
+    """Closed-form solution for an arm whose axes 4, 5 and 6 intersect at the wrist centre."""
 
     @staticmethod
     def fits(chain: Chain) -> bool:
-        """Return True if the axes of joints 4, 5 and 6 cross in one point."""
+        """Return True if the axes of joints 4, 5 and 6 intersect at one point."""
         return chain.wrist[0] == 0.0 and chain.flange[0] == 0.0 and abs(chain.flange[1]) < 1e-12
 
     def branch(self, flanges: Array, posture: int | NDArray[np.int_], near: Array) -> tuple[Array, Mask]:
@@ -157,10 +158,10 @@ class SphericalWrist(InverseSolver):
         return self._degrees(first, second, both, fourth, fifth, sixth), np.minimum(beside, reached) >= 0.0
 
     def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
-        """Return joints along a path: in each row the solution nearest to the row before, with shoulder and elbow unchanged.
+        """Return joints along a path: each row is the solution nearest to the previous row.
 
-        The wrist may pass through joint 5 = 0 if the change is smaller; FLIP then changes. A joint 1 or 4 that the flange
-        does not determine keeps its value.
+        Shoulder and elbow stay unchanged. The wrist passes through joint 5 = 0, so that FLIP changes, if the joints
+        then change less. If the flange does not determine joint 1 or 4, the joint keeps its value.
 
         Args:
             flanges: (N, 4, 4).
@@ -194,7 +195,7 @@ class SphericalWrist(InverseSolver):
 
 
 def flange_in_forearm(flanges: Array, joint1: Array, joint23: Array) -> tuple[Array, Array, Array]:
-    """Return the columns (..., 3) of the flange's rotation in the frame of joint 3.
+    """Return the columns (..., 3) of the flange's rotation matrix in the frame of joint 3.
 
     Args:
         flanges: (..., >= 3, >= 3).
@@ -220,7 +221,7 @@ def _fourth(columns: tuple[Array, Array, Array], positive: Mask) -> tuple[Array,
 def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tuple[Array, Array]:
     """Return joints 5 and 6 for a given joint 4.
 
-    They compensate for the rounding error of joint 4, which is large near joint 5 = 0, so that the flange is exact.
+    Near joint 5 = 0, joint 4 has a large rounding error. Joints 5 and 6 compensate for it, so that the flange is exact.
     """
     c4, s4 = np.cos(fourth), np.sin(fourth)
     x, y, z = columns
@@ -229,13 +230,13 @@ def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tupl
 
 
 def _hold_undetermined(angles: Array, determined: Mask, start: float) -> Array:
-    """Return angles (N,) with undetermined ones replaced by the last determined one before, or by ``start``."""
+    """Return angles (N,); an undetermined angle becomes the last determined angle before it, or ``start``."""
     last = np.maximum.accumulate(np.where(determined, np.arange(len(angles)), -1))
     return np.where(last >= 0, angles[last], start)
 
 
 def _pass_wrist(joints: Array) -> None:
-    """Change each row (N, 6), deg, to the one of its two wrist postures that is nearer to the row before."""
+    """Replace each row (N, 6), deg, by the one of its two wrist postures that is nearer to the previous row."""
     step = np.diff(joints[:, 3:], axis=0)
     other = np.stack((step[:, 0] + 180.0, joints[1:, 4] + joints[:-1, 4], step[:, 2] + 180.0), -1)
     passing = _largest_turn(other) < _largest_turn(step) - _STEP_NOISE

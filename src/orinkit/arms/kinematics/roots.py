@@ -1,7 +1,7 @@
-"""Finds all roots of several functions of one angle at once, starting from samples over their range.
+"""Search for all roots of several functions of one angle, beginning with samples over the range of the angle.
 
-It finds changes of sign between samples, pairs of roots between samples (the function dips to zero and comes back), and
-roots between a sample and the edge of the domain.
+The search finds changes of sign between samples, pairs of roots between samples (the function crosses zero and
+returns), and roots between a sample and the edge of the domain.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from orinkit.arms.kinematics.chain import Array
 
 Lines = NDArray[np.int_]
 Function = Callable[[Lines, Array], tuple[Array, Array]]
-"""Returns values and margins (M,) of the functions with the indices of the first argument (M,) at the angles (M,).
+"""The arguments are indices of functions (M,) and angles (M,). The results are values (M,) and margins (M,).
 
-The margin is the distance of the angle from the edge of the domain; if it is negative, the value is NaN.
+Each value is the value of a function at its angle. Each margin is the distance of the angle from the edge of the domain
+of the function; if it is negative, the value is NaN.
 """
 
 TOUCHING: Final = 1e-11
-"""A function that comes this close to zero without crossing it has a root there."""
+"""A function that comes this close to zero without crossing zero counts as having a root there."""
 
-_LEVELS: Final = 2  # how often doubtful intervals are sampled more finely
+_LEVELS: Final = 2  # number of times that doubtful intervals are sampled more finely
 _REFINEMENT: Final = 32  # factor of the finer sampling
 _FLAT: Final = 0.01  # a function that is smaller than this at both ends of an interval may have three roots in it
 _FLAT_FACTOR: Final = 0.01  # _FLAT is multiplied by this at each finer level
@@ -67,7 +68,7 @@ class _Brackets:
 
 
 def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[Lines, Array]:
-    """Return the roots of all functions: indices of the functions and angles, (M,) each; a root may occur more than once.
+    """Return the roots of all functions: indices of functions and angles, (M,) each. A root may occur more than once.
 
     Args:
         function: The functions.
@@ -95,9 +96,10 @@ def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[L
 
 
 def _resampled(function: Function, samples: Samples, steepness: float) -> list[Samples]:
-    """Return samples, and finer ones of intervals that may hide roots.
+    """Return the samples, and finer samples of the intervals that may hide roots.
 
-    An interval may hide roots if it may contain a gap or an island of the domain between samples, or three roots.
+    An interval between two samples may hide roots in two cases: the domain may have a gap or an isolated part there, or
+    the function may have three roots there.
     """
     levels = [samples]
     flat = _FLAT
@@ -173,12 +175,12 @@ def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tu
 def _edges(function: Function, every: Sequence[Samples]) -> Samples:
     """Return samples between the last sample inside the domain and the edge, increasingly dense towards the edge.
 
-    A row ends with a sample farther away from the edge, so that a dip at the last one is detected.
+    Each row ends with one more sample, farther inside the domain, so that a dip at the sample before it is detected.
     """
     columns = [column for samples in every for column in _over_the_edge(samples)]
     lines, sample, outside, before, value, margin = map(np.concatenate, zip(*columns, strict=True))
     edge = _refined(lambda *at: function(*at)[1] - _EDGE_MARGIN, _Brackets(lines, sample, outside))
-    part = (np.arange(_EDGE_SAMPLES + 1) / _EDGE_SAMPLES) ** 4  # the function ends steeply, like a square root
+    part = (np.arange(_EDGE_SAMPLES + 1) / _EDGE_SAMPLES) ** 4  # the function is steep at the edge, like a square root
     angles = edge[:, None] + part * (sample - edge)[:, None]
     values, margins = function(np.repeat(lines, angles.shape[1]), angles.ravel())
     return Samples(
@@ -190,7 +192,11 @@ def _edges(function: Function, every: Sequence[Samples]) -> Samples:
 
 
 def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Array, Array, Array]]:
-    """Yield for edges to the right and to the left: functions; angles inside, outside and farther inside, value and margin there."""
+    """Yield the samples at edges, first for edges to the right, then for edges to the left.
+
+    Each item contains the indices of the functions; the angles of the samples inside, outside and farther inside; and
+    the values and margins farther inside.
+    """
     inside = samples.margins >= _EDGE_MARGIN
     for outward, rows in ((1, inside[:, 1:-1] & ~inside[:, 2:]), (-1, inside[:, 1:-1] & ~inside[:, :-2])):
         row, column = np.nonzero(rows)
@@ -206,7 +212,7 @@ def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Arra
 
 
 def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> Array:
-    """Return the root in each bracket by Chandrupatla's method: inverse quadratic interpolation, otherwise bisection."""
+    """Return the root in each bracket by Chandrupatla's method: inverse quadratic interpolation or bisection."""
     a, b = brackets.first, brackets.last
     at_a, at_b = function(brackets.lines, a), function(brackets.lines, b)
     part = np.full(len(a), 0.5)

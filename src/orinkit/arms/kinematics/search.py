@@ -1,8 +1,9 @@
-"""Inverse kinematics of arms without a closed form: joint 6 does not cross joints 4 and 5, for example in the COBOTTA.
+"""Inverse kinematics of arms without a closed form, such as the COBOTTA.
 
-For each angle of joint 6 the wrist centre is known, and joints 1 to 3 have up to four solutions in closed form. One
-condition remains: the axis of joint 5 must be perpendicular to the forearm. Its roots over one turn of joint 6 are all
-solutions. If joints 4 and 5 do not cross either, the roots are approximations, which are refined by damped least squares.
+In these arms, the axis of joint 6 does not intersect the axes of joints 4 and 5. For each angle of joint 6, the wrist
+centre is known, and joints 1 to 3 have up to four solutions in closed form. One condition remains: the axis of joint 5
+must be perpendicular to the forearm. The roots of this condition over one turn of joint 6 are all the solutions. If the
+axes of joints 4 and 5 do not intersect either, the roots are approximations, which are refined by damped least squares.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from orinkit.arms.kinematics.figures import normalize_around
 from orinkit.arms.kinematics.inverse import InverseSolver, Mask, flange_in_forearm
 from orinkit.arms.kinematics.roots import Samples, all_roots
 
-_SAMPLES: Final = 96  # of one turn of joint 6
+_SAMPLES: Final = 96  # in one turn of joint 6
 _ROUNDS: Final = 60
-_ACCURACY: Final = 1e-10  # deg; lengths are converted by the reach of the arm
+_ACCURACY: Final = 1e-10  # deg; a length is divided by the reach of the arm and counts as an angle
 _NEWTON_ROUNDS: Final = 10
 _LARGEST_STEP: Final = 20.0  # deg, in one step of Newton's method
 _SAME: Final = 1e-6  # deg; closer solutions count as one
 _OFFSET_ROUNDS: Final = 8
-_POSTURES: Final = np.array(list(itertools.product((True, False), repeat=2)))  # lefty, bent to the positive side
+_POSTURES: Final = np.array(list(itertools.product((True, False), repeat=2)))  # lefty, elbow bent to the positive side
 
 
 class Search(InverseSolver):
@@ -100,7 +101,7 @@ class Search(InverseSolver):
         return None
 
     def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
-        """Return joints along a path: in each row the solution nearest to the row before.
+        """Return joints along a path: each row is the solution nearest to the previous row.
 
         Args:
             flanges: (N, 4, 4).
@@ -123,7 +124,7 @@ class Search(InverseSolver):
         return joints, reached
 
     def nearest(self, flange: Array, near: Array) -> Array | None:
-        """Return the solution (6,), deg, nearest to ``near``, which may be beyond 180 deg; ``None`` if there is none."""
+        """Return the solution (6,), deg, nearest to ``near``; ``None`` if there is none. It may be beyond 180 deg."""
         found, _ = self.solutions(flange[None])
         if not len(found):
             return None
@@ -159,7 +160,7 @@ class Search(InverseSolver):
     # ---------------------------------------------------------------- one condition over joint 6
 
     def _arm_for(self, flanges: Array, postures: Mask, angles: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return joint 1, joint 2, the sum of 2 and 3 (rad), the condition, and the margin of the reach.
+        """Return joint 1, joint 2, the sum of joints 2 and 3 (rad), the condition, and the margin of the reach.
 
         Args:
             flanges: (..., 4, 4).
@@ -169,7 +170,7 @@ class Search(InverseSolver):
         c, s = np.cos(angles), np.sin(angles)
         x6, y6, z6 = self._chain.flange
         ex, ey, ez = (flanges[..., :3, index] for index in range(3))
-        ahead = c[..., None] * ex - s[..., None] * ey  # the frame of joint 5
+        ahead = c[..., None] * ex - s[..., None] * ey  # "ahead" and "axis" are x and y of the frame of joint 5
         axis = s[..., None] * ex + c[..., None] * ey
         centre = flanges[..., :3, 3] - self._base - x6 * ahead - y6 * axis - z6 * ez
         held = self._reach(centre, postures)

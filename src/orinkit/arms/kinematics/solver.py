@@ -1,6 +1,7 @@
 """Kinematics of one arm: forward, inverse, and the choice between several solutions.
 
-Frames are 4x4 matrices in the base frame of the arm, mm. Joints are in degrees; the seventh and eighth have no influence.
+Frames are 4x4 matrices in the base frame of the arm, mm. Joints are in degrees; the seventh and eighth have no
+influence.
 """
 
 from __future__ import annotations
@@ -33,18 +34,19 @@ WRIST_SINGULAR: Final = 0.01
 SHOULDER_SINGULAR: Final = 0.1
 """Horizontal distance of the wrist centre from joint 1, mm, below which an arm is at a singular point."""
 CONDITION_SINGULAR: Final = 1e-4
-"""Ratio of the smallest to the largest singular value of the Jacobian, with lengths divided by the arm's reach, below which
-an arm without a wrist centre is at a singular point."""
+"""Limit for an arm without a wrist centre: the arm is at a singular point if the ratio of the smallest to the largest
+singular value of the Jacobian, with lengths divided by the arm's reach, is below this."""
 
 _SAME: Final = 1e-6  # deg; closer solutions count as one
-_CLOSE: Final = 30.0  # deg; a solution of Newton's method within this is accepted as the nearest one
+_CLOSE: Final = 30.0  # deg; a solution of Newton's method that is closer than this counts as the nearest one
 _ROTATION_NOISE: Final = 1e-6
 
 
 class Kinematics:
     """Forward and inverse kinematics of an arm.
 
-    An arm whose last three axes cross in one point is solved in closed form, others by search; the results are the same.
+    An arm whose last three axes intersect at one point is solved in closed form, other arms by numeric search. The
+    meaning of the results is the same.
 
     Args:
         model: The arm model.
@@ -81,8 +83,8 @@ class Kinematics:
             joints: (..., n >= 6) deg.
 
         Returns:
-            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg per
-            deg; columns are the joints.
+            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg
+            per deg; columns are the joints.
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
@@ -107,16 +109,17 @@ class Kinematics:
         Args:
             flange: (4, 4).
             figure: 0 to 63.
-            near: (n >= 6,) deg. It determines joint 1 or 4 if the flange does not (without it joint 4 is 0), which of two
-                turns a DOUBLE joint takes, and which of several solutions with the same figure is returned.
+            near: (n >= 6,) deg. If the flange does not determine joint 1 or 4, the joint is taken from ``near``;
+                without ``near``, joint 4 is 0. If two angles are possible for a DOUBLE joint, the nearer one is used.
+                If several solutions have the same figure, the nearest one is returned.
 
         Returns:
             The joints, (6,) deg.
 
         Raises:
-            CallError: OUT_OF_WORKING_RANGE if the flange is out of reach; FIGURE_INVALID if it cannot be reached with this
-                figure; FIGURE_OUT_OF_RANGE if there is no such figure; E_INVALIDARG if a number is not finite or the
-                matrix is not a frame.
+            CallError: OUT_OF_WORKING_RANGE if the flange is out of reach; FIGURE_INVALID if it cannot be reached with
+                this figure; FIGURE_OUT_OF_RANGE if there is no such figure; E_INVALIDARG if a number is not finite or
+                the matrix is not a frame.
         """
         figure = self._checked_figure(figure)
         frame = self._checked_frame(flange)
@@ -137,12 +140,13 @@ class Kinematics:
     def solutions(self, flange: ArrayLike, near: ArrayLike | None = None) -> list[tuple[int, Array]]:
         """Return all solutions for the flange.
 
-        Joints 1, 4 and 6 are SINGLE; solutions with DOUBLE joints are added if those are within the soft limits. Limits
-        are not checked otherwise.
+        Joints 1, 4 and 6 are SINGLE. Solutions with DOUBLE joints are added if the DOUBLE joints are within the soft
+        limits. Other limits are not checked.
 
         Args:
             flange: (4, 4).
-            near: (n >= 6,) deg; joints 1 and 4 are taken from it if the flange does not determine them; 0 without it.
+            near: (n >= 6,) deg; joints 1 and 4 are taken from it if the flange does not determine them. Without
+                ``near``, they are 0 in this case.
 
         Returns:
             Pairs (figure, joints (6,) deg), ordered by figure; empty if the flange is out of reach.
@@ -161,15 +165,16 @@ class Kinematics:
     def choose(self, flange: ArrayLike, rule: int, near: ArrayLike) -> Array:
         """Return the joints that hold the flange, chosen by one of the rules for a pose without a figure.
 
-        The change of a solution is the largest change of a joint, divided by its velocity.
+        For each joint, the change from ``near`` is divided by the largest velocity of the axis. The largest of these
+        quotients is the change of the solution.
 
         Args:
             flange: (4, 4).
-            rule: :data:`AUTOMATIC` keeps the figure of ``near`` if it exists within the soft limits, otherwise it is the
-                same as :data:`WITHIN_LIMITS`; if joint 5 is 0 in ``near``, FLIP and NONFLIP both count as its figure.
-                :data:`LEAST_CHANGE` is the solution with the least change from ``near``. :data:`WITHIN_LIMITS` is the
-                solution with the least change among those within the soft limits, or among all if none is. 0 to 63 is a
-                figure, as for :meth:`inverse`.
+            rule: :data:`AUTOMATIC` keeps the figure of ``near`` if a solution with this figure is within the soft
+                limits; otherwise it is the same as :data:`WITHIN_LIMITS`. If joint 5 of ``near`` is 0, FLIP and NONFLIP
+                both count as its figure. :data:`LEAST_CHANGE` is the solution with the least change.
+                :data:`WITHIN_LIMITS` is the solution with the least change among those within the soft limits, or among
+                all solutions if none is within them. A number from 0 to 63 is a figure, as for :meth:`inverse`.
             near: (n >= 6,) deg.
 
         Returns:
@@ -193,11 +198,11 @@ class Kinematics:
         return min(found, key=lambda joints: self._change(joints, close))
 
     def follow(self, flanges: ArrayLike, start: ArrayLike) -> Array:
-        """Return joints along a continuous path: in each row the solution nearest to the row before.
+        """Return joints along a continuous path: each row is the solution nearest to the previous row.
 
-        Shoulder and elbow stay as at the start. The wrist may pass through joint 5 = 0, so that FLIP changes, if joint 4
-        would otherwise turn by 180 deg. Joints may be beyond 180 deg. Near a singular point successive rows may be far
-        apart although the flanges are not, and soft limits are not checked; the caller must check both.
+        Shoulder and elbow stay as at the start. The wrist may pass through joint 5 = 0, so that FLIP changes, if joint
+        4 would otherwise turn by 180 deg. Joints may be beyond 180 deg. Near a singular point, successive rows may be
+        far apart although the flanges are close together. Soft limits are not checked. The caller must check both.
 
         Args:
             flanges: (N, 4, 4).
@@ -208,7 +213,7 @@ class Kinematics:
             The joints, (N, 6) deg.
 
         Raises:
-            CallError: OUT_OF_WORKING_RANGE if a flange is out of reach (the detail contains its row, counted from 0);
+            CallError: OUT_OF_WORKING_RANGE if a flange is out of reach (``detail`` contains its row, counted from 0);
                 E_INVALIDARG if a number is not finite or a matrix is not a frame.
         """
         frames = _finite_frames(flanges)
@@ -227,7 +232,7 @@ class Kinematics:
         return joints
 
     def limits_exceeded(self, joints: ArrayLike) -> int:
-        """Return the axes outside their soft limits as bits; J1 is bit 0. Extra axes are included if ``joints`` has them.
+        """Return the axes outside their soft limits as bits; J1 is bit 0. Extra axes in ``joints`` are included.
 
         The tolerance is :data:`orinkit.arms.kinematics.figures.LIMIT_TOLERANCE`.
 
