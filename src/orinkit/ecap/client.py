@@ -66,6 +66,7 @@ class EcapConversation:
         self._limits = limits
         self._stopped = True  # closing requires no Service_Stop: it has been sent, or no request has been sent
 
+    # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
     def call(
         self,
         function: Function[..., Any],
@@ -77,7 +78,6 @@ class EcapConversation:
         retry_timeout: float = 0.0,  # noqa: ARG002
         deadline: float | None = None,
     ) -> Operation:
-        # Also in bcap.client: clients call the two kinds of conversation with the same arguments.
         """Return a generator that calls a function; the module's docstring describes it.
 
         Args:

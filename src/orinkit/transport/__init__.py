@@ -1,4 +1,4 @@
-"""Transports: the only package that uses sockets, ports, clocks and waiting.
+"""Transports: sockets, serial ports, clocks and waiting, which the implementations of the protocols do not use.
 
-It has two runners, and one small module per kind of link.
+The package contains two runners of protocol operations, and one small module per kind of link.
 """

@@ -25,9 +25,12 @@ LONGEST: Final = 4000
 """The largest number of characters of a path."""
 _USUAL: Final = "tcp"
 """The scheme of an address without one."""
-_BITRATES: Final = range(1000, 1_000_001)  # of classic CAN
+_BITRATES: Final = range(1000, 1_000_001)  # bit/s, classic CAN
 _TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
-"""Parameters of python-can that cannot be options: the address has the first two; configuration files are not read."""
+"""Parameters of python-can that cannot be options of an address.
+
+The first two are other parts of the address. The others concern configuration files, which orinkit does not read.
+"""
 
 
 class Address(NamedTuple):
@@ -36,7 +39,7 @@ class Address(NamedTuple):
     Attributes:
         scheme: ``"tcp"`` or ``"udp"``.
         host: Name or IP address; an IPv6 address without brackets.
-        port: 0 to 65535; with 0 a server takes a free port.
+        port: 0 to 65535; if it is 0, a server selects a free port.
     """
 
     scheme: str
@@ -49,8 +52,8 @@ class Address(NamedTuple):
 
 
 def is_loopback(host: str) -> bool:
-    """Return True if the host is this machine, judging by its name or IP address only."""
-    from ipaddress import ip_address  # few programs need it
+    """Return True if the host is a loopback address or ``localhost``; the name is not resolved."""
+    from ipaddress import ip_address  # few programs require it
 
     try:
         return ip_address(host).is_loopback
@@ -59,7 +62,7 @@ def is_loopback(host: str) -> bool:
 
 
 def network_of(host: str) -> str:
-    """Return the origin that a host counts as: an IPv4 address, an IPv6 /64 network, this machine, or any other name.
+    """Return the unit to which limits per address apply: an IPv4 address, an IPv6 /64 network, this machine, or a name.
 
     The owner of an IPv6 address usually has its whole /64 network, and a machine has all addresses of 127.0.0.0/8.
     """
@@ -83,8 +86,8 @@ class HttpAddress(NamedTuple):
     Attributes:
         scheme: ``"http"`` or ``"https"``.
         host: Name or IP address; an IPv6 address without brackets.
-        port: 0 to 65535; with 0 a server takes a free port.
-        path: Path, from the first slash on; a server replies at every path.
+        port: 0 to 65535; if it is 0, a server selects a free port.
+        path: Path, from the first slash on; a server accepts every path.
     """
 
     scheme: str
@@ -104,15 +107,16 @@ CanOption: TypeAlias = str | int | float | bool
 class CanAddress:
     """The address of a CAN bus that python-can opens; ``str`` returns its URL.
 
-    ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``: the channel is the text between the first slash after the
-    interface and the ``?``, percent-decoded: ``can://socketcan/can0``, ``can://slcan//dev/ttyACM0``,
-    ``can://udp_multicast/239.74.163.2?port=43113``, ``can://virtual/test``. Options that look like numbers are parsed
-    as numbers, ``true`` and ``false`` as bool. ``007`` remains text, because a number would not be written like that.
+    The form is ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``. The channel is the text between the first slash
+    after the interface and the ``?``, percent-decoded. Examples are ``can://socketcan/can0``,
+    ``can://slcan//dev/ttyACM0``, ``can://udp_multicast/239.74.163.2?port=43113`` and ``can://virtual/test``. Options
+    that look like numbers are parsed as numbers, ``true`` and ``false`` as bool. ``007`` remains text, because a number
+    is not written with leading zeros.
 
     Attributes:
         interface: The name of the interface in python-can.
         channel: The channel of the interface; ``""`` for its default.
-        bitrate: bit/s; ``None`` keeps the setting of the interface.
+        bitrate: Bit rate in bit/s; ``None`` keeps the setting of the interface.
         options: Further options for python-can, as pairs of name and value, in their order.
     """
 
@@ -135,7 +139,7 @@ PLAIN: Final = "/\\:.,-_+@"
 
 
 def parse_address(text: str) -> AnyAddress:
-    """Parse a URL or a connection string. A host without a scheme means TCP; the default port is 5007.
+    """Parse a URL or a connection string. If there is no scheme, it is ``tcp``; the default port is 5007.
 
     Raises:
         InvalidAddress: If the address is malformed, its transport is unknown, or the package of its transport cannot be
@@ -161,8 +165,8 @@ def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
 
     Args:
         text: The address.
-        reason: Why it cannot be parsed, in the current language.
-        scheme: The scheme whose row has the example for the message.
+        reason: The reason why it cannot be parsed, in the current language.
+        scheme: The scheme of which the message shows an example.
     """
     row = registry.find(scheme) or registry.find(_USUAL)
     example = "" if row is None else row.example
@@ -238,7 +242,7 @@ def parse_can(given: SplitAddress) -> CanAddress:
         raise bad_address(text, reason, "can")
     channel = unquote(channel, errors="surrogateescape")
     if interface == "udp_multicast" and channel[:1] == "[" and channel[-1:] == "]":
-        channel = channel[1:-1]  # an IPv6 address is written as in other URLs
+        channel = channel[1:-1]  # removes the brackets of an IPv6 address
     if len(channel) > LONGEST or any(sign < " " or "\ud800" <= sign <= "\udfff" for sign in channel):
         raise bad_address(text, tr("invalid channel"), "can")
     options: dict[str, CanOption] = {}
@@ -262,7 +266,7 @@ def _option(text: str) -> CanOption:
         return text
     try:
         if text.lstrip("-").isdecimal():
-            return int(text) if str(int(text)) == text else text  # 007 may be the serial number of an adapter
+            return int(text) if str(int(text)) == text else text  # 007 may be an adapter's serial number, not a number
         number = float(text)
     except ValueError:
         return text
@@ -273,8 +277,8 @@ def _option_text(value: CanOption) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-_NAME: Final = 80  # characters of an interface or an option
-_NUMBER: Final = 40  # characters of a number
+_NAME: Final = 80  # maximum number of characters of the name of an interface or an option
+_NUMBER: Final = 40  # maximum number of characters of a number
 
 
 def _wrong_option(name: str, *, twice: bool) -> str:

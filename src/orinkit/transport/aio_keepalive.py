@@ -15,7 +15,7 @@ async def atry_acquire(lock: asyncio.Lock) -> bool:
 
 
 class AsyncKeepAlive:
-    """Calls a coroutine method at a fixed interval, in a task; a blocked event loop suspends it."""
+    """Calls a coroutine method at a fixed interval, in a task; while the event loop is blocked, there are no calls."""
 
     def __init__(self, beat: Callable[[], Awaitable[object]], every: float) -> None:
         self._beat = WeakMethod(beat)

@@ -9,8 +9,9 @@ class Credentials(NamedTuple):
     """Data by which an HTTP client authenticates itself and verifies the server.
 
     Attributes:
-        token: Token, sent as ``Authorization: Bearer ...``; no token is sent if it is empty.
-        cafile: File of the certificates (PEM) that must have signed the server's; if it is empty, those of the system.
+        token: Token, sent as ``Authorization: Bearer ...``; if it is empty, no token is sent.
+        cafile: PEM file of CA certificates for verifying the server's certificate; if it is empty, the CA certificates
+            of the system are used.
     """
 
     token: str = ""
@@ -18,4 +19,4 @@ class Credentials(NamedTuple):
 
 
 NOTHING: Final = Credentials()
-"""No token, and the system's certificates."""
+"""No token, and the CA certificates of the system."""

@@ -1,12 +1,11 @@
-"""Fork safety: connections belong to the process that opened them, and forked children do not keep them.
+"""Fork safety: a connection belongs to the process that opened it, and is closed in forked children.
 
 A forked child has a copy of every descriptor, and a connection stays open until every copy is closed. Without this
-module, the peer of a killed program would not see the connection end while a child is alive, and the arm would continue
-to move.
+module, the connections of a killed program would stay open while a child is alive, and the arm would continue to move.
 
-Descriptors are not closed, but replaced by the null device. Their numbers remain in use in the child, because other
-objects may close them again, and the selector of an event loop, which the child shares with its parent, is not changed.
-No connection is shut down: it remains open for the parent.
+In the child, a descriptor is not closed, but replaced by the null device. Therefore its number remains in use: other
+objects of the child may still close it. The selector of an event loop, which the child shares with its parent, is not
+changed. No connection is shut down, because it remains open for the parent.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ class ForkAware(Protocol):
     def after_fork_in_child(self) -> Iterable[int]:
         """Invalidate the object in the child and return its descriptors.
 
-        Locks may be held by threads that do not exist in the child.
+        The method must not acquire locks: they may be held by threads that do not exist in the child.
         """
 
 
 class ProcessBound:
-    """Base of client links: provides the exception for a link that is closed or belongs to another process."""
+    """Base class of client links: provides the exception for a link that is closed or belongs to another process."""
 
     _left = False
 
@@ -57,7 +56,7 @@ def _invalidate_in_child() -> None:
     for each in list(_kept):
         try:
             descriptors = list(each.after_fork_in_child())
-        except Exception:  # noqa: BLE001, S112 - it was just being closed; the others must still be invalidated
+        except Exception:  # noqa: BLE001, S112 - the parent was closing the object; continue with the others
             continue
         for descriptor in descriptors:
             _replace(descriptor, nothing)
@@ -72,7 +71,7 @@ def _replace(descriptor: int, nothing: int) -> None:
             os.dup2(nothing, descriptor, inheritable=False)
         else:
             os.close(descriptor)
-    except OSError:  # already closed
+    except OSError:  # the descriptor is already closed
         pass
 
 

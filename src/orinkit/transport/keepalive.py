@@ -1,7 +1,7 @@
 """Keep-alives of a client: a method that is called periodically in a background thread.
 
-The asynchronous counterpart is :mod:`orinkit.transport.aio_keepalive`. The timer has only a weak reference to the owner
-of the method, and ends with it.
+The asynchronous counterpart is :mod:`orinkit.transport.aio_keepalive`. The thread has only a weak reference to the
+object of the method, and ends when that object is deleted.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ def try_acquire(lock: threading.RLock) -> bool:
 
 
 class KeepAlive:
-    """Calls a method at a fixed interval, in a daemon thread of its own.
+    """Calls a method at a fixed interval, in a separate daemon thread.
 
     Args:
-        beat: A method; it may block. Its errors are ignored: the program's next call reports them.
-        every: s between two calls.
+        beat: A method; it may block. Its errors are ignored, because the program's next call reports them.
+        every: Interval between two calls, s.
     """
 
     def __init__(self, beat: Callable[[], object], every: float) -> None:

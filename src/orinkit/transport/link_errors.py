@@ -29,5 +29,5 @@ def connect_failed(address: object, error: BaseException) -> ConnectFailed:
 
 
 def other_loop() -> TransportError:
-    """Return the exception for a link that is used in an event loop other than the one it was opened in."""
+    """Return the exception for a link that is used in another event loop than the one in which it was opened."""
     return TransportError(tr("the connection belongs to another event loop. Try: connect again in this one"))

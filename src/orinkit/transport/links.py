@@ -12,8 +12,8 @@ def open_link(address: AnyAddress, opening: LinkOptions) -> Link:
     """Open a link to the address of a controller.
 
     Raises:
-        InvalidAddress: If the address is one for servers, or of a CAN bus.
-        ConnectFailed: If the link cannot be opened; over HTTP this is reported by the first request.
+        InvalidAddress: If only servers can use the address, or if it is the address of a CAN bus.
+        ConnectFailed: If the link cannot be opened. Over HTTP, the first request raises this exception.
         MissingExtra: If the package for serial ports, or for HTTP, is not installed.
     """
     row = row_of(address)
@@ -24,13 +24,13 @@ def open_link(address: AnyAddress, opening: LinkOptions) -> Link:
 
 
 def require_handover(kind: str) -> Transport:
-    """Return the transport of a link that can be handed over to another process.
+    """Return the transport of a link that another process is to take over.
 
     Args:
-        kind: The name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or that of a transport of another package.
+        kind: The name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or the name that another package has added.
 
     Raises:
-        StreamError: If links of this transport cannot be handed over.
+        StreamError: If another process cannot take over links of this transport.
     """
     row = find(kind)
     if row is None or not row.adopt:
@@ -42,7 +42,7 @@ def adopt(kind: str, descriptor: int) -> Link:
     """Return a link for a descriptor that another process has opened; the link owns the descriptor.
 
     Args:
-        kind: The name of the profile, as for :func:`require_handover`.
+        kind: The name of the profile; see :func:`require_handover`.
         descriptor: The descriptor of the socket or the port.
     """
     link: Link = resolve(require_handover(kind).adopt)(descriptor)
@@ -66,7 +66,7 @@ def for_servers(_address: AnyAddress) -> InvalidAddress:
 
 
 def for_drivers(address: AnyAddress) -> InvalidAddress:
-    """Return the exception for a CAN bus given instead of the address of a controller."""
+    """Return the exception for the address of a CAN bus that is given instead of the address of a controller."""
     return InvalidAddress(
         tr(
             "{address!r:.200} is a CAN bus, which does not carry b-CAP. For ABH3 drivers: orinkit.abh3.connect(...)",

@@ -1,10 +1,10 @@
 """THE TABLE of transports: one row per address scheme.
 
-A row refers to objects of higher layers, and to objects that are imported on first use, by references
-``"module:attribute"``; :func:`resolve` returns the object. A new transport is a module and a row.
+A row contains references ``"module:attribute"`` to objects of higher layers, and to objects that are imported on first
+use; :func:`resolve` returns the object. A new transport requires a module and a row.
 
 A package outside orinkit registers its row in the entry point group ``orinkit.transports``. The name of the entry point
-is the scheme, its value refers to the row::
+is the scheme, and its value refers to the row::
 
     [project.entry-points."orinkit.transports"]
     unix = "my_package.unix:UNIX"
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 GROUP: Final = "orinkit.transports"
 """The group of the entry points."""
 
-_LONGEST: Final = 300  # characters of an exception in a message
+_LONGEST: Final = 300  # maximum number of characters of an exception's text in a message
 
 Reference: TypeAlias = str
-"""``"module:attribute"``, imported on first use; ``""`` for none."""
+"""``"module:attribute"``, imported on first use; ``""`` if there is no object."""
 
 
 class AnyAddress(Protocol):
@@ -67,7 +67,8 @@ class LinkOptions(NamedTuple):
         seconds: Time-out, s.
         access: Credentials for HTTP.
         most: The largest number of bytes of a reply over HTTP.
-        dead_after: s without a response from the controller's machine after which a TCP connection is given up.
+        dead_after: Time in s after which a TCP connection is considered lost if the controller's machine does not
+            respond.
     """
 
     seconds: float
@@ -101,16 +102,16 @@ class Transport(NamedTuple):
         example: An example address, for messages.
         profile: A :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another
             :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The name of the profile is the scheme of
-            the row whose ``adopt`` is used for its links.
+            a row; the ``adopt`` of that row is used for the links.
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
         listener: ``async (address, Connections) -> Listener``, for a server. If ``http`` is True, it receives
             HttpOptions too.
-        refusal: ``(address) -> InvalidAddress``, the reason why there is no link, or no listener.
+        refusal: ``(address) -> InvalidAddress``: returns the exception if the transport has no link, or no listener.
         option: The option of ``orinkit serve``.
         http: True if clients may send a token, and servers may have a certificate.
-        alias: The scheme that this one is another notation of.
+        alias: If the scheme is another notation of a scheme: that scheme.
     """
 
     scheme: str
@@ -223,7 +224,7 @@ _rows: Final = {row.scheme: row for row in _BUILT_IN}
 
 
 def rows() -> tuple[Transport, ...]:
-    """Return the rows of orinkit, and those registered so far."""
+    """Return the rows of orinkit, and the rows registered so far."""
     return tuple(_rows.values())
 
 
@@ -233,7 +234,7 @@ def known(scheme: str) -> bool:
 
 
 def aliases() -> tuple[str, ...]:
-    """Return the schemes that are another notation of a scheme."""
+    """Return the schemes that are another notation of another scheme."""
     return tuple(row.scheme for row in rows() if row.alias)
 
 
@@ -251,7 +252,7 @@ def register(row: Transport) -> None:
     """Add a row.
 
     Raises:
-        InvalidValue: If the scheme is not valid, or has another row.
+        InvalidValue: If the scheme is not valid, or already has another row.
     """
     if row.scheme != row.scheme.lower() or not row.scheme.replace("-", "_").isidentifier():
         raise InvalidValue(tr("{scheme!r:.80} cannot be the scheme of a transport", scheme=row.scheme))
@@ -289,13 +290,13 @@ def entries() -> dict[str, EntryPoint]:
     return _entries(tuple(sys.path))
 
 
-@cache  # a client may send any number of unknown schemes, and each search of all packages would delay other clients
+@cache  # a client may send any number of unknown schemes; each search of all packages would delay the other clients
 def _entries(_path: tuple[str, ...]) -> dict[str, EntryPoint]:
     from importlib import metadata  # slow to import, and few programs have such a package
 
     try:
         found = metadata.entry_points(group=GROUP)
-    except Exception:  # noqa: BLE001 - the metadata of an installed package are damaged
+    except Exception:  # noqa: BLE001 - the metadata of an installed package may be damaged
         return {}
     return {entry.name.lower(): entry for entry in sorted(found, key=lambda each: (each.name, each.value))}
 
@@ -304,7 +305,7 @@ def resolve(reference: Reference) -> Any:
     """Return the object that a reference names.
 
     Raises:
-        InvalidAddress: If it cannot be imported.
+        InvalidAddress: If the object cannot be imported.
         MissingExtra: If a package of one of orinkit's extras is not installed.
     """
     from importlib import import_module
@@ -350,7 +351,7 @@ def _unloadable(scheme: str, entry: EntryPoint, reason: str) -> InvalidAddress:
 def _package(entry: EntryPoint) -> str:
     try:
         name = "" if entry.dist is None else entry.dist.name
-    except Exception:  # noqa: BLE001 - its METADATA file is damaged or missing
+    except Exception:  # noqa: BLE001 - the package's METADATA file is damaged or missing
         name = ""
     return name or entry.module
 

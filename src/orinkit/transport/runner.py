@@ -1,8 +1,8 @@
 """The two runners of protocol operations: on the caller's thread (:func:`run`), and in asyncio (:func:`arun`).
 
-An operation is a generator such as :meth:`orinkit.bcap.client.BcapConversation.call`: it yields bytes to send and how
-many seconds to wait for a reply, and receives the bytes that arrive. The module also has waiting without receiving,
-:func:`sleep` and :func:`asleep`, and :class:`Deadline`.
+An operation is a generator such as :meth:`orinkit.bcap.client.BcapConversation.call`. It yields the bytes to send and
+the time in s to wait for a reply, and is sent the bytes that arrive. The module also contains :func:`sleep` and
+:func:`asleep`, which wait without receiving, and :class:`Deadline`.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from orinkit.core.errors import OrinError, StreamError
 from orinkit.core.i18n import tr
 
 T = TypeVar("T")
-_GOODBYE = 0.1  # s for each packet of a close_sequence
+_GOODBYE = 0.1  # time-out for sending each packet of a close_sequence, s
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 ClosePacket: TypeAlias = tuple[bytes, float]
-"""A packet to send before a link is closed, and how many seconds to wait for the reply."""
+"""A packet to send before a link is closed, and the time in s to wait for its reply."""
 
 
 class Link(Protocol):
@@ -32,7 +32,7 @@ class Link(Protocol):
         """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed."""
 
     def fileno(self) -> int:
-        """Return the descriptor, for handing it over to another process."""
+        """Return the descriptor, so that another process can take it over."""
 
     def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
@@ -45,15 +45,15 @@ class AsyncLink(Protocol):
     """A connection to a peer, in asyncio."""
 
     def send(self, data: bytes) -> None:
-        """Queue all bytes for sending, at once, so that a cancelled task cannot send a part of them."""
+        """Queue all bytes for sending in one step, so that a cancelled task cannot send only a part of them."""
 
     async def receive(self, seconds: float) -> bytes | None:
         """Return the next bytes, ``b""`` at the end of the stream, or ``None`` if the time has passed."""
 
     def fileno(self) -> int:
-        """Return the descriptor, for handing it over to another process.
+        """Return the descriptor, so that another process can take it over.
 
-        Nothing is received here until the next call.
+        This process receives nothing until the next call of :meth:`receive`.
         """
 
     def close_local(self) -> None:
@@ -67,10 +67,10 @@ L = TypeVar("L", Link, AsyncLink)
 
 
 class _Handed(Generic[L]):
-    """Placeholder for a link that was handed over to another process.
+    """Placeholder for a link that another process has taken over.
 
     Args:
-        link: The link, of which this process keeps a descriptor.
+        link: The link; this process still has its descriptor.
         closing: Callback that requests the other process to close the link.
     """
 
@@ -79,7 +79,7 @@ class _Handed(Generic[L]):
         self._closing = closing
 
     def fileno(self) -> int:
-        """Raise StreamError: the link is in another process.
+        """Raise StreamError, because another process uses the link.
 
         Raises:
             StreamError: Always.
@@ -91,13 +91,13 @@ class _Handed(Generic[L]):
         self.link.close_local()
 
     def close(self) -> None:
-        """Request the other process to close the link in good order, and close it here."""
+        """Request the other process to close the link, and close the link in this process."""
         self._closing()
         self.link.close_local()
 
 
 class DetachedLink(_Handed[Link]):
-    """Placeholder for a link that was handed over to another process; it cannot send."""
+    """Placeholder for a link that another process has taken over; it can neither send nor receive."""
 
     def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - signature of every link
         """Raise StreamError, as :meth:`fileno`."""
@@ -109,7 +109,7 @@ class DetachedLink(_Handed[Link]):
 
 
 class AsyncDetachedLink(_Handed[AsyncLink]):
-    """Placeholder for a link that was handed over to another process, in asyncio; it cannot send."""
+    """Placeholder for a link that another process has taken over, in asyncio; it can neither send nor receive."""
 
     def send(self, data: bytes) -> None:  # noqa: ARG002 - signature of every link
         """Raise StreamError, as :meth:`fileno`."""
@@ -132,13 +132,13 @@ def _handed_over() -> StreamError:
 def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
     """Run an operation on the caller's thread and return its result.
 
-    An exception that interrupts the operation, such as KeyboardInterrupt, closes the link: received bytes may be lost,
-    so replies could no longer be matched to requests.
+    An exception that interrupts the operation, such as KeyboardInterrupt, closes the link. Received bytes may have been
+    lost, so that replies could no longer be matched to requests.
 
     Args:
         operation: The operation.
         link: The link to use.
-        close_sequence: Returns the packets to send before such an exception closes the link.
+        close_sequence: Callback that returns the packets to send before such an exception closes the link.
     """
     received: bytes | None = None
     deadline = 0.0
@@ -193,7 +193,7 @@ async def asend_close(link: AsyncLink, packets: Iterable[ClosePacket]) -> None:
 async def arun(
     operation: Operation[T],
     link: AsyncLink,
-    close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,  # noqa: ARG001 - as run
+    close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,  # noqa: ARG001 - same signature as run
 ) -> T:
     """Run an operation in asyncio and return its result; cancelling it does not close the link."""
     received: bytes | None = None
@@ -220,7 +220,7 @@ def sleep(seconds: float) -> None:
 
 async def asleep(seconds: float) -> None:
     """Sleep for the given seconds in asyncio."""
-    import asyncio  # synchronous programs do not need it
+    import asyncio  # synchronous programs do not require it
 
     await asyncio.sleep(max(0.0, seconds))
 
@@ -229,7 +229,7 @@ class Deadline:
     """A point in time by which a call must have ended.
 
     Args:
-        seconds: s from now; ``None`` for no limit.
+        seconds: Time from now, s; ``None`` for no limit.
     """
 
     __slots__ = ("_end",)
@@ -239,7 +239,7 @@ class Deadline:
 
     @property
     def left(self) -> float:
-        """The remaining time, s; infinite without a limit, never below 0."""
+        """The remaining time, s; infinite if there is no limit, 0 if the deadline has passed."""
         return max(0.0, self._end - monotonic())
 
     @property

@@ -1,7 +1,8 @@
-"""TCP options that detect within seconds that the peer has become unreachable: a cable pulled, a machine switched off.
+"""TCP options that detect within seconds that the peer is unreachable: a cable unplugged, a machine switched off.
 
-The system's defaults are hours. Two of its timers are set, because neither is sufficient alone: probes of an idle
-connection (keep-alive) are sent only while no data is unacknowledged, and the user time-out applies only while some is.
+With the default settings of operating systems, this takes hours. Two timers are set, because one alone is not
+sufficient: keep-alive probes are sent only while all data is acknowledged, and the user time-out applies only while
+data is unacknowledged.
 """
 
 from __future__ import annotations
@@ -14,40 +15,40 @@ from typing import Final, Protocol
 from orinkit.core.validation import check_range
 
 DEAD_AFTER: Final = 10.0
-"""s without a response from the peer after which a connection is given up."""
+"""Default time in s after which a connection is considered lost if the peer does not respond."""
 
-_LEAST: Final = 2.0  # s: systems count whole seconds until the first probe, and between probes
-_MOST: Final = 7200.0  # s: the default of the systems
+_LEAST: Final = 2.0  # s: operating systems have whole seconds for the time until the first probe and between probes
+_MOST: Final = 7200.0  # s: the default setting of operating systems
 _TCP: Final = socket.IPPROTO_TCP
-_IDLE: Final = ("TCP_KEEPIDLE", "TCP_KEEPALIVE")  # the second one is macOS
+_IDLE: Final = ("TCP_KEEPIDLE", "TCP_KEEPALIVE")  # two names of one option; the second one is for macOS
 _CONNECTION_DROP_TIME: Final = 0x80  # macOS: TCP_RXT_CONNDROPTIME, s
 _MAXIMUM_RETRANSMISSION: Final = 5  # Windows: TCP_MAXRT, s
 
 
 class Settable(Protocol):
-    """A socket, or the view of it that an event loop provides."""
+    """A socket, or the object by which an event loop gives access to it."""
 
     def setsockopt(self, level: int, option: int, value: int, /) -> None:
         """Set an option."""
 
 
 def check_dead_after(seconds: float) -> float:
-    """Check the time after which an unresponsive connection is given up, and return it as a float.
+    """Check the time after which a connection is considered lost if the peer does not respond; return it as a float.
 
     Raises:
-        InvalidValue: If it is not a number from 2 to 7,200 s.
+        InvalidValue: If the time is not a number from 2 to 7,200 s.
     """
     return check_range("dead_after", seconds, _LEAST, _MOST, "s")
 
 
 def prepare(connection: Settable, dead_after: float) -> None:
-    """Set the options of a TCP connection: packets are sent at once, and an unreachable peer is detected.
+    """Set the options of a TCP connection: send packets immediately, and detect an unreachable peer.
 
     Options that the system does not have, or rejects, are skipped.
 
     Args:
         connection: The socket.
-        dead_after: s without a response after which the system gives the connection up.
+        dead_after: Time in s after which the system closes the connection if the peer does not respond.
     """
     _set(connection, _TCP, "TCP_NODELAY", 1)
     _set(connection, socket.SOL_SOCKET, "SO_KEEPALIVE", 1)

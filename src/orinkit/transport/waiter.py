@@ -6,7 +6,7 @@ import asyncio
 
 
 class Waiter:
-    """Lets one task wait until it is woken, or the time has passed."""
+    """Makes one task wait until it is woken, or the time has passed."""
 
     def __init__(self) -> None:
         self._future: asyncio.Future[None] | None = None
@@ -23,6 +23,6 @@ class Waiter:
             self._future = None
 
     def wake(self) -> None:
-        """Wake the task, if one waits."""
+        """Wake the waiting task, if there is one."""
         if self._future is not None and not self._future.done():
             self._future.set_result(None)

@@ -1,8 +1,8 @@
 """e-CAP over HTTP for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.http.link`.
 
-Each request is posted by a task of its own, which continues if the caller of :meth:`AsyncHttpLink.receive` is cancelled
-or times out; the next request, or closing the link, cancels it and closes its connection. Closing does not block:
-httpx2 uses a connection of :mod:`orinkit.transport.sockets.aio_byte_link`, which can be closed at once.
+Each request is posted by its own task. The task continues if the caller of :meth:`AsyncHttpLink.receive` is cancelled
+or times out. The next request, or closing the link, cancels the task and closes its connection. Closing does not block,
+because httpx2 uses a connection of :mod:`orinkit.transport.sockets.aio_byte_link`, which can be closed immediately.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class AsyncHttpLink(HttpLinkBase):
             raise
 
     def _is_current(self, asked: _PendingRequest) -> bool:
-        """Return True if the request was not cancelled, by another task's request or by closing the link."""
+        """Return False if the request was cancelled by the request of another task, or because the link was closed."""
         return self._open and asked is self._asked
 
     def _check(self) -> None:
@@ -121,7 +121,7 @@ class AsyncHttpLink(HttpLinkBase):
             raise other_loop()
 
     async def _carry(self, asked: _PendingRequest, seconds: float) -> bytes:
-        """Run a request; the task is cancelled when the request is superseded or the link closed."""
+        """Run a request; the task is cancelled if another request replaces it, or if the link is closed."""
         try:
             return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
@@ -167,7 +167,7 @@ class AsyncHttpLink(HttpLinkBase):
             self._transport.drop()
 
     def close(self) -> None:
-        """Close the link; a pending receive ends at once."""
+        """Close the link; a pending receive ends immediately."""
         if self._open:
             self._open = False
             self._drop()
@@ -179,7 +179,7 @@ class _PendingRequest:
 
     Attributes:
         data: The body of the request.
-        task: The task that runs it and returns the reply, ``b""`` if there was none.
+        task: The task that runs the request and returns the reply, or ``b""`` if there was no reply.
         done: True if the task has ended.
     """
 
@@ -187,7 +187,7 @@ class _PendingRequest:
         self.data = data
         self.task: asyncio.Task[bytes] | None = None
         self.done = False
-        self._taken: asyncio.Future[None] | None = None  # while an "executing" sign is not consumed
+        self._taken: asyncio.Future[None] | None = None  # set while an "executing" sign is waiting to be taken
         self._waiter = Waiter()
 
     @property
@@ -202,7 +202,10 @@ class _PendingRequest:
         await self._waiter.wait(seconds)
 
     async def sign(self) -> None:
-        """Set the "executing" sign and wait until it is taken, so that a flooding server fills its own buffers."""
+        """Set the "executing" sign and wait until it is taken.
+
+        Nothing is read while it is waiting. Thus a server that sends too many signs fills only its own buffers.
+        """
         self._taken = asyncio.get_running_loop().create_future()
         self._waiter.wake()
         await self._taken
@@ -256,7 +259,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
         return wire
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
-        """Return the buffer for the next bytes: a view, because with TLS asyncio fills slices, not copies."""
+        """Return the buffer for the next bytes: a memoryview, because with TLS asyncio writes into slices of it."""
         return self._view
 
     def buffer_updated(self, nbytes: int) -> None:
@@ -272,7 +275,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
         return has_news(self._descriptor(link))
 
     def close(self) -> None:
-        """Close the connection, without the closing handshake of TLS, which would take time."""
+        """Close the connection without the closing handshake of TLS, because that would take time."""
         if self._transport is not None:
             self._transport.abort()
         super().close()
@@ -295,7 +298,7 @@ class _Stream(StreamState, httpcore2.AsyncNetworkStream):
             unsent, self.unsent = bytes(self.unsent), bytearray()
             try:
                 self._wire.send(unsent)
-            except ConnectionLost:  # a server may reject a request before reading it, and close
+            except ConnectionLost:  # a server may reject a request and close the connection before it has read all
                 pass
         data = None
         while data is None:
@@ -307,7 +310,7 @@ class _Stream(StreamState, httpcore2.AsyncNetworkStream):
         self._wire.close()
 
     def hang_up(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately."""
         self._wire.close()
 
     def get_extra_info(self, info: str) -> Any:
@@ -319,7 +322,7 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
     """A single connection to a server, opened on demand.
 
     Attributes:
-        connecting: True while it is being opened.
+        connecting: True while the connection is being opened.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
@@ -364,7 +367,7 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
         return None if stream.unsent else reply
 
     def hang_up(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately."""
         self._connection = None
         if self._stream is not None:
             self._stream.hang_up()

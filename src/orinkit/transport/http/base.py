@@ -1,4 +1,4 @@
-"""Base of the two links over HTTP."""
+"""Base class of the two links over HTTP."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
 class HttpLinkBase(ProcessBound, ABC):
-    """Base of the two links to an e-CAP server; the first request opens the connection.
+    """Base class of the two links to an e-CAP server; the first request opens the connection.
 
     Args:
         address: The address of the server.
         access: The client's credentials.
         most: The largest number of bytes of a reply.
-        known: Known properties of the server, ``None`` if there are none.
-        dead_after: s without a response from the server's machine after which a connection is given up.
+        known: Properties of the server that are already known; ``None`` if there are none.
+        dead_after: Time in s after which a connection is considered lost if the server's machine does not respond.
 
     Raises:
         InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
@@ -52,7 +52,7 @@ class HttpLinkBase(ProcessBound, ABC):
 
     @property
     def reports_executing(self) -> bool | None:
-        """True if the server reports that a call is still executing; ``None`` if that is not known yet."""
+        """True if the server is one that reports that a call is still executing; ``None`` if that is not known yet."""
         return self._contact.reports_executing
 
     @property
@@ -65,7 +65,7 @@ class HttpLinkBase(ProcessBound, ABC):
         self._contact.patience = seconds
 
     def fileno(self) -> int:
-        """Raise StreamError: a connection over HTTP cannot be handed over.
+        """Raise StreamError, because another process cannot take over an HTTP connection.
 
         Raises:
             StreamError: If the link is open.
@@ -78,7 +78,7 @@ class HttpLinkBase(ProcessBound, ABC):
     def another(self) -> Self:
         """Return an idle link to the same server, in the same session.
 
-        It is already closed if the server has never replied, because then there is no session.
+        If the server has never replied, there is no session; the returned link is then already closed.
         """
         made = type(self)(self._contact.address, known=self._known)
         if self.reports_executing is None:
@@ -91,16 +91,16 @@ class HttpLinkBase(ProcessBound, ABC):
         return ()
 
     def close_local(self) -> None:
-        """Close the link, which no other process can have."""
+        """Close the link; no other process can have it."""
         self.close()
 
     @abstractmethod
     def close(self) -> None:
-        """Close the link; a pending receive ends at once."""
+        """Close the link; a pending receive ends immediately."""
 
 
 def _cannot_hand_over() -> StreamError:
-    """Return the exception for a connection that cannot be handed over to another process."""
+    """Return the exception for a connection that another process cannot take over."""
     return StreamError(
         tr(
             "a connection over HTTP cannot be handed over to another process. Try: slave mode over {others}",

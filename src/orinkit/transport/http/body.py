@@ -13,10 +13,10 @@ class Body:
 
     Args:
         most: The largest number of bytes.
-        too_long: Returns the exception for a longer body.
-        strange: Returns the exception for an invalid reply, given a description of it.
-        detail: Description of a failure from a header of the reply; appended to the return code, because the body has
-            no other place for it.
+        too_long: Callback that returns the exception for a longer body.
+        strange: Callback that returns the exception for an invalid reply; its argument is a description of the reply.
+        detail: Description of an error from a header of the reply; it is appended to the return code, as if the server
+            had sent it in the body.
     """
 
     def __init__(
@@ -33,7 +33,10 @@ class Body:
         self._data = bytearray()
 
     def add(self, piece: bytes) -> bool:
-        """Add the next bytes; return True for blank lines before the reply, which report that the call is executing.
+        """Add the next bytes of the body.
+
+        Returns:
+            True if they are only line feeds before the reply, which report that the call is still executing.
 
         Raises:
             LimitExceeded: If the body is too long.

@@ -1,8 +1,8 @@
 """The synchronous HTTP connection of a client.
 
-No request is ever posted twice: httpx2 uses a transport with a single connection, which is checked before each use. A
-time-out of httpx2 applies to one piece of a reply, that of a call to the whole reply. Therefore every wait of this
-transport ends at the deadline of the call.
+No request is ever posted twice: httpx2 uses a transport with a single connection, which is checked before each use. The
+time-outs of httpx2 apply to each piece of a reply, but the time-out of a call applies to the whole reply. Therefore
+every wait of this transport ends at the deadline of the call.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from orinkit.transport.tcp_keepalive import prepare
 
 
 class _Stream(StreamState, httpcore2.NetworkStream):
-    """A connection of which every wait ends at the transport's deadline."""
+    """A connection on which every wait ends at the transport's deadline."""
 
     def __init__(self, connection: socket.socket, transport: HttpConnection, contact: HttpServerInfo) -> None:
         super().__init__(contact)
@@ -42,7 +42,7 @@ class _Stream(StreamState, httpcore2.NetworkStream):
         self.unsent += buffer
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
-        """Send the stored bytes, and return the next received bytes, which may arrive before all is sent."""
+        """Send the stored bytes, and return the next received bytes, which may arrive before all bytes are sent."""
         try:
             if self.unsent:
                 self._sending, self.unsent = memoryview(self.unsent), bytearray()
@@ -53,7 +53,7 @@ class _Stream(StreamState, httpcore2.NetworkStream):
             data = self._socket.recv(max_bytes)
         except TimeoutError as error:
             raise httpcore2.ReadTimeout from error
-        except (OSError, ValueError) as error:  # a ValueError from TLS that another thread has closed
+        except (OSError, ValueError) as error:  # ValueError: another thread has closed the TLS connection
             raise lost(error) from error
         return self._received(data)
 
@@ -63,12 +63,16 @@ class _Stream(StreamState, httpcore2.NetworkStream):
             self._sending = self._sending[self._socket.send(self._sending) :]
         except TimeoutError:
             raise
-        except OSError:  # a server may reject a request before reading it, and close
+        except OSError:  # a server may reject a request and close the connection before it has read all
             self._torn = True
             self._sending = memoryview(b"")
 
     def _wait_writable(self) -> bool:
-        """Wait until more can be sent, or data arrives before all is sent; return True in the first case."""
+        """Wait until more bytes can be sent, or data arrives.
+
+        Returns:
+            True if more bytes can be sent, False if data has arrived.
+        """
         if not self._can_poll:
             return True
         poller = select.poll()
@@ -100,15 +104,15 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
 
     Attributes:
         deadline: The deadline of every wait.
-        closed: True if it is closed for good.
-        halted: True if the thread that uses it must stop.
+        closed: True if the connection is closed permanently.
+        halted: True if the thread that uses the connection must stop.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
         super().__init__(known, url)
         self.deadline = Deadline(0.0)
         self._socket: socket.socket | None = None
-        self._left: socket.socket | None = None  # the socket of the parent process
+        self._left: socket.socket | None = None  # in a forked child: the socket of the parent process
         self._changing = threading.RLock()  # no other thread may use a socket while it is being closed
         self.closed = False
         self.halted = False
@@ -150,7 +154,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         return None if stream.unsent else reply
 
     def close(self) -> None:
-        """Close the connection for good; may be called from another thread, and repeatedly."""
+        """Close the connection permanently; may be called from another thread, and repeatedly."""
         self.closed = True
         self.halt()
 
@@ -161,10 +165,10 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             self._end()
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Mark the connection as closed for good in a forked child, and return the descriptor."""
+        """Mark the connection as permanently closed in a forked child, and return the descriptor."""
         self.closed = self.halted = True
         self._changing = threading.RLock()
-        left, self._socket = self._socket, None  # must not be shut down here
+        left, self._socket = self._socket, None  # a shutdown in the child would end the parent's connection
         self._left = left
         return () if left is None else (left.fileno(),)
 
@@ -179,7 +183,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             connection.close()
 
     def hang_up(self) -> None:
-        """Close the connection, unless a thread is using it: then it ends."""
+        """Shut the connection down, so that a thread that uses it stops, and close it."""
         self._connection = None
         with self._changing:
             self._end()
@@ -188,7 +192,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
     def _end(self) -> None:
         try:
             if self._socket is not None:
-                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # SSLSocket.shutdown would continue without TLS
+                socket.socket.shutdown(self._socket, socket.SHUT_RDWR)  # with SSLSocket.shutdown, reads would lose TLS
         except OSError:  # the peer may have closed first
             pass
 
@@ -232,7 +236,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         secure = connection
         try:
             host = self._contact.address.host
-            with self._changing:  # ssl would leave a socket open that another thread shuts down meanwhile
+            with self._changing:  # if another thread shut the socket down now, ssl would leave it open
                 if self.stopped:
                     raise closed()
                 secure = context.wrap_socket(connection, server_hostname=host, do_handshake_on_connect=False)
@@ -244,7 +248,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         return secure
 
     def _take(self, connection: socket.socket, seconds: float) -> None:
-        """Make a socket the current one, so that another thread can shut it down."""
+        """Store a socket as the current one, so that another thread can shut it down."""
         if not seconds:
             raise TimeoutError("timed out")
         connection.settimeout(seconds)
@@ -280,7 +284,7 @@ def url_of(contact: HttpServerInfo) -> httpx2.URL:
 
 
 def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | None:
-    """Return the TLS settings to verify a server's certificate, ``None`` without TLS.
+    """Return the TLS settings to verify a server's certificate; ``None`` without TLS.
 
     Raises:
         InvalidValue: If the file contains no certificates.
@@ -299,7 +303,7 @@ def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | No
 
 
 def has_news(descriptor: int) -> bool:
-    """Return True if a socket is readable, at its end or closed."""
+    """Return True if data can be read from a socket, or if it was closed by the peer or by this process."""
     if descriptor < 0:
         return True
     try:

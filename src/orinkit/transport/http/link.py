@@ -51,12 +51,12 @@ class HttpLink(HttpLinkBase):
     def send(self, data: bytes, seconds: float) -> None:
         """Store the body of a request, which :meth:`receive` posts.
 
-        An earlier request without a reply is cancelled, and its connection closed. If another thread still waits for
-        that reply, this thread is about to close the link: the other thread's :meth:`receive` ends as if the link were
-        closed.
+        An earlier request without a reply is cancelled, and its connection closed. Another thread may still wait for
+        that reply. This happens only if this thread is closing the link. The :meth:`receive` of the other thread then
+        ends as if the link were closed.
 
         Raises:
-            ConnectionClosed: If the link is closed, or that other thread did not end in time.
+            ConnectionClosed: If the link is closed, or the other thread did not end in time.
         """
         if not self._open:
             raise self._unusable()
@@ -82,8 +82,8 @@ class HttpLink(HttpLinkBase):
 
         Returns:
             The complete reply; a line feed if the server reports that the call is executing; ``b""`` if the server has
-            closed the connection without a reply; ``None`` if the time has passed. The request is then cancelled, and
-            nothing more is received until the next request.
+            closed the connection without a reply; ``None`` if the time has passed. In the last case the request is
+            cancelled, and nothing more is received until the next request.
 
         Raises:
             ConnectFailed: If the server cannot be reached, or rejects this client.
@@ -104,7 +104,7 @@ class HttpLink(HttpLinkBase):
 
     def _received(self, seconds: float) -> bytes | None:
         if self._owner not in (0, threading.get_ident()):
-            raise closed()  # the link belongs to the thread that closes it
+            raise closed()  # another thread is closing the link, and has sent a request to do so
         try:
             data = self._go_on(seconds)
         except (OrinError, httpcore2.TimeoutException, httpcore2.ProtocolError) as error:
@@ -125,7 +125,7 @@ class HttpLink(HttpLinkBase):
     def _go_on(self, seconds: float) -> bytes | None:
         self._transport.deadline = Deadline(seconds)
         if self._request is not None:
-            request, self._request = self._request, None  # cleared first, so that it is posted only once
+            request, self._request = self._request, None  # the request is cleared first, so that it is posted only once
             self._post(request, seconds)
         if self._body is None:
             return None
@@ -174,13 +174,16 @@ class HttpLink(HttpLinkBase):
         return self._transport.after_fork_in_child()
 
     def close(self) -> None:
-        """Close the link; a receive pending in another thread ends at once."""
+        """Close the link; a receive pending in another thread ends immediately."""
         self._open = False
         self._transport.close()
         self._close_idle()
 
     def _close_idle(self) -> None:
-        """Close the descriptor, unless a thread is in :meth:`receive`: its number could be reused before that ends."""
+        """Close the descriptor, unless a thread is in :meth:`receive`.
+
+        Otherwise the number of the descriptor could be reused before that thread has ended.
+        """
         if self._busy.acquire(blocking=False):
             try:
                 self._transport.close_idle()

@@ -1,6 +1,6 @@
 """The HTTP exchange with an e-CAP server, without I/O: headers, cookies, and the meaning of each response.
 
-A response with status 200 contains an e-CAP reply. Any other raises an exception, whose message has a remedy:
+A response with status 200 contains an e-CAP reply. Any other status raises an exception; its message contains a remedy:
 
 ==================================================  ===============================================================
 301 and other redirects, 401, 403, 404, 405, 407,   ``ConnectFailed``: no e-CAP for this client at this address; the
@@ -11,8 +11,8 @@ A response with status 200 contains an e-CAP reply. Any other raises an exceptio
 any other                                           ``ProtocolError``: not a valid response for e-CAP
 ==================================================  ===============================================================
 
-A response that is not HTTP is a ``ProtocolError`` too. None of these errors invalidates the link: the beginning of each
-response is unambiguous, so replies cannot be mismatched.
+A response that is not HTTP also raises ``ProtocolError``. After each of these errors, the link can still be used: the
+beginning of each response is unambiguous, so that a reply cannot be assigned to a wrong request.
 """
 
 from __future__ import annotations
@@ -41,34 +41,34 @@ from orinkit.transport.link_errors import lost
 from orinkit.values.codec import DEFAULT_LIMITS
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
-"""The default largest number of bytes of a reply."""
+"""The default limit on a reply, bytes."""
 BEGIN: Final = 5
 """Number of bytes at the beginning of a reply that are checked."""
 PATIENCE: Final = 180.0
 """Time-out of a call, s, for a server that does not report that the call is still executing."""
 KEPT: Final = 4.0
-"""s for which an idle connection is reused; servers close idle connections after 5 s or more."""
+"""Time in s for which an idle connection is reused; servers close idle connections after 5 s or more."""
 SHOWN: Final = 4096
-"""The largest number of bytes read of the body of an error response."""
+"""The largest number of bytes that are read from the body of an error response."""
 SHOWING: Final = 1.0
-"""Time-out for reading them, s."""
+"""Time-out for reading the body of an error response, s."""
 NEED: Final = N_("e-CAP over HTTP")
 
 _ALERT: Final = b"\x15\x03"  # a TLS alert record: the reply of a TLS server to plain text
 _EXECUTING: Final = "Orinkit-Executing"
-_SIGNS: Final = 400  # ms between a server's signs that a call is executing
-_FEWEST: Final = 80  # ms, the smallest allowed value
+_SIGNS: Final = 400  # requested interval at which a server reports that a call is executing, ms
+_FEWEST: Final = 80  # smallest allowed interval, ms
 _QUICK: Final = re.compile(rb"Func=[12](?![0-9])")  # Service_Start and Service_Stop: fast on every server
 _WATCHED: Final = re.compile(r"orinkit-[0-9]{1,5}")
 _COOKIES: Final = 20
-_COOKIE: Final = 4096  # characters
-_LINE: Final = 200  # characters of a text from the server
+_COOKIE: Final = 4096  # maximum number of characters of a cookie
+_LINE: Final = 200  # maximum number of characters of a text from the server
 _HTTP: Final = b"HTTP/"
 _TITLE: Final = re.compile(r"<title[^>]*>([^<]*)", re.IGNORECASE)
 _PLAIN: Final = ("", "identity")
 _DETAIL: Final = "orinkit-detail"
 _READ: Final = ("orinkit-executing", "set-cookie", "content-encoding", "content-length", _DETAIL)
-_LONGEST_DETAIL: Final = 4096  # characters
+_LONGEST_DETAIL: Final = 4096  # maximum number of characters of an error description
 
 _EXCEPTIONS: Final[dict[int, Callable[[str], OrinError]]] = {
     401: ConnectFailed,
@@ -120,7 +120,8 @@ class HttpServerInfo:
         address: The address of the server.
         most: The largest number of bytes of a reply.
         patience: Time-out of a call, s, for a server that does not report that the call is still executing.
-        reports_executing: True if the server reports that a call is still executing; ``None`` if that is not known yet.
+        reports_executing: True if the server is one that reports that a call is still executing; ``None`` if that is
+            not known yet.
 
     Raises:
         InvalidValue: If the token cannot be sent in a header.
@@ -166,7 +167,7 @@ class HttpServerInfo:
         return fields
 
     def wait(self, request: bytes, seconds: float) -> float:
-        """Return how long to wait for a reply, s, given the time-out of the client, ``seconds``."""
+        """Return the time in s to wait for a reply; ``seconds`` is the time-out of the client."""
         if self.reports_executing is False and not _QUICK.match(request):
             return max(seconds, self.patience)
         return seconds
@@ -183,7 +184,7 @@ class HttpServerInfo:
         self.reports_executing = any(name == _EXECUTING.lower() for name, _ in known)
         replaced = [self._keep(value) for name, value in known if name == "set-cookie"]
         if any(replaced):
-            self._session_ended = True  # for good: later replies belong to a new, empty session
+            self._session_ended = True  # permanently, because later replies belong to a new session without objects
             raise _session_ended()
         for name, value in known:
             if name == "content-encoding" and value.strip().lower() not in _PLAIN:
@@ -195,7 +196,7 @@ class HttpServerInfo:
         return Body(self.most, self._too_long, self._strange, unquote_to_bytes(detail[:_LONGEST_DETAIL]))
 
     def _keep(self, text: str) -> bool:
-        """Store a cookie, or delete it if the server requests that; return True if it belongs to another session."""
+        """Store a cookie, or delete it if the server requests that; return True if it belongs to a new session."""
         pair, *attributes = text.split(";")
         name, equals, value = (part.strip() for part in pair.partition("="))
         if not name or not equals or len(pair) > _COOKIE or not (pair.isascii() and pair.isprintable()):

@@ -1,4 +1,7 @@
-"""Base of the two HTTP connections of a client; the asynchronous one is in :mod:`orinkit.transport.http.aio_link`."""
+"""Base class of the two HTTP connections of a client.
+
+They are in :mod:`orinkit.transport.http.connection` and, for asyncio, in :mod:`orinkit.transport.http.aio_link`.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,8 @@ class KnownServer(NamedTuple):
 
     Attributes:
         contact: The state of the HTTP exchange with the server.
-        context: TLS settings to verify the server's certificate, ``None`` without TLS.
-        dead_after: s without a response from the server's machine after which a connection is given up.
+        context: TLS settings to verify the server's certificate; ``None`` without TLS.
+        dead_after: Time in s after which a connection is considered lost if the server's machine does not respond.
     """
 
     contact: HttpServerInfo
@@ -27,7 +30,7 @@ class KnownServer(NamedTuple):
 
 
 class StreamState:
-    """The state of a byte stream: what is to be sent, and how the reply begins.
+    """The state of a byte stream: the bytes to be sent, and the beginning of the reply.
 
     Attributes:
         unsent: Bytes that were written; they are sent by the next read.
@@ -85,7 +88,10 @@ class SingleConnection(ABC, Generic[C, S]):
         return self._stream is not None and self._stream.ended and not self._stream.begin
 
     def _must_connect(self) -> bool:
-        """Return True unless there is an idle connection that the server has not closed; close any other one."""
+        """Return False if there is an idle connection that the server has not closed.
+
+        Otherwise close the connection, if there is one, and return True.
+        """
         connection = self._connection
         if connection is not None and connection.is_available() and not connection.has_expired():
             return False
@@ -100,7 +106,7 @@ class SingleConnection(ABC, Generic[C, S]):
         return self._connection, self._stream
 
     def _to_send(self, request: httpx2.Request) -> httpcore2.Request:
-        """Return a request of httpx2 as one of httpcore2."""
+        """Return a request of httpx2 as a request of httpcore2."""
         assert isinstance(request.stream, httpx2.SyncByteStream | httpx2.AsyncByteStream)
         return httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
 
@@ -111,4 +117,4 @@ class SingleConnection(ABC, Generic[C, S]):
 
     @abstractmethod
     def hang_up(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately."""

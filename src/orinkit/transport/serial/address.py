@@ -21,7 +21,7 @@ class SerialAddress:
 
     Attributes:
         path: The system's name of the port: ``/dev/ttyUSB0``, ``COM3``.
-        baudrate: bit/s.
+        baudrate: Bit rate, bit/s.
         parity: ``"N"`` none, ``"E"`` even, ``"O"`` odd, ``"M"`` mark, ``"S"`` space.
         bits: Data bits per character, 5 to 8.
         stop: Stop bits: 1, 1.5 or 2.
@@ -37,7 +37,7 @@ class SerialAddress:
     flow: int = 0
 
     def __str__(self) -> str:
-        from urllib.parse import quote  # few programs use a serial port
+        from urllib.parse import quote  # imported here, because few programs use a serial port
 
         settings = f"baudrate={self.baudrate}&parity={self.parity}&bits={self.bits}&stop={self.stop:g}&flow={self.flow}"
         return f"serial://{quote(self.path, safe=PLAIN)}?{settings}"
@@ -72,7 +72,7 @@ def parse_serial(given: SplitAddress) -> SerialAddress:
 
 
 def parse_com(given: SplitAddress) -> SerialAddress:
-    """Parse ``1:38400:N:8:1:0``; omitted and empty settings have their defaults."""
+    """Parse ``1:38400:N:8:1:0``; omitted and empty settings have their default values."""
     if given.url:
         return parse_serial(given)
     text = given.text

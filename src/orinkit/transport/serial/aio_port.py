@@ -1,6 +1,6 @@
 """Serial ports for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.serial.port`.
 
-Bytes are read from the port on demand only, so that none is lost when the port is handed over to another process.
+Bytes are read from the port only on demand, so that no byte is lost when another process takes over the port.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orinkit.transport.serial.settings import CHUNK, gone, open_file
 from orinkit.transport.waiter import Waiter
 
 _UNSENT: Final = 1024 * 1024
-"""The largest number of bytes that may wait to be sent when a call begins; otherwise its bytes are dropped."""
+"""Maximum number of unsent bytes when a call begins; if there are more, the bytes of the call are dropped."""
 
 
 class AsyncSerialLink(ProcessBound):
@@ -34,7 +34,7 @@ class AsyncSerialLink(ProcessBound):
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._open = True
-        self._failure: ConnectionLost | None = None  # not raised yet
+        self._failure: ConnectionLost | None = None  # an exception that has not been raised yet
         self._unsent = bytearray()
         self._waiter = Waiter()
         keep_from_children(self)
@@ -120,9 +120,9 @@ class AsyncSerialLink(ProcessBound):
             raise failure or self._unusable()
 
     def fileno(self) -> int:
-        """Return the port's descriptor, for handing it over to another process.
+        """Return the port's descriptor, so that another process can take it over.
 
-        Nothing is received here until the next call.
+        Until the next call of :meth:`receive`, this process reads nothing from the port.
 
         Raises:
             ConnectionClosed: If the link is closed.
@@ -140,7 +140,7 @@ class AsyncSerialLink(ProcessBound):
         self.close()
 
     def close(self) -> None:
-        """Close the link; a pending receive ends at once."""
+        """Close the link; a pending receive ends immediately."""
         if self._open:
             self._open = False
             self._loop.remove_reader(self._port.fileno())
@@ -150,7 +150,7 @@ class AsyncSerialLink(ProcessBound):
 
 
 class _Opening:
-    """A port that a thread opens; closed if the caller has given up meanwhile."""
+    """A port that a thread opens; if the caller has been cancelled meanwhile, the port is closed."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -167,7 +167,7 @@ class _Opening:
         return port
 
     def give_up(self) -> None:
-        """Close the port, now or as soon as it is open."""
+        """Close the port immediately, or as soon as the thread has opened it."""
         with self._lock:
             self._wanted = False
             if self._port is not None:

@@ -31,7 +31,7 @@ class SerialLink(ProcessBound):
         self._port = port
         self._woken, self._wake = (FileIO(end, mode) for end, mode in zip(os.pipe(), "rw", strict=True))
         self._open = True
-        self._closing = threading.Lock()  # acquired only once
+        self._closing = threading.Lock()  # acquired by the first call of close() and never released
         self._using = threading.RLock()
         self._reading = self._poll(select.POLLIN)
         keep_from_children(self)
@@ -43,7 +43,7 @@ class SerialLink(ProcessBound):
         return poll
 
     def fileno(self) -> int:
-        """Return the port's descriptor, for handing it over to another process.
+        """Return the port's descriptor, so that another process can take it over.
 
         Raises:
             ConnectionClosed: If the link is closed.
@@ -52,7 +52,7 @@ class SerialLink(ProcessBound):
         return self._port.fileno()
 
     def send(self, data: bytes, seconds: float) -> None:
-        """Send all bytes; those that the line does not accept in time are dropped, as if lost on the line.
+        """Send all bytes; bytes that the line does not accept in time are dropped, as if they were lost on the line.
 
         Raises:
             ConnectionLost: If the port was removed or failed.
@@ -81,7 +81,7 @@ class SerialLink(ProcessBound):
                 self._check()
                 if not self._reading.poll(
                     _milliseconds(end)
-                ):  # without a poll, a port configured by asyncio returns b""
+                ):  # if no byte is available, reading a port that asyncio has configured returns b""
                     return None
                 self._check()
                 try:
@@ -113,7 +113,7 @@ class SerialLink(ProcessBound):
         self.close()
 
     def close(self) -> None:
-        """Close the link; a receive pending in another thread ends at once."""
+        """Close the link; a receive pending in another thread ends immediately."""
         if self._closing.acquire(blocking=False):
             self._open = False
             self._wake.write(b"\0")

@@ -46,7 +46,7 @@ def settings(address: SerialAddress) -> dict[str, Any]:
 
 
 def open_port(address: SerialAddress) -> serialx.BaseSerial:
-    """Open a serial port for exclusive use; serialx discards bytes received before.
+    """Open a serial port for exclusive use; serialx discards bytes that were received before.
 
     Raises:
         ConnectFailed: If the port does not exist, access is denied, it is in use, or it does not support the settings.

@@ -17,7 +17,7 @@ _SLICE: Final = 0.05  # s within which a read detects that the port was closed
 
 
 class PortLink:
-    """A serial port through serialx, used from the caller's thread; a pending receive detects a close within 50 ms.
+    """A serial port through serialx, used from the caller's thread.
 
     Args:
         port: The open port; the link owns it.

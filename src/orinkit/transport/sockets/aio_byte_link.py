@@ -1,4 +1,4 @@
-"""Base of byte-stream links in asyncio."""
+"""Base classes of byte-stream links in asyncio."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orinkit.transport.tcp_keepalive import prepare
 from orinkit.transport.waiter import Waiter
 
 _UNSENT: Final = 16 * 1024 * 1024
-"""The largest number of bytes that may wait to be sent when a call begins; if there are more, the link is closed."""
+"""Maximum number of unsent bytes when a call begins; if there are more, the link is closed."""
 
 
 class AsyncStreamLink(ProcessBound, ABC):
@@ -31,7 +31,7 @@ class AsyncStreamLink(ProcessBound, ABC):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Store the transport of the new connection."""
-        self._transport = cast("asyncio.Transport", transport)  # uvloop's transports do not inherit from it
+        self._transport = cast("asyncio.Transport", transport)  # uvloop's class is not a subclass of it
         self._loop = asyncio.get_running_loop()
         keep_from_children(self)
 
@@ -45,7 +45,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         """Store received bytes."""
         self._received += data
         if len(self._received) > 64 * CHUNK and self._transport is not None:
-            self._transport.pause_reading()  # without a pending receive, a flooding peer fills its own buffers
+            self._transport.pause_reading()  # if nothing is received, a peer that sends too much fills its own buffers
         self._waiter.wake()
 
     def send(self, data: bytes) -> None:
@@ -54,7 +54,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         Raises:
             ConnectionClosed: If the link is closed.
             TransportError: If the link was opened in another event loop.
-            ConnectionLost: If the peer has closed the connection, or more than 16 MiB wait to be sent.
+            ConnectionLost: If the peer has closed the connection, or more than 16 MiB are unsent.
         """
         if self._transport is None:
             raise self._unusable()
@@ -71,7 +71,7 @@ class AsyncStreamLink(ProcessBound, ABC):
             raise lost(error) from error
 
     def enable_concurrent_send(self) -> None:
-        """Do nothing: :meth:`send_concurrently` needs no preparation in asyncio."""
+        """Do nothing, because :meth:`send_concurrently` requires no preparation in asyncio."""
 
     def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another task waits in :meth:`receive`; errors are reported to that task."""
@@ -102,9 +102,9 @@ class AsyncStreamLink(ProcessBound, ABC):
         return b"" if self._ended else None
 
     def fileno(self) -> int:
-        """Return the descriptor, for handing it over to another process.
+        """Return the descriptor, so that another process can take it over.
 
-        Nothing is received here until the next call.
+        This process receives nothing until the next call of :meth:`receive`.
 
         Raises:
             ConnectionClosed: If the link is closed.
@@ -128,7 +128,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         self._left, self._parents = (
             True,
             transport,
-        )  # referenced, so that the child neither closes it nor warns about it
+        )  # the reference prevents the child from deleting the transport, which would close it and log a warning
         return (self._descriptor(transport),)
 
     def close_local(self) -> None:
@@ -136,7 +136,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         self.close()  # asyncio does not shut the connection down
 
     def close(self) -> None:
-        """Close the link; a pending receive ends at once."""
+        """Close the link; a pending receive ends immediately."""
         if self._transport is not None:
             if self._transport.get_write_buffer_size():
                 self._transport.abort()  # close() would wait for the peer to read
@@ -151,7 +151,7 @@ class AsyncSocketLink(AsyncStreamLink):
     """A TCP connection in asyncio, with or without TLS: sets the options of its socket.
 
     Args:
-        dead_after: s without a response from the peer's machine after which the connection is given up.
+        dead_after: Time in s after which the connection is considered lost if the peer's machine does not respond.
     """
 
     def __init__(self, dead_after: float) -> None:

@@ -16,8 +16,8 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER
 class AsyncTcpLink(AsyncSocketLink, asyncio.BufferedProtocol):
     """A TCP connection in asyncio; created by :meth:`connect`.
 
-    It is a buffered protocol, because asyncio allocates a new block of 256 KiB for each piece of data of a plain
-    protocol, which takes longer than the rest of a call.
+    This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each piece of
+    received data. This would take longer than the rest of a call.
     """
 
     def __init__(self, dead_after: float = DEAD_AFTER) -> None:

@@ -1,7 +1,7 @@
 """UDP for clients in asyncio; the synchronous counterpart is :mod:`orinkit.transport.sockets.udp`.
 
-Received datagrams wait in the bounded queue that the system has for the socket. They are read on demand only, so that
-none is lost when the socket is handed over to another process.
+Received datagrams wait in the operating system's queue of the socket, whose length is limited. They are read only on
+demand, so that no datagram is lost when another process takes over the socket.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.sockets.udp import broken, connected, peer_of
 
 _TURN: Final = 8
-"""Datagrams to read before yielding to other tasks: reading a datagram that is already queued does not yield."""
+"""Number of datagrams after which other tasks get a turn, because reading an already queued datagram does not yield."""
 
 
 class AsyncUdpLink(ProcessBound):
@@ -94,7 +94,7 @@ class AsyncUdpLink(ProcessBound):
                     await asyncio.sleep(0)
                 data = await loop.sock_recv(self._socket, CHUNK)
                 while not data:
-                    await asyncio.sleep(0)  # so that a flood of empty datagrams cannot prevent the time-out
+                    await asyncio.sleep(0)  # otherwise a large number of empty datagrams could prevent the time-out
                     data = await loop.sock_recv(self._socket, CHUNK)
         except TimeoutError:
             pass
@@ -113,7 +113,7 @@ class AsyncUdpLink(ProcessBound):
         return data
 
     def fileno(self) -> int:
-        """Return the socket's descriptor, for handing it over to another process.
+        """Return the socket's descriptor, so that another process can take it over.
 
         This process receives nothing until the next call of :meth:`receive`.
 
@@ -135,11 +135,11 @@ class AsyncUdpLink(ProcessBound):
         self.close()
 
     def close(self) -> None:
-        """Close the link; a pending receive ends at once."""
+        """Close the link; a pending receive ends immediately."""
         self._open = False
         if self._wait is None:
             self._socket.close()
         elif not self._wait.expired():
             self._wait.reschedule(
                 0.0
-            )  # receive() then closes the socket, which the event loop must not be polling at that time
+            )  # ends the wait; receive() then closes the socket, which must not be closed while the event loop polls it

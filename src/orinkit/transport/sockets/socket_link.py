@@ -1,4 +1,4 @@
-"""Base of synchronous TCP and UDP links."""
+"""Base class of synchronous TCP and UDP links."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SocketLink(ProcessBound):
         connection: The connected socket; the link owns it.
 
     Attributes:
-        datagrams: True if data arrives as a whole or not at all.
+        datagrams: True if the socket is a datagram socket: a packet arrives as a whole or not at all.
     """
 
     datagrams = False
@@ -37,7 +37,7 @@ class SocketLink(ProcessBound):
         keep_from_children(self)
 
     def fileno(self) -> int:
-        """Return the socket's descriptor, for handing it over to another process.
+        """Return the socket's descriptor, so that another process can take it over.
 
         Raises:
             ConnectionClosed: If the link is closed.
@@ -79,7 +79,7 @@ class SocketLink(ProcessBound):
             raise
 
     def enable_concurrent_send(self) -> None:
-        """Prepare for calls of :meth:`send_concurrently`; must not be called during a send."""
+        """Prepare for calls of :meth:`send_concurrently`; do not call this method during a send."""
         lock = self._sending = threading.Lock()
         whole = self._sendall
 
@@ -92,7 +92,7 @@ class SocketLink(ProcessBound):
     def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
 
-        Errors are reported to that thread.
+        That thread raises an exception if there is an error.
         """
         if not self._open or self._sending is None or not self._sending.acquire(blocking=False):
             return
@@ -145,7 +145,7 @@ class SocketLink(ProcessBound):
         self._socket.close()
 
     def close(self) -> None:
-        """Close the link; a receive pending in another thread ends at once."""
+        """Close the link; a receive pending in another thread ends immediately."""
         if self._open:
             self._open = False
             try:

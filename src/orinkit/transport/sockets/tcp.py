@@ -32,7 +32,8 @@ class TcpLink(SocketLink):
         Args:
             address: The address of the controller.
             seconds: Time-out, s.
-            dead_after: s without a response from the controller's machine after which the connection is given up.
+            dead_after: Time in s after which the connection is considered lost if the controller's machine does not
+                respond.
 
         Raises:
             ConnectFailed: If the connection cannot be established within ``seconds``.
