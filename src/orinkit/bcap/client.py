@@ -116,7 +116,7 @@ class BcapConversation:
         retry_timeout: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
-        """Return a generator that calls a function; see the docstring of this module.
+        """Return a generator that calls a function; the module's docstring describes it.
 
         Args:
             function: an entry of the table of functions.

@@ -19,7 +19,7 @@ MEMORY: Final = 10.0
 """Seconds for which requests are stored. (Reference behaviour: a silent UDP client is disconnected after this time.)"""
 
 _SERVICE_START: Final = 1
-_LATE_DATAGRAM: Final = 2.0  # s, longest delay of a packet; a Service_Start that arrives later belongs to another client
+_LATE_DATAGRAM: Final = 2.0  # s, longest delay of a packet; a later Service_Start belongs to another client
 _LATE_BYTES: Final = 1.0  # s, the same on a serial line
 _MAX_SERIAL: Final = 0xFFFF  # serial numbers: 1 to 65535
 _HALF: Final = _MAX_SERIAL // 2

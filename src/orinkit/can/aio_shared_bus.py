@@ -1,8 +1,9 @@
 """A CAN bus shared by several tasks of an event loop; the synchronous twin is :mod:`orinkit.can.shared_bus`.
 
-If the bus has a descriptor that reports pending frames, the loop watches it; otherwise (virtual, most drivers of Windows,
-python-can's serial) a thread reads the bus and passes on the frames. Frames are read whether or not a task waits for them.
-All methods must be called in the event loop in which the shared bus was created.
+If the bus has a descriptor that reports pending frames, the event loop watches the descriptor. Otherwise a thread reads
+the bus and passes the frames to the loop. This applies to virtual buses, most drivers on Windows, and the interface
+serial of python-can. Frames are read even if no task waits for them. All methods must be called in the event loop in
+which the shared bus was created.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from orinkit.transport.address import CanAddress
 from orinkit.transport.link_errors import other_loop
 
 T = TypeVar("T")
-_BURST: Final = 64  # frames read per turn of the loop
-_MAX_DRAINED: Final = 10_000  # largest number of frames read by clear()
-_MAX_SEND_BLOCK: Final = 0.05  # s, longest time that sending may block the loop
+_BURST: Final = 64  # maximum number of frames read in one iteration of the loop
+_MAX_DRAINED: Final = 10_000  # maximum number of frames read by clear()
+_MAX_SEND_BLOCK: Final = 0.05  # s, longest time for which sending may block the loop
 _STOP_TIMEOUT: Final = 2.0  # s to wait for the thread to end
-_GLANCES: Final = 40  # polls until the thread has passed on all; a count, not a time, as the machine may be suspended
+_GLANCES: Final = 40  # maximum number of polls; not a time, because the machine may be suspended
 _GLANCE: Final = 1e-3  # s; the resolution of uvloop
 
 
 class AsyncFrameLink(Protocol):
-    """The interface on which :func:`arun_can` runs an operation: :class:`AsyncCanReceiver`."""
+    """The interface that :func:`arun_can` requires; :class:`AsyncCanReceiver` implements it."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
@@ -59,7 +60,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
     @classmethod
     async def open(cls, address: CanAddress) -> Self:
-        """Open a bus to be shared; a thread does what may block.
+        """Open a bus to be shared, in a thread, because opening may block.
 
         Raises:
             InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
@@ -83,14 +84,14 @@ class AsyncSharedCanBus(SharedBusBase):
         return port
 
     def forget(self, port: AsyncCanReceiver) -> None:
-        """Remove a receiver, as :meth:`AsyncCanReceiver.close`."""
+        """Remove a receiver; see :meth:`AsyncCanReceiver.close`."""
         self._ports = tuple(each for each in self._ports if each is not port)
         port.closed = True
         port.frames.clear()
         port.wake()
 
     def check(self, port: AsyncCanReceiver | None = None) -> None:
-        """Raise an exception if the shared bus or a receiver is closed, the bus is lost, or this is another event loop."""
+        """Raise an exception if shared bus or receiver are closed, the bus is lost, or this is another event loop."""
         self._check_usable(port)
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
@@ -98,11 +99,11 @@ class AsyncSharedCanBus(SharedBusBase):
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order, with the exceptions of :meth:`orinkit.can.shared_bus.SharedCanBus.send`.
 
-        It blocks the loop until the interface accepts them, which most interfaces do at once.
+        The call blocks the loop until the interface accepts the frames. Most interfaces accept them immediately.
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Seconds that each may wait until the interface accepts it, at most 0.05.
+            seconds: Seconds to wait until the interface accepts a frame, for each frame, at most 0.05.
         """
         for frame in frames:
             checked(frame)
@@ -120,7 +121,7 @@ class AsyncSharedCanBus(SharedBusBase):
         if self._bus.watchable:
             try:
                 self._loop.add_reader(self._bus.fileno(), self._readable)
-            except (NotImplementedError, OSError, ValueError):  # Windows; a file that cannot be watched
+            except (NotImplementedError, OSError, ValueError):  # on Windows, or if the descriptor cannot be watched
                 pass
             else:
                 self._watched = self._bus.fileno()
@@ -129,7 +130,7 @@ class AsyncSharedCanBus(SharedBusBase):
         self._thread.start()
 
     def _end(self) -> None:
-        """Stop reading; a thread ends soon afterwards."""
+        """Stop reading. If a thread reads the bus, it ends soon afterwards."""
         if self._watched >= 0:
             self._loop.remove_reader(self._watched)
             self._watched = -1
@@ -157,7 +158,7 @@ class AsyncSharedCanBus(SharedBusBase):
         return True
 
     def _thread_ready(self) -> None:
-        """Handle new frames of the thread, or its end."""
+        """Dispatch the new frames of the reading thread, or handle its end."""
         thread = self._thread
         if thread is None:
             return
@@ -179,7 +180,7 @@ class AsyncSharedCanBus(SharedBusBase):
         for _ in range(_GLANCES):
             if self._thread is None:
                 return
-            # in this order: "holds" stays set until the frame is in the thread's buffer
+            # the order of the conditions matters: "holds" stays set until the frame is in the thread's buffer
             quiet = not self._bus.waiting() and not self._bus.holds and self._thread.quiet
             self._thread_ready()
             if quiet:
@@ -198,9 +199,10 @@ class AsyncSharedCanBus(SharedBusBase):
             port.wake()
 
     async def reopen(self, *, force: bool = False) -> None:
-        """Reopen a lost bus, as :meth:`orinkit.can.shared_bus.SharedCanBus.reopen`; a thread does what may block.
+        """Reopen a lost bus, in a thread, because opening may block.
 
-        If several tasks call it, one of them reopens the bus and the others wait.
+        See :meth:`orinkit.can.shared_bus.SharedCanBus.reopen`. If several tasks call this method, one of them reopens
+        the bus and the others wait.
         """
         first = not self._reopening.locked()
         async with self._reopening:
@@ -212,7 +214,7 @@ class AsyncSharedCanBus(SharedBusBase):
             self._wake_all()
             await self._stop_reading()
             await self._open_again()
-            if self._closed:  # closed meanwhile
+            if self._closed:  # closed while it was being reopened
                 self._bus.close()
             self._check_open()
             for port in self._ports:
@@ -235,7 +237,7 @@ class AsyncSharedCanBus(SharedBusBase):
             await self._leaving.wait_ended(_STOP_TIMEOUT)
 
     async def close(self) -> None:
-        """Close the shared bus; waits end with ConnectionClosed at once. May be called again."""
+        """Close the shared bus; pending waits end immediately with ConnectionClosed. May be called again."""
         if self._closed:
             return
         self._closed = True
@@ -271,13 +273,14 @@ class AsyncCanReceiver(ReceiverBase):
                 waiter.set_result(None)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, as :meth:`AsyncSharedCanBus.send`; it is not a coroutine, so it cannot be cancelled halfway."""
+        """Send frames; see :meth:`AsyncSharedCanBus.send`. It is not a coroutine, so it cannot be cancelled halfway."""
         self.line.send(frames, seconds)
 
     async def receive(self, seconds: float) -> CanFrame | None:
         """Return the next frame for this receiver, ``None`` after a time-out.
 
-        With 0 s, it returns a frame that is already dispatched, or ``None``. A cancelled call loses no frame.
+        With 0 s, the call does not wait: it returns a frame that is already buffered, or ``None``. A cancelled call
+        loses no frame.
 
         Raises:
             ConnectionLost: If the bus is lost and was not reopened.
@@ -295,7 +298,7 @@ class AsyncCanReceiver(ReceiverBase):
             await self._wait(left)
 
     async def _wait(self, seconds: float) -> None:
-        """Wait until the receiver is woken, or for a time-out."""
+        """Wait until the receiver is woken, or until a time-out."""
         loop = asyncio.get_running_loop()
         waiter = loop.create_future()
         self._waiters.append(waiter)
@@ -307,9 +310,9 @@ class AsyncCanReceiver(ReceiverBase):
             self._waiters.remove(waiter)
 
     async def clear(self) -> None:
-        """Drop the frames that have arrived on the bus for this receiver; other receivers get theirs.
+        """Drop the frames that have arrived on the bus for this receiver; other receivers get their frames.
 
-        Frames that are just arriving, or are still in an adapter, cannot be distinguished from later ones.
+        Frames that are arriving during the call, or are still in an adapter, may remain.
 
         Raises:
             ConnectionLost, ConnectionClosed: As for :meth:`receive`.
@@ -320,15 +323,15 @@ class AsyncCanReceiver(ReceiverBase):
         self.frames.clear()
 
     def close(self) -> None:
-        """Stop receiving; a wait ends at once. May be called again."""
+        """Stop receiving; a pending wait ends immediately. May be called again."""
         self.line.forget(self)
 
 
 async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
     """Run an operation in asyncio and return its result.
 
-    A cancelled operation leaves the receiver usable: frames that were not received yet are dropped by the next operation with a
-    ``fresh`` step.
+    After a cancelled operation, the receiver can still be used: the next operation that has a ``fresh`` step drops the
+    frames that were not received.
 
     Args:
         operation: The operation.
@@ -365,9 +368,10 @@ def _finish(waiter: asyncio.Future[None]) -> None:
 
 
 def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
-    """Return a future with the result of a function that may block forever, such as opening a bus, run in a daemon thread.
+    """Run a function in a daemon thread, and return a future with its result.
 
-    A thread of the loop's executor would keep the program from exiting.
+    The function may block forever, for example because it opens a bus. A thread of the loop's executor is not used: it
+    would then prevent the program from exiting.
     """
     loop = asyncio.get_running_loop()
     result: asyncio.Future[T] = loop.create_future()
@@ -385,7 +389,7 @@ def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
         raised: BaseException | None = None
         try:
             value = function()
-        except Exception as error:  # noqa: BLE001 - raised to the awaiting task
+        except Exception as error:  # noqa: BLE001 - raised in the awaiting task
             raised = error
         try:
             loop.call_soon_threadsafe(settle, value, raised)

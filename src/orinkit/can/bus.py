@@ -28,12 +28,12 @@ _SOCKETS: Final = ("can.interfaces.socketcan.socketcan", "can.interfaces.udp_mul
 _PORTS: Final = ("can.interfaces.slcan", "can.interfaces.serial.serial_can")
 _VIRTUAL: Final = "can.interfaces.virtual"
 _READS_ON: Final = ("can.interfaces.serial.serial_can",)
-_EMPTY_BURST: Final = 100  # consecutive receptions without a frame, after which to sleep between them
-_EMPTY_PAUSE: Final = 1e-3  # s
-_MIN_LIMIT: Final = 1 / 64  # s, lowest time-out for sending
-_MAX_EMPTY: Final = 5_000  # most receptions without a frame if the time-out is 0
-_MAX_FILTERED: Final = 64  # most consecutive frames removed by a filter of python-can if the time-out is 0
-_LONGEST_LINE: Final = 4096  # bytes of a line of slcan; python-can has no limit
+_EMPTY_BURST: Final = 100  # after this number of receptions without a frame, each is followed by a pause
+_EMPTY_PAUSE: Final = 1e-3  # s, duration of this pause
+_MIN_LIMIT: Final = 1 / 64  # s, shortest time-out for sending
+_MAX_EMPTY: Final = 5_000  # maximum number of receptions without a frame if the time-out is 0
+_MAX_FILTERED: Final = 64  # maximum number of consecutive frames that python-can filters out if the time-out is 0
+_LONGEST_LINE: Final = 4096  # bytes, longest line of slcan; python-can has no limit
 _FULL_ERRORS: Final = (errno.ENOBUFS, errno.EAGAIN)
 _LATE_WRITE: Final = "SerialTimeoutException"  # of pyserial
 
@@ -41,9 +41,10 @@ _LATE_WRITE: Final = "SerialTimeoutException"  # of pyserial
 def open_bus(address: CanAddress) -> can.BusABC:
     """Open a bus from its address alone; configuration files and environment variables of python-can are not read.
 
-    For udp_multicast the default channel is the IPv4 group 239.74.163.2. For slcan, python-can waits 2 s after opening the
-    port, because this resets many adapters (Arduino), which would lose the first frames. For an adapter without this reset,
-    ``?sleep_after_open=0`` removes the wait. On a pseudo-terminal there is no adapter to reset, and no wait.
+    For udp_multicast, the default channel is the IPv4 group 239.74.163.2. For slcan, python-can waits 2 s after it has
+    opened the port: opening the port resets many adapters (Arduino), and an adapter loses frames during the reset. For
+    an adapter without this reset, ``?sleep_after_open=0`` removes the wait. For a pseudo-terminal, there is no wait,
+    because there is no adapter.
 
     Raises:
         InvalidAddress: If python-can does not have the interface, or rejects the channel or an option.
@@ -57,7 +58,7 @@ def to_message(frame: CanFrame) -> can.Message:
     """Convert a frame to a message of python-can.
 
     Raises:
-        InvalidValue: If its identifier has more than 29 bits, or it has more than 8 bytes.
+        InvalidValue: If the identifier has more than 29 bits, or the frame has more than 8 bytes.
     """
     import can
 
@@ -68,12 +69,13 @@ def to_message(frame: CanFrame) -> can.Message:
 def to_frame(message: can.Message) -> CanFrame | None:
     """Convert a message of python-can to a frame; return ``None`` for a message that ABH3 drivers do not use.
 
-    These are standard identifiers, remote, error and FD frames, more than 8 bytes, and truncated messages.
+    Not used are messages with standard identifiers, remote, error and FD frames, messages of more than 8 bytes, and
+    truncated messages.
     """
     if not message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
         return None
     number, data = message.arbitration_id, bytes(message.data)
-    # udp_multicast accepts any msgpack as a message: its identifier may be 1.5
+    # udp_multicast accepts any msgpack data as a message, so the identifier may be a value such as 1.5
     if type(number) is not int or not 0 <= number <= MAX_ID or not MAX_DATA >= len(data) == message.dlc:
         return None
     return CanFrame(number, data, message.timestamp)
@@ -86,8 +88,8 @@ class Bus:
 
     Args:
         bus: A python-can bus. Nothing else may receive from it (no Notifier); its filters are kept.
-        own: Close the python-can bus with this one; ``False`` if it belongs to the caller.
-        address: Address by which it was opened, to reopen it.
+        own: True to close the python-can bus with this one; False if the python-can bus belongs to the caller.
+        address: Address by which the bus was opened; used to reopen the bus.
     """
 
     def __init__(self, bus: can.BusABC, *, own: bool = True, address: CanAddress | None = None) -> None:
@@ -97,7 +99,7 @@ class Bus:
 
     @classmethod
     def open(cls, address: CanAddress) -> Self:
-        """Open a bus, as :func:`open_bus`; blocks until it is open."""
+        """Open a bus by :func:`open_bus`; block until it is open."""
         return cls(open_bus(address), address=address)
 
     def _use(self, bus: can.BusABC) -> None:
@@ -110,20 +112,23 @@ class Bus:
         self._descriptor = self.fileno()
         watched = self._descriptor >= 0 and (os.name != "nt" or not modules.isdisjoint(_SOCKETS))
         queue = vars(bus).get("queue") if _VIRTUAL in modules else None
-        # with a descriptor, these interfaces buffer nothing in memory
+        # if these interfaces have a descriptor, they buffer no frames in memory, so the descriptor reports all of them
         self.tells = queue is not None or (watched and not modules.isdisjoint((*_SOCKETS, *_PORTS)))
         """True if :meth:`waiting` is reliable."""
         self.holds = False
-        """True if :meth:`receive`, in another thread, may have taken a frame that it has not returned yet, if this is known."""
+        """True if :meth:`receive` in another thread may have taken a frame that it has not returned yet.
+
+        It is set only for interfaces on which this can be detected.
+        """
         self._nothing: Callable[[], bool] = self._unreadable if queue is None else queue.empty
-        # slcan polls a thousand times per second, serial has no time-out: wait for the descriptor instead
+        # the descriptor is awaited, because recv() of slcan polls 1000 times per second, and serial has no time-out
         waits = watched and not modules.isdisjoint(_PORTS)
         self._get: Callable[[float], can.Message | None] = self._when_readable if waits else bus.recv
         if queue is not None:
             self._arrived, self._get = queue, self._when_queued
         line = vars(bus).get("_buffer")  # slcan: the received part of a line
         self._line = line if isinstance(line, bytearray) else bytearray()
-        # serial has no time-out for sending
+        # the interface serial has no time-out for sending, so the time-out of its port is set
         self._port: Any = None if modules.isdisjoint(_READS_ON) else vars(bus).get("_ser")
         self.watchable = watched and modules.isdisjoint(_READS_ON)
         """True if an event loop can watch :meth:`fileno` and then :meth:`receive` pending frames without blocking."""
@@ -138,11 +143,13 @@ class Bus:
 
         Args:
             frame: The frame.
-            seconds: Seconds to wait until the interface accepts it; at most twice this time, between 31 ms and 1 s.
+            seconds: Seconds to wait until the interface accepts the frame. The wait may be up to twice as long. It is
+                at least 31 ms and at most 1 s.
 
         Raises:
-            InvalidValue: If it is not a valid frame.
-            TransportError: If it was not accepted in time; the bus stays usable, as perhaps no node acknowledged a frame.
+            InvalidValue: If the frame is not valid.
+            TransportError: If the frame was not accepted in time, for example because no node acknowledges frames. The
+                bus stays usable.
             ConnectionLost: If the bus is lost.
         """
         checked(frame)
@@ -160,7 +167,7 @@ class Bus:
                 raise self._not_taken(error) from error
 
     def _set_limit(self, seconds: float) -> None:
-        # powers of two, because slcan reconfigures its port whenever the time-out changes
+        # rounded to a power of two, because slcan reconfigures its port whenever the time-out changes
         self._limit = math.ldexp(1.0, min(math.frexp(max(seconds, _MIN_LIMIT))[1], 0))
         if self._port is not None:
             self._port.write_timeout = self._limit
@@ -169,7 +176,7 @@ class Bus:
     def _is_taken(self, error: BaseException) -> bool:
         """Return True if a port accepted the frame despite a time-out: pyserial checks the time after writing.
 
-        If the port accepts more bytes, the time was not spent waiting for it: this program was suspended.
+        If the port can accept more bytes, it did not cause the time-out; then this program was suspended.
         """
         late = type(error.__cause__).__name__ == _LATE_WRITE
         return late and self._descriptor >= 0 and os.name != "nt" and _takes_more(self._descriptor)
@@ -195,9 +202,8 @@ class Bus:
     def receive(self, seconds: float) -> CanFrame | None:
         """Return the next frame, ``None`` after a time-out.
 
-        With 0 seconds, ``None`` means that no frame is pending; this is certain only if ``tells`` is True.
-        Messages that are not a
-        :class:`CanFrame` and bytes that are not a message are skipped.
+        With 0 seconds, ``None`` means that no frame is pending; this is certain only if ``tells`` is True. Messages
+        that :func:`to_frame` does not convert, and bytes that are not a message, are skipped.
 
         Raises:
             ConnectionLost: If the bus is lost.
@@ -225,7 +231,7 @@ class Bus:
                 left = 0.0
                 if seconds > 0 or rounds > _MAX_EMPTY or not (arrived or self._more(empty)):
                     return None
-            if empty > _EMPTY_BURST:  # only noise, or a bus that returns before its time-out
+            if empty > _EMPTY_BURST:  # only noise arrives, or the interface returns before its time-out
                 sleep(min(left, _EMPTY_PAUSE))
 
     def waiting(self) -> bool:
@@ -236,7 +242,10 @@ class Bus:
         return not self._ready(0)
 
     def _more(self, empty: int) -> bool:
-        """Return True if a frame may be pending although none was returned: a filter and slcan take one message at a time."""
+        """Return True if a frame may be pending although none was returned.
+
+        With a filter or with slcan, one reception may remove a message without returning a frame.
+        """
         if self.tells:
             return not self._nothing()
         return self._bus.filters is not None and empty < _MAX_FILTERED
@@ -259,10 +268,10 @@ class Bus:
         return self._bus.recv(0)
 
     def _ready(self, seconds: float) -> bool:
-        if os.name == "nt":  # sockets only, and no poll
+        if os.name == "nt":  # Windows has no poll(), and select() supports sockets only
             try:
                 chosen = select.select([self._descriptor], [], [], seconds)
-            except (OSError, ValueError):  # closed: the receive then raises
+            except (OSError, ValueError):  # closed: the following reception raises an exception
                 return True
             return bool(chosen[0])
         poll = select.poll()  # a new object each time, because two threads cannot share one
@@ -270,7 +279,7 @@ class Bus:
         return bool(poll.poll(max(0.0, seconds) * 1e3))
 
     def _is_noise(self, error: Exception) -> bool:
-        """Return True if an error of receiving concerns the received bytes, not the bus."""
+        """Return True if the received bytes, not the bus, caused an error."""
         import can
 
         if isinstance(error, OSError):  # a time-out, or the pending data is gone
@@ -286,7 +295,7 @@ class Bus:
         return noise and self._is_open()
 
     def _is_open(self) -> bool:
-        """Return True if the bus is open; a closed one raises ValueError too."""
+        """Return True if the bus is open. This is checked because a closed bus also raises ValueError."""
         return self._descriptor < 0 or self.fileno() >= 0
 
     # --- the bus itself -----------------------------------------------------------------------------------------------
@@ -311,7 +320,7 @@ class Bus:
         return self.address
 
     def reopen(self) -> None:
-        """Close the bus and reopen it; blocks until it is open, as :func:`open_bus`.
+        """Close the bus and reopen it; block until it is open.
 
         Raises:
             InvalidValue: If the bus was not opened by an address.
@@ -322,7 +331,7 @@ class Bus:
         self._use(open_bus(address))
 
     def close(self) -> None:
-        """Close the bus if it is owned; a receive in another thread ends with an error or after its time-out."""
+        """Close the bus if it is owned. A reception in another thread ends with an error or after its time-out."""
         if self._own:
             shut(self._bus)
 
@@ -345,8 +354,8 @@ def _takes_more(descriptor: int) -> bool:
 
 
 def _is_interrupted(error: BaseException) -> bool:
-    """Return True if a port accepted the frame, but the wait for its transmission was interrupted by a stop of the process."""
-    return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error from tcdrain; slcan wraps it
+    """Return True if a port accepted the frame, but a stop of the process interrupted the wait for its transmission."""
+    return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error of tcdrain, wrapped by slcan
 
 
 def _is_full(error: BaseException) -> bool:
@@ -362,6 +371,6 @@ def _is_full(error: BaseException) -> bool:
         isinstance(error, can.CanTimeoutError)
         or not numbers.isdisjoint(_FULL_ERRORS)
         or "full" in str(error).lower()
-        or type(error.__cause__).__name__ == _LATE_WRITE  # slcan wraps it
+        or type(error.__cause__).__name__ == _LATE_WRITE  # wrapped by slcan
         or "one or more recipients" in str(error)  # virtual: the queue of a receiver is full
     )

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from orinkit.can.device import CanDevice
 
 _log = logging.getLogger("orinkit.server")
-_LONGEST_WAIT: Final = 0.05  # s: bounds the backlog of a device, as a clock may be moved by hand
-_SHORTEST_WAIT: Final = 0.0005  # s: a device that is always due must not starve the others
+_LONGEST_WAIT: Final = 0.05  # s, longest time between calls of a device; a program may advance its clock meanwhile
+_SHORTEST_WAIT: Final = 0.0005  # s, shortest time; a device that is always due must not delay the others
 _SOURCE: Final = 0xFF  # mask of the source address, as in J1939
 _QUIET: Final = 1.0  # s between two logged exceptions of a device
 
 
 def run(devices: Sequence[GuardedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
-    """Pass frames to the devices and send theirs, until the event is set."""
+    """Pass received frames to the devices and send the frames that they return, until the event is set."""
     while not ending.is_set():
         frame = bus.receive(min((device.pause() for device in devices), default=_LONGEST_WAIT))
         if frame is not None:
@@ -38,22 +38,22 @@ class GuardedDevice:
 
     def __init__(self, device: CanDevice) -> None:
         self._device = device
-        self._not_before = 0.0  # of advance
-        self._not_after = 0.0
+        self._not_before = 0.0  # earliest time of the next call of advance()
+        self._not_after = 0.0  # latest time of this call
         self._quiet_until = 0.0
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
         """Pass a frame to the device and return the frames that it sends."""
         try:
             if frame.id & _SOURCE == self._device.address:
-                return []  # its own frame: some interfaces return what they send
+                return []  # the device's own frame: some interfaces also return the frames that they send
             return list(self._device.receive(frame))
         except Exception as error:  # noqa: BLE001 - third-party code
             self._log_error(f"while receiving {frame}", error)
             return []
 
     def advance(self) -> list[CanFrame]:
-        """Let the device do what is due, and return the frames that it sends."""
+        """Call the device to do what is due, and return the frames that it sends."""
         now = monotonic()
         self._not_before, self._not_after = now + _SHORTEST_WAIT, now + _LONGEST_WAIT
         try:

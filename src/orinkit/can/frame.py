@@ -1,7 +1,7 @@
 """CAN frames, and operations that exchange them, without I/O.
 
-An operation is a generator: it yields an :class:`OperationStep` with the frames to send and the time to wait, and receives
-the next frame, or ``None`` after a time-out.
+An operation is a generator. It yields an :class:`OperationStep` with the frames to send and the time to wait, and
+receives the next frame, or ``None`` after a time-out.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ T = TypeVar("T")
 MAX_ID: Final = 0x1FFFFFFF
 """The highest extended identifier."""
 MAX_DATA: Final = 8
-"""Most bytes of a classic CAN frame."""
+"""Maximum number of data bytes of a classic CAN frame."""
 
 
 class CanFrame(NamedTuple):
-    """A data frame of CAN 2.0B with an extended identifier; ABH3 drivers use no others.
+    """A data frame of CAN 2.0B with an extended identifier; ABH3 drivers use no other frames.
 
     Attributes:
         id: 29-bit identifier.
@@ -41,9 +41,9 @@ class OperationStep(NamedTuple):
 
     Attributes:
         frames: Frames to send, in order.
-        seconds: Seconds to wait for a frame; ``None`` for the rest of the previous wait, so that other frames do not prolong
-            it.
-        fresh: Drop frames that arrived earlier, as they cannot be replies to what is sent now.
+        seconds: Seconds to wait for a frame; ``None`` to continue the previous wait, so that irrelevant frames do not
+            prolong it.
+        fresh: True to drop frames that arrived earlier, because they cannot be replies to the frames of this step.
     """
 
     frames: tuple[CanFrame, ...] = ()
@@ -58,7 +58,7 @@ def checked(frame: CanFrame) -> CanFrame:
     """Check that a frame can be sent, and return it.
 
     Raises:
-        InvalidValue: If its identifier has more than 29 bits, or it has more than 8 bytes.
+        InvalidValue: If the identifier has more than 29 bits, or the frame has more than 8 bytes.
     """
     if not 0 <= frame.id <= MAX_ID:
         raise InvalidValue(tr("a CAN identifier must be 0 to 0x1FFFFFFF (29 bits), not {id:#x}", id=frame.id))

@@ -1,4 +1,4 @@
-"""Open a bus with python-can, and explain why it cannot be opened."""
+"""Open a bus with python-can; if this fails, raise an exception with the reason and a remedy."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _FORBIDDEN: Final = (errno.EACCES, errno.EPERM)
 
 
 def opened(address: CanAddress) -> can.BusABC:
-    """Open a bus, as :func:`orinkit.can.bus.open_bus`."""
+    """Open a bus; see :func:`orinkit.can.bus.open_bus`."""
     optional_deps.require("CAN", "can", "can")
     if address.interface in _NEEDS:
         optional_deps.require(f"CAN ({address.interface})", "can", _NEEDS[address.interface])
@@ -61,7 +61,7 @@ def opened(address: CanAddress) -> can.BusABC:
 
 
 def _check_options(address: CanAddress) -> None:
-    """Check options that python-can would ignore, or fail on.
+    """Check the options that python-can would ignore or that would make it fail.
 
     Raises:
         InvalidAddress: If the interface does not have an option, or the port is not valid.
@@ -88,13 +88,13 @@ def _settings(address: CanAddress) -> dict[str, Any]:
     if address.interface == "udp_multicast":
         channel = channel or _GROUP
     elif address.channel.isascii() and address.channel.isdecimal() and str(int(address.channel)) == address.channel:
-        channel = int(address.channel)  # as python-can does with its own configuration
+        channel = int(address.channel)  # python-can does the same with a channel from its configuration
     if channel != "":
         settings["channel"] = channel
     if address.bitrate is not None:
         settings["bitrate"] = address.bitrate
     if address.interface == "slcan" and os.path.realpath(address.channel.partition("@")[0]).startswith(_PSEUDO):
-        settings.setdefault("sleep_after_open", 0)  # default 2 s, see open_bus
+        settings.setdefault("sleep_after_open", 0)  # python-can's default is 2 s, see open_bus
     return settings
 
 

@@ -26,9 +26,9 @@ class BusReader(threading.Thread):
         came: Called in the loop when there are frames or an error.
 
     Attributes:
-        stopping: Set it to end the thread, which takes a fraction of a second.
-        quiet: True while it has read everything that has arrived, and waits for more.
-        error: The error that ended it.
+        stopping: Set this to True to end the thread; it ends within a fraction of a second.
+        quiet: True while the thread has read all frames that have arrived, and waits for more.
+        error: The error that ended the thread.
     """
 
     def __init__(self, bus: Bus, loop: asyncio.AbstractEventLoop, came: Callable[[], None]) -> None:
@@ -41,10 +41,10 @@ class BusReader(threading.Thread):
         self._came = came
         self._ended = asyncio.Event()
         self._frames: deque[CanFrame] = deque(maxlen=_BACKLOG)
-        self._notified = False  # the loop has been notified
+        self._notified = False  # the loop has been notified, and has not taken the frames yet
 
     def run(self) -> None:
-        """Read until it is stopped or the bus is lost."""
+        """Read frames until the thread is stopped or the bus is lost."""
         frame = None
         try:
             while not self.stopping:
@@ -59,7 +59,7 @@ class BusReader(threading.Thread):
         except OrinError as error:
             self.error = error
             self._post(self._came)
-        except Exception as error:  # noqa: BLE001 - from an adapter's driver; receivers get it
+        except Exception as error:  # noqa: BLE001 - from an adapter's driver; raised in the receivers
             self.error = lost(f"{self._bus}: {error!r}")
             self._post(self._came)
         self._post(self._ended.set)
@@ -72,7 +72,7 @@ class BusReader(threading.Thread):
 
     def take_frames(self) -> list[CanFrame]:
         """Return the new frames; called in the loop."""
-        self._notified = False  # first: later frames notify the loop again
+        self._notified = False  # before the frames are taken, so that later frames notify the loop again
         return [self._frames.popleft() for _ in range(len(self._frames))]
 
     async def wait_ended(self, seconds: float) -> None:
@@ -80,6 +80,6 @@ class BusReader(threading.Thread):
         try:
             async with asyncio.timeout(seconds):
                 await self._ended.wait()
-        except TimeoutError:  # a driver that does not return; the thread is a daemon
+        except TimeoutError:  # the adapter's driver does not return; the thread does not block exiting: it is a daemon
             return
         self.join()

@@ -1,4 +1,4 @@
-"""Bases of the two shared CAN buses and of their receivers: :mod:`orinkit.can.shared_bus`, :mod:`orinkit.can.aio_shared_bus`."""
+"""Base classes of the shared CAN buses in :mod:`~orinkit.can.shared_bus` and :mod:`~orinkit.can.aio_shared_bus`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from orinkit.core.errors import ConnectionLost
 from orinkit.transport.link_errors import closed
 
 Accepts: TypeAlias = Callable[[CanFrame], bool]
-"""Filter of a receiver. It must neither block nor raise; on a bus shared by threads it is called on any of them."""
+"""Filter of a receiver. It must neither block nor raise. On a bus shared by threads, each of them may call it."""
 
 SIZE: Final = 256
-"""Frames buffered in a receiver."""
+"""Maximum number of frames buffered in a receiver."""
 
 
 class ReceiverBase:
@@ -44,7 +44,7 @@ class SharedBusBase:
     """The state of a shared bus.
 
     Args:
-        bus: The bus; from now on nothing else may receive from it. It is closed with the shared bus if it is owned.
+        bus: The bus. From now on, nothing else may receive from it. If it is owned, it is closed with the shared bus.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -57,7 +57,7 @@ class SharedBusBase:
 
     @property
     def broken(self) -> bool:
-        """True if the bus was lost: pending waits have raised, and so do all calls until ``reopen``."""
+        """True if the bus was lost. Until ``reopen``, all pending and new calls raise ConnectionLost."""
         return self._broken is not None
 
     @property

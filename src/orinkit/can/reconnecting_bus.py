@@ -30,7 +30,7 @@ class ReconnectingBus:
 
     Args:
         at: Address of the bus, or an open python-can bus, which is not closed.
-        ending: Set when the server is to end.
+        ending: Event that is set when the server ends.
 
     Raises:
         InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
@@ -53,7 +53,7 @@ class ReconnectingBus:
         self._quiet_until = 0.0
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame, ``None`` after a time-out; without a bus, wait for the time-out."""
+        """Return the next frame, ``None`` after a time-out. While the bus is lost, wait for the time-out."""
         bus = self._bus or self._take_reopened()
         if bus is None:
             self._ending.wait(seconds)
@@ -67,7 +67,7 @@ class ReconnectingBus:
         return frame
 
     def send(self, frames: Iterable[CanFrame]) -> None:
-        """Send frames, in order; if one is not accepted, it and those after it are dropped."""
+        """Send frames, in order; if a frame is not accepted, this frame and the following ones are dropped."""
         for frame in frames:
             bus = self._bus
             if bus is None:
@@ -121,7 +121,7 @@ class ReconnectingBus:
         self._opener.start()
 
     def _open_again(self) -> None:
-        """Try to open the bus until it succeeds; in a separate thread, as opening may take long."""
+        """Try to open the bus until this succeeds. It runs in a separate thread, because opening may take long."""
         last = self._last
         assert last is not None
         last.close()
@@ -140,7 +140,7 @@ class ReconnectingBus:
             bus.close()
 
     def _take_reopened(self) -> Bus | None:
-        """Return the reopened bus, once."""
+        """Return the reopened bus if it was not returned before, otherwise ``None``."""
         with self._lock:
             bus, self._opened = self._opened, None
         if bus is not None:

@@ -59,8 +59,8 @@ def serve_can(*devices: CanDevice, at: str | can.BusABC = DEFAULT_BUS) -> CanSer
 
     Args:
         devices: The devices; they are closed with the server.
-        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, with the names of python-can, or an open python-can bus,
-            which is not closed; nothing else may receive from it.
+        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, with the names of python-can, or an open python-can
+            bus. The server does not close a python-can bus, and nothing else may receive from it.
 
     Raises:
         InvalidAddress: If the URL is not valid.
@@ -84,7 +84,7 @@ def _checked(devices: Iterable[CanDevice]) -> list[CanDevice]:
     """Check that the devices can share a bus, and return them.
 
     Raises:
-        InvalidValue: If two have the same address.
+        InvalidValue: If two devices have the same address.
     """
     found: dict[int, CanDevice] = {}
     for device in devices:

@@ -1,8 +1,8 @@
 """A CAN bus shared by several receivers, on the callers' threads.
 
-There is no background thread: a thread that waits for a frame reads the bus for all receivers. A thread that waits while
-another one reads is woken when a frame for it arrives, and takes over when the reading thread leaves. A single caller
-reads the bus directly on its own thread.
+There is no background thread. The first thread that waits for a frame becomes the reading thread: it reads the bus for
+all receivers. Another thread that waits is woken when a frame for its receiver arrives. When the reading thread returns
+from its call, one of the waiting threads becomes the reading thread.
 
 A lost bus stays broken until :meth:`SharedCanBus.reopen`. The asyncio twin is :mod:`orinkit.can.aio_shared_bus`.
 """
@@ -26,15 +26,13 @@ T = TypeVar("T")
 _SLICE: Final = 0.25  # s between checks for a closed bus
 _STOP_TIMEOUT: Final = 2.0  # s to wait for the reading thread to stop
 _DRAIN_TIMEOUT: Final = 0.5  # s, longest time for draining while frames keep arriving
-_GLANCES: Final = (
-    100  # polls until the reading thread has dispatched all; a count, not a time, as the machine may be suspended
-)
+_GLANCES: Final = 100  # maximum number of polls of the reading thread; not a time, because the machine may be suspended
 _GLANCE: Final = 2e-4  # s
 _STOP_POLL: Final = 2e-3  # s
 
 
 class FrameLink(Protocol):
-    """The interface on which :func:`run_can` runs an operation: :class:`CanReceiver`."""
+    """The interface that :func:`run_can` requires; :class:`CanReceiver` implements it."""
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
         """Send frames, in order."""
@@ -51,8 +49,8 @@ class SharedCanBus(SharedBusBase):
 
     def __init__(self, bus: Bus) -> None:
         super().__init__(bus)
-        # Protects the following attributes; never held while the bus is read. Reentrant, as the garbage collector may close a
-        # receiver while it is held.
+        # The lock protects the following attributes. It is never held while the bus is read. It is reentrant, because
+        # the garbage collector may close a receiver while the lock is held.
         self._lock = threading.RLock()
         self._ports: tuple[CanReceiver, ...] = ()  # replaced as a whole: the reading thread iterates without the lock
         self._waiting: list[CanReceiver] = []  # receivers whose thread waits while another one reads
@@ -86,15 +84,16 @@ class SharedCanBus(SharedBusBase):
     # --- sending ------------------------------------------------------------------------------------------------------
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, in order, and not interleaved with those of other threads.
+        """Send frames, in order, and not interleaved with the frames of other threads.
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Seconds that each may wait until the interface accepts it.
+            seconds: Seconds to wait until the interface accepts a frame, for each frame.
 
         Raises:
-            InvalidValue: If one is not a valid frame; none was sent.
-            TransportError: If one was not accepted in time; those after it were not sent, and the bus stays usable.
+            InvalidValue: If a frame is not valid; no frame was sent.
+            TransportError: If a frame was not accepted in time; the following frames were not sent. The bus stays
+                usable.
             ConnectionLost: If the bus is lost.
             ConnectionClosed: If the shared bus was closed.
         """
@@ -113,16 +112,18 @@ class SharedCanBus(SharedBusBase):
         except ConnectionLost as error:
             self._break(error)
             raise
-        finally:  # Ctrl-C may come right after the acquisition, so no flag can record it; and no call may precede the release
+        finally:
+            # Ctrl-C may arrive immediately after acquire(), before a flag could record its success. Therefore release()
+            # is always called. It is the first call here, because Ctrl-C may interrupt a call before it.
             try:
                 self._sending.release()
-            except RuntimeError:  # not acquired
+            except RuntimeError:  # the lock was not acquired
                 pass
 
     # --- receiving ----------------------------------------------------------------------------------------------------
 
     def receive(self, port: CanReceiver, seconds: float) -> CanFrame | None:
-        """Return the next frame for a receiver, as :meth:`CanReceiver.receive`."""
+        """Return the next frame for a receiver; see :meth:`CanReceiver.receive`."""
         end = monotonic() + seconds
         reads = False
         try:
@@ -132,7 +133,7 @@ class SharedCanBus(SharedBusBase):
                         self._check_usable(port)
                     if port.frames:
                         return port.frames.popleft()
-                    if self._reader is None or self._reader == threading.get_ident():  # in a signal handler
+                    if self._reader is None or self._reader == threading.get_ident():  # the latter in a signal handler
                         reads = True
                         self._reader = threading.get_ident()
                         break
@@ -143,17 +144,17 @@ class SharedCanBus(SharedBusBase):
                     seconds = end - monotonic()
             return self._read(port, seconds, end)
         finally:
-            if reads:  # before any call, as Ctrl-C may come in each of them
+            if reads:  # before any call, because Ctrl-C may interrupt a call
                 self._reader = None
                 self._quiet = False
             if self._waiting:
                 self._wake_next_reader()
 
     def _wait(self, port: CanReceiver, seconds: float) -> None:
-        """Wait until there is a frame, or until no thread reads; the lock is held before and after."""
+        """Wait until there is a frame, or until no thread reads. The caller must hold the lock."""
         self._waiting.append(port)
         try:
-            if self._reader is not None:  # the leaving thread checks _waiting without the lock
+            if self._reader is not None:  # after append(): a thread that stops reading checks _waiting without the lock
                 port.woken.wait(seconds)
         finally:
             self._waiting.remove(port)
@@ -165,7 +166,7 @@ class SharedCanBus(SharedBusBase):
                 self._waiting[0].woken.notify()
 
     def _read(self, port: CanReceiver, left: float, end: float) -> CanFrame | None:
-        """Read the bus for all receivers, on the reading thread, until there is a frame for one of them or a time-out."""
+        """Read the bus for all receivers, on the reading thread, until there is a frame for ``port`` or a time-out."""
         if left < 0:
             left = 0.0
         while True:
@@ -177,7 +178,7 @@ class SharedCanBus(SharedBusBase):
                     return frame
                 if len(self._ports) == 1 or self._unusable or monotonic() >= end:
                     break
-                # a thread that clears another receiver waits until all pending frames are read
+                # all pending frames are read, because a thread that clears another receiver waits for this
                 frame = self._receive_frame(0.0)
             if self._unusable or port.closed:
                 self._check_usable(port)
@@ -206,11 +207,11 @@ class SharedCanBus(SharedBusBase):
         return is_mine
 
     def clear(self, port: CanReceiver) -> None:
-        """Drop the frames that have arrived for a receiver, as :meth:`CanReceiver.clear`."""
+        """Drop the frames that have arrived for a receiver; see :meth:`CanReceiver.clear`."""
         if self._unusable or port.closed:
             self._check_usable(port)
         if self._bus.tells and not self._bus.waiting() and self._reader is None and not port.frames:
-            return  # in this order: frames read by a thread that just stopped reading are in the receiver by now
+            return  # the order of the conditions matters: a thread that has just stopped reading has filled port.frames
         polls = _GLANCES
         reads = False
         try:
@@ -223,7 +224,7 @@ class SharedCanBus(SharedBusBase):
                 if reads:
                     self._drain()
                     break
-                # in this order: "holds" stays set until the frame is dispatched
+                # the order of the conditions matters: "holds" stays set until the frame is dispatched
                 polls -= 1
                 if (not self._bus.waiting() and not self._bus.holds and self._quiet) or polls <= 0:
                     break
@@ -266,12 +267,13 @@ class SharedCanBus(SharedBusBase):
             sleep(_STOP_POLL)
 
     def reopen(self, *, force: bool = False) -> None:
-        """Reopen a lost bus; receivers stay valid, and are emptied. Blocks until the bus is open.
+        """Reopen a lost bus; block until the bus is open. Receivers stay valid, but their buffered frames are dropped.
 
-        If several threads call it, one of them reopens the bus and the others wait. It does nothing if the bus is not lost.
+        If several threads call this method, one of them reopens the bus and the others wait. If the bus is not lost,
+        nothing is done.
 
         Args:
-            force: Reopen the bus even if no loss is known; pending waits end with ConnectionLost.
+            force: True to reopen the bus even if no loss is known; pending waits then end with ConnectionLost.
 
         Raises:
             InvalidValue: If the bus was not opened by an address.
@@ -299,17 +301,19 @@ class SharedCanBus(SharedBusBase):
                     port.frames.clear()
                 self._broken = None
                 self._unusable = self._closed
-            if self._closed:  # closed meanwhile
+            if self._closed:  # closed while it was being reopened
                 self._bus.close()
             self._check_open()
-        finally:  # Ctrl-C may come right after the acquisition, so no flag can record it; and no call may precede the release
+        finally:
+            # Ctrl-C may arrive immediately after acquire(), before a flag could record its success. Therefore release()
+            # is always called. It is the first call here, because Ctrl-C may interrupt a call before it.
             try:
                 self._reopening.release()
-            except RuntimeError:  # not acquired
+            except RuntimeError:  # the lock was not acquired
                 pass
 
     def close(self) -> None:
-        """Close the shared bus; waits in other threads end with ConnectionClosed within a fraction of a second."""
+        """Close the shared bus; pending waits in other threads end with ConnectionClosed in a fraction of a second."""
         with self._lock:
             if self._closed:
                 return
@@ -319,7 +323,7 @@ class SharedCanBus(SharedBusBase):
         self._bus.close()
 
     def forget(self, port: CanReceiver) -> None:
-        """Remove a receiver, as :meth:`CanReceiver.close`."""
+        """Remove a receiver; see :meth:`CanReceiver.close`."""
         with self._lock:
             self._ports = tuple(each for each in self._ports if each is not port)
             port.closed = True
@@ -330,11 +334,12 @@ class SharedCanBus(SharedBusBase):
 class CanReceiver(ReceiverBase):
     """Receives the frames of a shared bus that match a filter; created by :meth:`SharedCanBus.receiver`.
 
-    Every method may be called from any thread; only one thread at a time should receive, as each frame goes to one caller.
+    Every method may be called from any thread. Only one thread at a time should receive, because each frame is returned
+    to one caller only.
 
     Attributes:
-        line: The shared bus, whose lock protects :attr:`frames` and is held by :meth:`put`.
-        woken: Condition that wakes a waiting thread; uses the lock of the shared bus.
+        line: The shared bus. Its lock protects :attr:`frames` and is held during :meth:`put`.
+        woken: Condition that wakes a waiting thread; it uses the lock of the shared bus.
     """
 
     def __init__(self, line: SharedCanBus, accepts: Accepts, size: int, lock: threading.RLock) -> None:
@@ -343,11 +348,11 @@ class CanReceiver(ReceiverBase):
         self.woken = threading.Condition(lock)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames, as :meth:`SharedCanBus.send`."""
+        """Send frames; see :meth:`SharedCanBus.send`."""
         self.line.send(frames, seconds)
 
     def receive(self, seconds: float) -> CanFrame | None:
-        """Return the next frame for this receiver, ``None`` after a time-out; 0 s returns a pending frame only.
+        """Return the next frame for this receiver, ``None`` after a time-out. With 0 s, the call does not wait.
 
         Raises:
             ConnectionLost: If the bus is lost and was not reopened.
@@ -356,9 +361,10 @@ class CanReceiver(ReceiverBase):
         return self.line.receive(self, seconds)
 
     def clear(self) -> None:
-        """Drop the frames that have arrived on the bus for this receiver; other receivers get theirs.
+        """Drop the frames that have arrived on the bus for this receiver; other receivers get their frames.
 
-        Frames that are just arriving, or are still in an adapter, cannot be distinguished from later ones.
+        Frames that are arriving during the call, or are still in an adapter, may not be dropped: they cannot be
+        distinguished from later frames.
 
         Raises:
             ConnectionLost, ConnectionClosed: As for :meth:`receive`.
@@ -373,15 +379,16 @@ class CanReceiver(ReceiverBase):
 def run_can(operation: CanOperation[T], port: FrameLink) -> T:
     """Run an operation on the caller's thread and return its result.
 
-    An exception such as KeyboardInterrupt ends the operation and leaves the receiver usable: frames that were not received
-    yet are dropped by the next operation with a ``fresh`` step.
+    An exception such as KeyboardInterrupt ends the operation. The receiver can still be used: the next operation that
+    has a ``fresh`` step drops the frames that were not received.
 
     Args:
         operation: The operation.
         port: The receiver to use.
 
     Raises:
-        ConnectionLost, ConnectionClosed, TransportError: As for :meth:`SharedCanBus.send` and :meth:`CanReceiver.receive`.
+        ConnectionLost, ConnectionClosed, TransportError: As for :meth:`SharedCanBus.send` and
+            :meth:`CanReceiver.receive`.
     """
     received: CanFrame | None = None
     deadline = 0.0

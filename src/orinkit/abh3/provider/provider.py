@@ -63,8 +63,8 @@ class ABH3Provider(Provider):
         The errors of the driver are requested to check that the driver replies. No command is sent.
 
         Raises:
-            CallError: E_INVALIDARG: If the option string is not valid; E_CAO_REMOTE_PROVIDER: If the bus cannot be opened;
-                E_TIMEOUT: If the driver does not reply.
+            CallError: E_INVALIDARG: If the option string is not valid; E_CAO_REMOTE_PROVIDER: If the bus cannot be
+                opened; E_TIMEOUT: If the driver does not reply.
         """
         self._bind()
         with map_errors():
