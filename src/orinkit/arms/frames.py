@@ -72,7 +72,7 @@ def position_of_matrix(matrix: ArrayLike) -> Array:
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
-        ValueError: If it is not a 4x4 matrix.
+        ValueError: If ``matrix`` is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
     x, y, z = (frame[..., :3, index] for index in range(3))
@@ -124,7 +124,7 @@ def trans_of_matrix(matrix: ArrayLike) -> Array:
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
-        ValueError: If it is not a 4x4 matrix.
+        ValueError: If ``matrix`` is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
     return _rounded(np.concatenate((frame[:3, 3], frame[:3, 1], frame[:3, 2])), 1.0)
@@ -135,7 +135,7 @@ def inverse_of(matrix: ArrayLike) -> Array:
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
-        ValueError: If it is not a 4x4 matrix.
+        ValueError: If ``matrix`` is not a 4x4 matrix.
     """
     frame = _finite(matrix, 4, 4)
     inverse = np.zeros_like(frame)
@@ -179,7 +179,7 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
-        ValueError: If they are not 3x3 matrices.
+        ValueError: If ``first`` or ``second`` is not a 3x3 matrix.
     """
     (a, b, c), (d, e, f), (g, h, i) = (_finite(second, 3, 3) @ _finite(first, 3, 3).T).tolist()
     w, x, y, z = of_matrix(a, b, c, d, e, f, g, h, i)

@@ -103,7 +103,7 @@ def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion
     A is the direction of Z, and the component of O perpendicular to A is the direction of Y.
 
     Raises:
-        InvalidValue: If one of them is zero, or they are parallel.
+        InvalidValue: If O or A is zero, or if O and A are parallel.
     """
     az = _unit(approach)
     oy = _unit(orient)

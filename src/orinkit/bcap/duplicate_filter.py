@@ -1,4 +1,4 @@
-"""Detection of duplicate requests, so that each request is executed once (docs/protocol.md: duplicates).
+"""Detection of duplicate requests, so that each request is executed once (docs/protocol.md, "Duplicate requests").
 
 On UDP and on serial lines, each request has a number: the serial of its first attempt. The reserved field of every
 attempt contains this number. Numbers increase with every request and continue with 1 after 65535. A request with a

@@ -1,8 +1,8 @@
 """b-CAP packets, and their framing in a byte stream (VE026A 3.1).
 
 A packet is ``SOH | length u32 | serial u16 | reserved u16 | function id or return code u32 | argument count u16 |
-arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian; the length is that of the whole
-packet.
+arguments | [reserved area] | [CRC u16, on a serial line] | EOT``, little-endian. The length is the number of bytes of
+the whole packet.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def check_frame(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, crc: boo
     """Check the frame of a complete packet: SOH, length, EOT, CRC.
 
     Raises:
-        ProtocolError: If one of them is wrong.
+        ProtocolError: If SOH, length, EOT or CRC is wrong.
     """
     length = len(frame)
     smallest = OVERHEAD + 2 if crc else OVERHEAD

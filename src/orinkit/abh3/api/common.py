@@ -109,7 +109,7 @@ def given_bus(at: object) -> can.BusABC | None:
     """Return the argument if it is a python-can bus, ``None`` if it is a URL or ``None``.
 
     Raises:
-        InvalidAddress: If it is something else.
+        InvalidAddress: If the argument is something else.
     """
     if at is None or isinstance(at, str):
         return None

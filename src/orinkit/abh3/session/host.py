@@ -366,7 +366,7 @@ _SOURCE_MASK: Final = 0x020000FF
 def broadcasts_of_all(
     codec: Codec, host: int, ps: int, seconds: float, count: int | None = None, priority: int = 0
 ) -> CanOperation[dict[int, AnyRecord]]:
-    """Request a broadcast of all drivers of a group and return their replies by address (4.7, abh3_can_reqBRDBRD).
+    """Request a broadcast from all drivers of a group and return their replies by address (4.7, abh3_can_reqBRDBRD).
 
     Args:
         codec: Codec of the drivers' dialect.

@@ -24,9 +24,9 @@ ZERO: Final = 0x0000_0000
 PLUS_INFINITY: Final = 0x000F_FFFF
 """The word of infinity."""
 MINUS_INFINITY: Final = 0xFFF0_0000
-"""The word of minus infinity, as the document's functions make it."""
+"""The word of minus infinity that the document's functions return."""
 NAN: Final = 0xFFF0_0001
-"""The word of NaN, as the document's functions make it."""
+"""The word of NaN that the document's functions return."""
 
 Rounding = Literal["round", "trunc"]
 
