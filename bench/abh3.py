@@ -1,8 +1,8 @@
 """ABH3 over CAN: round trips, decoding, and a control loop of 10 ms in a busy program. Part of ``make bench``.
 
-The bare reference is python-can itself: prepared messages, sent and received in a loop. The peer of the round trips is an
-echo that always sends the same feedback, for both. ``virtual`` works within one process only, so its echo is a thread; with
-``udp_multicast`` it is a separate process.
+The bare reference is python-can itself: prepared messages, sent and received in a loop. In both cases, the peer of the
+round trips is an echo that always sends the same feedback. With ``virtual``, which works only within one process, the
+echo is a thread; with ``udp_multicast``, it is a separate process.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ COMMAND = can.Message(arbitration_id=COMMAND_ID, data=struct.pack("<hhI", 500, -
 FEEDBACK = can.Message(arbitration_id=FEEDBACK_ID, data=struct.pack("<hhhh", 500, -250, 125, 375))
 CYCLE = 0.010
 LATE = 2 * CYCLE
-PIECE = 5.0  # s of a loop before the other one runs
+PIECE = 5.0  # s for which one control loop runs before the other one runs
 CHANNELS = itertools.count()
 
 
@@ -113,7 +113,7 @@ def driver_process(pipe: multiprocessing.connection.Connection) -> None:
     on_core(-1)
     with serve_can(VirtualABH3(), at=free_url()) as server:
         pipe.send(server.url)
-        pipe.recv()  # until this process is terminated
+        pipe.recv()  # blocks until this process is terminated
 
 
 # --- round trips ------------------------------------------------------------------------------------------------------
@@ -128,7 +128,7 @@ def bare_exchange(url: str) -> Iterator[Callable[[], object]]:
         def exchange() -> None:
             send(COMMAND)
             while (message := receive(1.0)) is not None:
-                if message.arbitration_id == FEEDBACK_ID:  # udp_multicast also returns the frames sent
+                if message.arbitration_id == FEEDBACK_ID:  # udp_multicast also returns the frames that were sent
                     return
             raise TimeoutError("no reply")
 
@@ -157,7 +157,7 @@ async def asynchronous(url: str, bare: Callable[[], object], count: int) -> tupl
 
 
 async def both_in_asyncio(url: str, bare_url: str, count: int) -> tuple[float, float, float]:
-    """Alternate commands with python-can's own asyncio API, a Notifier with a reader."""
+    """Alternate commands in asyncio with python-can's own asyncio API: a Notifier with a reader."""
     ours, other = [], []
     reader = can.AsyncBufferedReader()
     with bus_at(bare_url) as bus, can.Notifier(bus, [reader], loop=asyncio.get_running_loop()):
@@ -222,7 +222,7 @@ def by_hand(name: str) -> Callable[[bytes], object]:
 
 
 def decoding(count: int) -> None:
-    """Measure decoding frames, against struct and a division, and against cantools with the DBC of orinkit."""
+    """Measure decoding frames; the references are struct with a division, and cantools with the DBC of orinkit."""
     from cantools.database.can import Database
 
     database = Database()
@@ -270,7 +270,7 @@ class Loop:
     trips: list[float] = field(default_factory=list)
 
     def run(self, action: Callable[[], object], seconds: float) -> None:
-        """Run an action every 10 ms; after a late cycle, the next one starts at once."""
+        """Run an action every 10 ms; after a late cycle, the next cycle starts immediately."""
         clock = time.monotonic
         end = clock() + seconds
         due = clock()
@@ -305,7 +305,7 @@ def percentiles(times: list[float]) -> str:
 
 @contextmanager
 def busy(threads: int) -> Iterator[None]:
-    """Run threads that count."""
+    """Run threads that do nothing but count."""
     end = threading.Event()
 
     def count() -> None:

@@ -1,7 +1,8 @@
 """Performance, as ratios measured in one run: ``make bench``.
 
-Absolute times vary between machines and over time. Therefore each measurement alternates with a bare reference in the same
-run: a plain socket or port that sends and receives the same number of bytes, or one ``struct`` call for a whole packet.
+Absolute times vary between machines and over time. Therefore each measurement alternates with a bare reference in the
+same run: a plain socket or port that sends and receives the same number of bytes, or one ``struct`` call for a whole
+packet.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from served import PROVIDER, tcp_server
 
 
 def codec(count: int) -> None:
-    """Measure encoding a request and decoding its reply, against one struct call for the same bytes."""
+    """Measure encoding a request and decoding its reply; the reference is one struct call for the same bytes."""
     whole = struct.Struct("<BIHHIHIHIiIHII14sIHI8dB")
     name = "slvMove".encode("utf-16-le")
     bare_pack = whole.pack
@@ -39,7 +40,7 @@ def codec(count: int) -> None:
 
     framer = packet.Framer()
 
-    def decode() -> object:  # like the client: frame the reply, read its header, decode its result
+    def decode() -> object:  # does the same as the client: extract the packet, read its header, decode the result
         frame = framer.feed(REPLY)
         assert frame is not None
         packet.HEADER.unpack_from(frame)
@@ -98,7 +99,7 @@ def server(seconds: float) -> None:
         return peer
 
     def rate(url: str, connections: int) -> float:
-        """Keep one request in flight on each connection; return the replies per second."""
+        """Keep one request in progress on each connection; return the replies per second."""
         peers = [open_variable(url) for _ in range(connections)]
         done = 0
         stop = time.perf_counter() + seconds
@@ -135,7 +136,7 @@ def virtual(count: int) -> None:
 
 
 def start_up(runs: int) -> None:
-    """Measure importing the package and showing the help of the command line, against a bare interpreter."""
+    """Measure importing the package and showing the help of the command line; the reference is a bare interpreter."""
 
     def milliseconds(*arguments: str) -> Callable[[], float]:
         def run() -> float:

@@ -36,14 +36,14 @@ FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 
 
 def echo_server(pipe: multiprocessing.connection.Connection) -> None:
-    """Answer every request with its own body."""
+    """Reply to every request with the body of the request."""
 
     async def echo(request: Request) -> PlainTextResponse:
         return PlainTextResponse(await request.body())
 
     on_core(-1)
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listener:
-        # with IPPROTO_TCP, because asyncio sets TCP_NODELAY only on sockets created with it
+        # The socket is created with IPPROTO_TCP, because asyncio sets TCP_NODELAY only on such sockets.
         listener.bind(("127.0.0.1", 0))
         listener.listen(512)
         pipe.send(f"http://127.0.0.1:{listener.getsockname()[1]}/")
@@ -56,7 +56,7 @@ def echo_server(pipe: multiprocessing.connection.Connection) -> None:
 
 @contextmanager
 def served() -> Iterator[tuple[str, str, str]]:
-    """Run both servers; yield the addresses for b-CAP, e-CAP and the echo."""
+    """Run both servers; yield the addresses of b-CAP, of e-CAP and of the echo."""
     with process(both_servers) as urls, process(echo_server) as echo:
         tcp, http = urls.split()
         yield tcp, http, echo
@@ -112,7 +112,7 @@ async def caller(client: aio.AsyncClient) -> Callable[[], Awaitable[object]]:
     return lambda: client.call(functions.variable_get_value, variable)
 
 
-# --- many at once -----------------------------------------------------------------------------------------------------
+# --- many concurrent clients ------------------------------------------------------------------------------------------
 
 
 class Crowd(NamedTuple):
@@ -122,7 +122,7 @@ class Crowd(NamedTuple):
         rate: Calls per second of all clients together.
         p50: Median duration of a call, ms.
         p99: 99th percentile of the duration of a call, ms.
-        share: Calls of the slowest client, as a fraction of the mean.
+        share: Number of calls of the slowest client, as a fraction of the mean.
     """
 
     rate: float
@@ -132,7 +132,7 @@ class Crowd(NamedTuple):
 
 
 async def all_at_once(calls: list[Callable[[], Awaitable[object]]], seconds: float) -> Crowd:
-    """Let each client call as fast as it can."""
+    """Run all clients at the same time; each calls as fast as possible."""
     clock = time.perf_counter
     begin = clock()
     end = begin + seconds
@@ -154,7 +154,7 @@ async def all_at_once(calls: list[Callable[[], Awaitable[object]]], seconds: flo
 
 
 async def together(tcp: str, http: str, echo: str, seconds: float) -> None:
-    """Measure 50 concurrent clients, alternately over e-CAP, over b-CAP and bare."""
+    """Measure 50 concurrent clients, alternately over e-CAP, over b-CAP and with bare httpx2."""
     async with AsyncExitStack() as stack:
 
         async def clients(url: str) -> list[Callable[[], Awaitable[object]]]:
@@ -191,7 +191,7 @@ def middle_of(crowds: list[Crowd]) -> Crowd:
 
 
 def details(crowd: Crowd, bare: Crowd) -> str:
-    """Return the other values as text."""
+    """Return the durations of calls and the share of the slowest client as text."""
     return choose(
         f"p50 {crowd.p50:.1f} p99 {crowd.p99:.1f} ms (bare {bare.p50:.1f}, {bare.p99:.1f}), "
         f"slowest client {crowd.share:.2f} of the mean (bare {bare.share:.2f})",

@@ -28,7 +28,7 @@ def gateway_to(url: str) -> Callable[[multiprocessing.connection.Connection], No
 
 
 class _Gateway:
-    """A class, because a nested function cannot be sent to another process."""
+    """The function; it is an object of a class, because a nested function cannot be sent to another process."""
 
     def __init__(self, url: str) -> None:
         self.url = url
@@ -38,7 +38,7 @@ class _Gateway:
 
 
 def gateway(count: int) -> None:
-    """Measure Variable_GetValue through a gateway, against the same call without one."""
+    """Measure Variable_GetValue through a gateway; the reference is the same call without a gateway."""
     with process(both_servers) as direct:
         tcp, http = direct.split()
         with process(gateway_to(tcp)) as through:

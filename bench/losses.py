@@ -1,7 +1,7 @@
 """Measure when the arm of a virtual RC8 stops after a client is lost: the table of docs/howto/lost-clients.md.
 
-A client starts six long motions without waiting for them and is then lost. The time is measured from the loss to standstill.
-The pulled cable is simulated with network namespaces, which requires root.
+A client starts six long motions without waiting for them, and is then lost. The time is measured from the loss to
+standstill. The unplugged cable is simulated with network namespaces, which requires root.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Loss:
         text: Text for the table.
         url: URL to serve on.
         options: Options of connect(), as a Python literal.
-        lose: Called with the process of the client to lose it.
+        lose: Function that loses the client; its argument is the process of the client.
         program: Source of the client program.
         more: Further arguments of the client program.
         gateway: True if the client is behind a gateway.
@@ -165,7 +165,7 @@ def until_rest(rc8: VirtualRC8, start: float, seconds: float = PATIENT) -> tuple
     raise AssertionError("the arm still moves")
 
 
-# --- pulled cable -----------------------------------------------------------------------------------------------------
+# --- unplugged cable --------------------------------------------------------------------------------------------------
 
 SPACE = "orinkit-loss"
 
@@ -192,7 +192,7 @@ def cable() -> Iterator[None]:
 
 
 def pulled() -> tuple[float | None, float]:
-    """Pull the cable of a TCP client, and return the result like :func:`measured`."""
+    """Unplug the cable of a TCP client, and return the result like :func:`measured`."""
     rc8 = VirtualRC8(clock=Clock(1.0), motor=True, joints=HOME)
     with cable(), orinkit.serve(rc8, "tcp://10.243.7.1:0") as server:
         client = subprocess.Popen(

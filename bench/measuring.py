@@ -16,19 +16,19 @@ CORES = range(os.cpu_count() or 1)
 
 
 def on_core(number: int) -> None:
-    """Pin this process to a core, if the system allows it: sharing a core affects results more than anything else."""
+    """Pin this process to a core, if the system permits it: sharing a core affects results more than anything else."""
     if hasattr(os, "sched_setaffinity") and len(CORES) > 1:
         os.sched_setaffinity(0, {CORES[number]})
 
 
 @contextmanager
 def process(target: Callable[[multiprocessing.connection.Connection], None]) -> Iterator[str]:
-    """Run a peer in a separate process; yield its first message, its address."""
+    """Run a peer in a separate process; yield its first message, which is its address."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     child = context.Process(target=target, args=(theirs,), daemon=True)
     child.start()
-    theirs.close()  # so that recv() fails instead of blocking if the peer fails at once
+    theirs.close()  # if the peer fails immediately, recv() then raises an exception instead of blocking
     try:
         yield str(ours.recv())
     finally:
@@ -45,7 +45,7 @@ def each_us(action: Callable[[], object], count: int) -> float:
 
 
 def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int = ROUNDS) -> tuple[float, float, float]:
-    """Alternate two measurements; return the median of each, and of the ratios of the rounds."""
+    """Alternate two measurements; return the median of each measurement, and the median of the ratios of the rounds."""
     pairs = [(ours(), bare()) for _ in range(rounds)]
     return (
         statistics.median(a for a, _ in pairs),
@@ -55,7 +55,7 @@ def alternate(ours: Callable[[], float], bare: Callable[[], float], rounds: int 
 
 
 def in_turn(ours: Callable[[], object], bare: Callable[[], object], count: int) -> tuple[float, float, float]:
-    """Alternate two actions, so that both meet the same conditions; return both medians and their ratio."""
+    """Alternate two actions, so that the conditions are the same for both; return both medians and their ratio."""
     clock = time.perf_counter
     times: tuple[list[float], list[float]] = ([], [])
     for number in range(count + count // 10):

@@ -1,6 +1,6 @@
 """Round trips over TCP, UDP and a pseudo-terminal: a client against a bare socket or a bare port. Part of ``make bench``.
 
-The peers always send the same reply; client and bare reference each have their own, in a separate process.
+The peers always send the same reply. The client and the bare reference each have their own peer, in a separate process.
 """
 
 from __future__ import annotations
@@ -62,15 +62,18 @@ def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 
 def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Reply likewise at one end of a pseudo-terminal, with a computed CRC; send the path of the other end to the pipe."""
-    import tty  # does not exist on Windows
+    """Reply to all data at one end of a pseudo-terminal with the same reply, with the serial number and a computed CRC.
+
+    The address that is sent to the pipe contains the path of the other end.
+    """
+    import tty  # imported here, because Windows does not have it
 
     on_core(-1)
     head, tail = LINE_REPLY[1 : SERIAL.start], LINE_REPLY[SERIAL.stop : -3]
     ending = struct.Struct("<HB").pack
     peer, other_end = os.openpty()
     tty.setraw(other_end)
-    pipe.send(f"serial://{os.ttyname(other_end)}")  # other_end stays open, so that the line outlives its users
+    pipe.send(f"serial://{os.ttyname(other_end)}")  # other_end stays open, so that the line exists without users, too
     while True:
         data = os.read(peer, 4096)
         while len(data) < len(LINE_REQUEST):
@@ -79,7 +82,7 @@ def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
         os.write(peer, b"\x01" + body + ending(binascii.crc_hqx(body, 0xFFFF), packet.EOT))
 
 
-# --- the bare references: one exchange of the same sizes -----------------------------------------------------------------
+# --- the bare references: one exchange of packets of the same sizes ---------------------------------------------------
 
 
 @contextmanager
@@ -118,7 +121,7 @@ def pty_exchange(url: str) -> Iterator[Callable[[], object]]:
     def exchange() -> None:
         os.write(ours, LINE_REQUEST)
         missing = len(LINE_REPLY)
-        while missing:  # a reply may arrive in pieces
+        while missing:  # a reply may arrive in several pieces
             missing -= len(os.read(ours, 4096))
 
     try:
@@ -136,8 +139,8 @@ class Route:
 
     Attributes:
         name: Name of the transport.
-        peer: Runs the peer; sends its address first.
-        exchange: Yields a bare exchange with such a peer.
+        peer: Function that runs the peer; it sends the address of the peer first.
+        exchange: Context manager that yields a bare exchange with such a peer.
         aim: Target ratio of the synchronous client, as text.
     """
 

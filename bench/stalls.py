@@ -1,4 +1,4 @@
-"""Detect stalls of the machine with a real-time process on each core: what delays it delays everything else too.
+"""Detect stalls of the machine with a real-time process on each core: a stall that delays it delays all others, too.
 
 ``python bench/stalls.py CORE`` is such a process: it wakes every millisecond and prints each late wake-up.
 """
@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-PRIORITY = 90  # of SCHED_FIFO, above that of the measured processes
+PRIORITY = 90  # priority with SCHED_FIFO, above the priority of the measured processes
 TICK = 0.001
-LATE = 0.004  # s that a watcher may be late: half a cycle of a controller
+LATE = 0.004  # s by which a watcher may be late: half a cycle of a controller
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Stalls:
     """The stalls that the watchers have detected.
 
     Attributes:
-        real_time: The watchers have real-time priority; without it, other programs delay them as well.
+        real_time: True if the watchers have real-time priority; without it, other programs also delay them.
     """
 
     real_time: bool = True

@@ -1,13 +1,17 @@
 """Streaming in slave mode while the program itself is busy: ``make bench``.
 
-The streaming program has busy pure-Python threads, and one that produces garbage. The measurement is made on the wire: the
-gaps between two set-points, and buffer underflows of the controller (0x84201482). The reference is a thread of the same
-program that calls slvMove itself. The controller is a virtual RC8 with strict time in a separate process; its clock runs
-faster for cycles of 4 and 1 ms.
+The streaming program has busy pure-Python threads, and one that produces garbage. The measurement is made on the
+connection to the controller: the gaps between two set-points, and buffer underflows of the controller (0x84201482). The
+reference is a thread of the same program that calls slvMove itself. The controller is a virtual RC8 with strict time in
+a separate process; its clock runs faster for cycles of 4 and 1 ms.
 
-Three figures are reported separately: *underflows*, the queue between program and streaming process was empty; *failures*,
-the controller ended the stream (which is then restarted); and *stalls of the machine*, in which an otherwise idle real-time
-process was not woken either. A failure within 0.3 s of a stall is attributed to the machine.
+Three figures are reported separately:
+
+* underflows: the queue between the program and the streaming process was empty;
+* failures: the controller ended the stream, which is then restarted;
+* stalls of the machine: an otherwise idle real-time process was not woken in time either.
+
+A failure within 0.3 s of a stall is attributed to the machine.
 """
 
 from __future__ import annotations
@@ -34,15 +38,15 @@ from stalls import Stalls, watched
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 PERIOD = 0.008
 AMPLITUDE = 10.0  # deg
-CYCLE = 250  # set-points of one sine
+CYCLE = 250  # number of set-points of one sine
 GIGABYTE = 1 << 30
 PIECE = 1 << 25
 LISTENING = {"tcp": ("--tcp", "127.0.0.1:0"), "udp": ("--udp", "127.0.0.1:0"), "pty": ("--pty",)}
-PRIORITY = 70  # of SCHED_FIFO, below that of the streaming process
-PIECE_SECONDS = 20.0  # s of the controller's clock per trajectory
-NEAR_A_STALL = 0.3  # s until a failure has reached the program
-LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # the return codes for a late set-point and for the one after it
-PATIENCE = 20.0  # s for a controller to switch its motor on again after an error
+PRIORITY = 70  # priority with SCHED_FIFO, below the priority of the streaming process
+PIECE_SECONDS = 20.0  # duration of a trajectory, s of the controller's clock
+NEAR_A_STALL = 0.3  # s within which the program receives the failure that a stall causes
+LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # the return codes for a late set-point and for the next one
+PATIENCE = 20.0  # s within which the motor of a controller can be switched on again after an error
 
 
 @contextmanager
@@ -71,7 +75,10 @@ def controller(scale: float = 1.0, wire: str = "tcp") -> Iterator[str]:
 
 
 def as_if_elsewhere(process: int) -> None:
-    """Give the controller a higher priority than the busy program, if permitted: a real one has its own processor."""
+    """Give the controller a higher priority than the busy program, if permitted.
+
+    A real controller has its own processor.
+    """
     for thread in Path(f"/proc/{process}/task").iterdir():
         try:
             os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -81,7 +88,7 @@ def as_if_elsewhere(process: int) -> None:
 
 @contextmanager
 def busy(threads: int) -> Iterator[list[int]]:
-    """Run threads that count, and one that produces 1 GB of garbage per second; yield a list with the amount in bytes."""
+    """Run threads that count, and one that produces 1 GB of garbage per second; yield a list with the bytes so far."""
     end = threading.Event()
     made = [0]
 
@@ -96,7 +103,7 @@ def busy(threads: int) -> Iterator[list[int]]:
         while not end.is_set():
             b"x" * PIECE
             circle: list[object] = []
-            circle.append(circle)  # for the collector to find
+            circle.append(circle)  # only the garbage collector can free it
             made[0] += PIECE
             ahead = made[0] / GIGABYTE - (time.monotonic() - began)
             if ahead > 0:
@@ -133,11 +140,11 @@ class Outcome:
 
     Attributes:
         sent: Number of set-points.
-        underflows: How often the queue was empty while the arm moved.
+        underflows: Number of times that the queue was empty while the arm moved.
         failures: Time (monotonic, s) and error of each stream that the controller or the connection ended.
-        gaps: Times between two set-points in s, for whole trajectories.
+        gaps: Times between two set-points in s, for complete trajectories.
         own: Times from a reply to the next set-point in s.
-        began, ended: Begin and end (monotonic, s).
+        began, ended: Beginning and end (monotonic, s).
     """
 
     sent: int = 0
@@ -163,7 +170,7 @@ def ours(url: str, seconds: float, mode: int) -> Outcome:
             _stream(url, mode, wanted, outcome)
         except OrinError as error:
             outcome.failures.append((time.monotonic(), str(error)))
-            if outcome.sent == before and len(outcome.failures) > 2:  # nothing works
+            if outcome.sent == before and len(outcome.failures) > 2:  # no stream could send a set-point
                 break
     outcome.ended = time.monotonic()
     return outcome
@@ -206,7 +213,7 @@ def recover(rc8: orinkit.Controller, robot: orinkit.Robot) -> None:
 
 
 def plain(url: str, seconds: float) -> Outcome:
-    """Send slvMove from a thread of this program, mode 0, every 8 ms by the clock; restart after a failure."""
+    """Send slvMove in mode 0 from a thread of this program, every 8 ms by the clock; restart after a failure."""
     outcome = Outcome()
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -225,7 +232,7 @@ def plain(url: str, seconds: float) -> Outcome:
 
 
 def _by_the_clock(robot: orinkit.Robot, points: list[tuple[float, ...]], outcome: Outcome) -> None:
-    """Send a set-point every 8 ms by the clock, as a first program of a user would."""
+    """Send a set-point every 8 ms by the clock, as a simple program would."""
     sent: list[float] = []
     try:
         robot.execute("slvChangeMode", 0x002)
@@ -256,7 +263,7 @@ def _taken(robot: orinkit.Robot, joints: tuple[float, ...]) -> bool:
 def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "") -> None:
     """Print one line."""
     timing = Timing(tuple(outcome.gaps))
-    late = sum(gap > 3 * cycle for gap in timing.gaps)  # more than the controller's buffer of three set-points covers
+    late = sum(gap > 3 * cycle for gap in timing.gaps)  # longer than the controller's buffer of three set-points lasts
     print(
         f"{what:<46} {outcome.sent:>6} set-points, underflows {outcome.underflows}, "
         f"failures {len(outcome.failures)} ({outcome.excused(stalls)} with a stall), "
@@ -277,7 +284,7 @@ def show_ours(what: str, outcome: Outcome, cycle: float, stalls: Stalls) -> None
 
 
 def long_run(seconds: float, stalls: Stalls) -> None:
-    """Measure 8 ms with one, then four busy threads, and the plain thread in the same run."""
+    """Measure cycles of 8 ms with one and with four busy threads, and the plain thread in the same run."""
     for threads in (1, 4):
         with controller() as url, busy(threads) as made:
             began, before = time.monotonic(), made[0]
@@ -297,7 +304,7 @@ def short_cycles(seconds: float, stalls: Stalls) -> None:
 
 
 def other_wires(seconds: float, stalls: Stalls) -> None:
-    """Measure 8 ms over UDP and over a pseudo-terminal, with a busy thread."""
+    """Measure cycles of 8 ms over UDP and over a pseudo-terminal, with a busy thread."""
     for wire in ("udp", "pty"):
         with controller(wire=wire) as url, busy(1):
             show_ours(f"orinkit, 8 ms, mode 2, {wire}, 1 busy", ours(url, seconds, 2), PERIOD, stalls)
@@ -305,7 +312,7 @@ def other_wires(seconds: float, stalls: Stalls) -> None:
 
 @dataclass
 class Delays:
-    """Delays of live targets until they were on the wire.
+    """Delays from setting live targets to sending the first set-points towards them.
 
     Attributes:
         all: Delay of each target in s.
@@ -319,7 +326,7 @@ class Delays:
 
 
 def latency(seconds: float) -> None:
-    """Measure the delay from ``stream.target = ...`` to the wire."""
+    """Measure the delay from ``stream.target = ...`` to sending the first set-point towards the target."""
     for threads in (0, 1):
         delays = Delays()
         with controller() as url, busy(threads):
@@ -354,7 +361,7 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
                 while time.monotonic() < end:
                     number += 1
                     stream.target = orinkit.J(*point(number))
-                    time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # at varying times within the cycle
+                    time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # targets are set at varying times within a cycle
                     for sample in stream.samples():
                         if sample.delay is not None:
                             delays.all.append(sample.delay)
@@ -364,7 +371,7 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
 
 def main() -> None:
     """Run all measurements."""
-    from gateway import slave_through_gateway  # imports this module
+    from gateway import slave_through_gateway  # imported here, because gateway imports this module
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="run seconds instead of minutes, to check that it runs")

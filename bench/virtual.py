@@ -32,7 +32,10 @@ HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 
 
 def statements(seconds: float = SECONDS) -> Callable[[], float]:
-    """Return a function that runs a program for ``seconds`` of the controller's clock and returns statements per real second."""
+    """Return a function that runs a program for ``seconds`` of the controller's clock.
+
+    The function returns the number of statements per real second.
+    """
     clock = ManualClock()
     rc8 = VirtualRC8(clock=clock, samples=False)
     rc8.state.files.write("Count.pcs", COUNTING.encode())
@@ -45,13 +48,13 @@ def statements(seconds: float = SECONDS) -> Callable[[], float]:
         for _ in range(round(seconds / PERIOD)):
             clock.advance(PERIOD)
         spent = time.perf_counter() - begin
-        return float(2 * (counter.get_value().plain - before) / spent)  # an iteration is two statements
+        return float(2 * (counter.get_value().plain - before) / spent)  # an iteration consists of two statements
 
     return run
 
 
 def plain_statements() -> float:
-    """Return statements per second of the same loop in plain Python."""
+    """Return the number of statements per second of the same loop in plain Python."""
     values, begin = {"I1": 0}, time.perf_counter()
     for _ in range(200_000):
         values["I1"] = values["I1"] + 1

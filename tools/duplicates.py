@@ -1,8 +1,9 @@
-"""Reject blocks of six or more lines that stand twice in ``src/orinkit``.
+"""Reject blocks of six or more lines that occur twice in ``src/orinkit``.
 
-Usage: ``duplicates.py [FILE ...]``; with files, only blocks that stand in one of them. Indentation, blank lines, comments and
-import statements do not count; generated modules are left out. A comment justifies a block, in it or directly above it, at one
-of the two places: ``# Also in transport.links: REASON``. It names the module of the other place.
+Usage: ``duplicates.py [FILE ...]``; if files are given, only blocks in these files are reported. Indentation, blank
+lines, comments and import statements do not count; generated modules are ignored. A block may occur twice if a comment
+justifies it: ``# Also in transport.links: REASON``. The comment is in one of the two blocks or directly above it, and
+names the module of the other block.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Line(NamedTuple):
     Attributes:
         number: its number in the file.
         text: its text without indentation.
-        justified: the modules that comments in it, or between the line before and it, name.
+        justified: the modules that are named by comments in the line, or between the previous line and this one.
     """
 
     number: int
@@ -85,7 +86,7 @@ def module_name(path: Path) -> str:
 
 
 def repeated(modules: Modules) -> Iterator[tuple[Place, Place, int]]:
-    """Yield both places and the length of each block that stands twice, as long as possible."""
+    """Yield both places and the length of each block that occurs twice; blocks are as long as possible."""
     windows: defaultdict[tuple[str, ...], list[Place]] = defaultdict(list)
     for module, lines in modules.items():
         texts = [line.text for line in lines]
@@ -95,7 +96,7 @@ def repeated(modules: Modules) -> Iterator[tuple[Place, Place, int]]:
         for first, second in combinations(places, 2):
             here, there = modules[first.module], modules[second.module]
             if first.begin and second.begin and here[first.begin - 1].text == there[second.begin - 1].text:
-                continue  # the block begins earlier
+                continue  # the block begins before these lines
             most = min(len(here) - first.begin, len(there) - second.begin)
             if first.module == second.module:
                 most = min(most, second.begin - first.begin)
@@ -119,7 +120,7 @@ def name(modules: Modules, place: Place, length: int) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Check and report; return 1 if a block stands twice."""
+    """Check and report; return 1 if a block occurs twice."""
     paths = [path for path in sorted(PACKAGE.rglob("*.py")) if GENERATED not in path.parts]
     modules = {module_name(path): read(path) for path in paths}
     asked = {module_name(Path(argument).resolve()) for argument in arguments} or modules.keys()

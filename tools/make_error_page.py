@@ -1,6 +1,6 @@
 """Generate ``docs/error-codes.md`` from the table of return codes: ``python tools/make_error_page.py [--check]``.
 
-With ``--check`` nothing is changed; the exit code is 1 if the page is out of date.
+With ``--check``, no file is changed; the exit code is 1 if the page is out of date.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "src"))  # the table of this tree, whichever orinkit is installed
+sys.path.insert(0, str(ROOT / "src"))  # use the table of this source tree, not of an installed orinkit
 
 from orinkit.core import hresult  # noqa: E402
 from orinkit.core.errors import error_class  # noqa: E402
@@ -59,7 +59,7 @@ def page() -> str:
 
 
 def section(family: CodeFamily, rows: list[ReturnCode]) -> Iterator[str]:
-    """Yield the lines of one source."""
+    """Yield the lines of one section: the codes from one source."""
     yield f"## {HEADINGS[family]}"
     yield ""
     if family is not CodeFamily.SUCCESS:
@@ -75,7 +75,7 @@ def section(family: CodeFamily, rows: list[ReturnCode]) -> Iterator[str]:
 
 
 def cell(text: str) -> str:
-    """Return a text as the content of a table cell: signs that Markdown interprets are escaped."""
+    """Return a text as the content of a table cell; characters that Markdown interprets are escaped."""
     for sign in "\\|_*<`[":
         text = text.replace(sign, f"\\{sign}")
     return text

@@ -1,7 +1,8 @@
 """Generate the synchronous clients from the asynchronous ones: ``python tools/make_sync.py [--check]``.
 
-A table lists the replacements; ``__await__`` is omitted; every ``get_x`` without arguments (and its ``put_x``) also becomes
-a property ``x``. With ``--check`` nothing is changed; the exit code is 1 if a file is out of date.
+A table lists the replacements in the source. ``__await__`` is omitted. Every ``get_x`` without arguments, together with
+its ``put_x``, also becomes a property ``x``. With ``--check``, no file is changed; the exit code is 1 if a file is out
+of date.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ REPLACEMENTS = (
 
 
 def properties(class_node: ast.ClassDef) -> str:
-    """Return the source of the properties for the get_x and put_x methods of a class."""
+    """Return the source of the properties that correspond to the get_x and put_x methods of a class."""
     methods = {node.name: node for node in class_node.body if isinstance(node, ast.AsyncFunctionDef)}
     made = []
     for name, node in methods.items():

@@ -1,8 +1,9 @@
 """Synchronize the Japanese catalogue with the source: ``python tools/messages.py [--check]``.
 
-Without an option, new messages are added to ``orinkit.po`` without a translation, those that no longer occur are removed, and
-``orinkit.mo`` is compiled. With ``--check`` nothing is changed; the exit code is 1 if a message is untranslated or stale, if the
-placeholders of a translation differ from those of the message, or if ``orinkit.mo`` is out of date.
+Without an option, new messages are added to ``orinkit.po`` without a translation, messages that no longer occur in the
+source are removed, and ``orinkit.mo`` is compiled. With ``--check``, no file is changed. The exit code is then 1 if a
+message is untranslated or stale, if the placeholders of a translation differ from those of the message, or if
+``orinkit.mo`` is out of date.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ KEYWORDS = {"tr": None, "N_": None, "say": None}
 GENERATED = "_sync"
 DATE = datetime(
     2026, 11, 23, tzinfo=UTC
-)  # for the header; a constant, so that an update without new messages changes nothing
+)  # the date in the header; it is constant, so that an update without new messages does not change the file
 PERCENT = re.compile(r"%[-+ #0]*[0-9.]*[a-zA-Z]")
 
 
@@ -69,7 +70,7 @@ def updated() -> Catalog:
 
 
 def placeholders(text: str) -> list[str]:
-    """Return the placeholders of a text, sorted: those of str.format and those of ``%``."""
+    """Return the placeholders of a text (of str.format and of ``%``), sorted."""
     try:
         return sorted({*_fields(text), *PERCENT.findall(text.replace("%%", ""))})
     except ValueError:  # a text without placeholders may contain any braces

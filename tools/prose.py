@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 ROOT: Final = Path(__file__).parents[1]
 DOCUMENTS: Final = ("*.md", "docs/**/*.md", ".github/**/*.md")
 CODE: Final = ("src/**/*.py", "tools/**/*.py", "tests/**/*.py", "bench/**/*.py")
-EXEMPT: Final = ("docs/style.md", "tests/project/test_lint.py")  # they quote what is forbidden
+EXEMPT: Final = ("docs/style.md", "tests/project/test_lint.py")  # these files quote forbidden wording
 GENERATED: Final = ("/_sync/",)
 
 

@@ -1,9 +1,11 @@
 """Build sdist and wheel, and test both in clean environments: ``python tools/release_check.py [--full]``.
 
-1. Build both into ``dist/``, and check their contents: the sdist has every file of the repository, the wheel no foreign one.
-2. Install the wheel without any extra into a clean environment; run all tests there that do not require an extra.
-3. Unpack the sdist, install it with all extras into another clean environment, and run its tests from there: those of the
-   core, and those of documents, packaging and types (``tests/project``). With ``--full``, all tests but the long ones.
+1. Build both into ``dist/``, and check their contents: the sdist contains every file of the repository, and the wheel
+   contains only files of the package.
+2. Install the wheel without any extra into a clean environment, and run there all tests that do not require an extra.
+3. Unpack the sdist, install it with all extras into another clean environment, and run its tests there: the tests of
+   the core, and those of documents, packaging and types (``tests/project``). With ``--full``, run all tests except the
+   long ones.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ IN_WHEEL = (
     "orinkit/virtual/rc8/samples/",
 )
 NOT_IN_SDIST = (".ci/", ".github/", ".gitignore")
-"""What only a repository needs."""
+"""Files that only the repository requires."""
 
 
 def build() -> tuple[Path, Path]:
@@ -42,7 +44,7 @@ def build() -> tuple[Path, Path]:
 
 
 def check_contents(wheel: Path, sdist: Path) -> None:
-    """Check that nothing is missing in both, and that neither contains foreign files."""
+    """Check that no file is missing in the wheel and the sdist, and that they contain no foreign files."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     missing = [each for each in IN_WHEEL if not any(name.startswith(each) for name in names)]
@@ -70,7 +72,7 @@ def run_tests(python: str, folder: Path, *arguments: str) -> None:
     """Run the tests in a folder."""
     command = [python, "-m", "pytest", "-q", *WORKERS, *arguments]
     print(f"{folder}: {' '.join(command[1:])}", flush=True)
-    # PYTHONPATH of the caller would put another orinkit before the installed one
+    # The PYTHONPATH of the caller could select another orinkit than the installed one.
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     subprocess.run(command, cwd=folder, check=True, env=inherited | {"PYTHONDONTWRITEBYTECODE": "1"})
 

@@ -1,11 +1,11 @@
 """Run a command on a stalling machine: ``python tools/stall.py [--seed N] COMMAND [ARG ...]``.
 
-Each process of the command's process tree is stopped (SIGSTOP) for 20 to 100 ms about once a second, independently of the
-others, and continued (SIGCONT). Orphaned daemons of the command belong to the tree until the command ends.
-The exit status is that of the command. Linux only.
+Each process of the command's process tree is stopped (SIGSTOP) for 20 to 100 ms about once a second, independently of
+the other processes, and then continued (SIGCONT). Orphaned daemons of the command belong to the tree until the command
+ends. The exit status is the exit status of the command. Linux only.
 
-A process that was stopped by another program stays stopped. If another program stops a process during a stall, the end of
-the stall continues it: a test that stops a process itself must make sure that it stays stopped.
+A process that another program has stopped stays stopped. If another program stops a process during a stall, the process
+is continued at the end of the stall. Therefore a test that stops a process must ensure that the process stays stopped.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from typing import Final
 
 _PR_SET_CHILD_SUBREAPER: Final = 36
 _RESCAN: Final = 0.05  # s between two searches for new processes
-_STALL: Final = (0.020, 0.100)  # s that a process is stopped
-_PAUSE: Final = (0.5, 1.5)  # s that it runs between two stalls
+_STALL: Final = (0.020, 0.100)  # s for which a process is stopped
+_PAUSE: Final = (0.5, 1.5)  # s for which a process runs between two stalls
 _STOPPED: Final = ("T", "t", "Z", "X")
 _FORWARDED: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM)
 
@@ -57,12 +57,12 @@ class Injector:
     _stopped: set[Process] = field(default_factory=set)
     _plan: list[tuple[float, int, Process, float]] = field(
         default_factory=list
-    )  # time, sequence number, process, duration of the stall in s; 0: continue
+    )  # time, sequence number, process, duration of the stall in s; if it is 0, the process is continued
     _count: int = 0
     _rescan: float = 0.0
 
     def step(self) -> float:
-        """Carry out the actions that are due; return the time until the next one in s."""
+        """Carry out the actions that are due; return the time until the next action in s."""
         now = time.monotonic()
         if now >= self._rescan:
             self._find(now)
@@ -132,7 +132,7 @@ def state_of(process: Process) -> str | None:
 
 
 def send(process: Process, number: signal.Signals) -> bool:
-    """Send a signal; return False if the process has ended or is not ours."""
+    """Send a signal; return False if the process has ended or belongs to another user."""
     try:
         os.kill(process.number, number)
     except (ProcessLookupError, PermissionError):
@@ -143,7 +143,7 @@ def send(process: Process, number: signal.Signals) -> bool:
 def descendants(root: int) -> set[Process]:
     """Return all descendants of a process."""
     children: dict[int, list[Process]] = {}
-    for entry in os.listdir("/proc"):  # noqa: PTH208 - ten times as fast, and called twenty times a second
+    for entry in os.listdir("/proc"):  # noqa: PTH208 - ten times as fast as Path, and called twenty times a second
         stat = read_stat(int(entry)) if entry.isdigit() else None
         if stat is not None:
             children.setdefault(stat[1], []).append(Process(int(entry), stat[2]))
@@ -157,7 +157,7 @@ def descendants(root: int) -> set[Process]:
 
 
 def adopt_orphans() -> None:
-    """Become the subreaper: orphaned processes become children of this one and so stay in the tree."""
+    """Become the subreaper: orphaned processes become children of this process and thus stay in the tree."""
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
@@ -172,7 +172,10 @@ def reap(command: int) -> int | None:
 
 
 class Guard:
-    """A child process that continues the stopped processes if this program is killed; it is notified through a pipe."""
+    """A child process that continues the stopped processes if this program is killed.
+
+    The pipe through which it is notified is closed when this program ends.
+    """
 
     def __init__(self) -> None:
         theirs, self._pipe = os.pipe()
@@ -193,7 +196,7 @@ class Guard:
 
     @staticmethod
     def _watch(pipe: int) -> None:
-        os.setsid()  # not reached by signals of the terminal
+        os.setsid()  # signals of the terminal do not reach this process
         stopped: set[Process] = set()
         with os.fdopen(pipe) as lines:
             for line in lines:
@@ -234,11 +237,11 @@ class Command:
 def run(words: list[str], seed: int) -> int:
     """Run a command with stalls; return its exit status, or 128 plus the number of the signal that ended it."""
     adopt_orphans()
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if it were ignored, the system would reap the children
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # if SIGCHLD were ignored, the system would reap the children
     guard = Guard()
     try:
         command = Command(words)
-        injector = Injector(random.Random(seed), guard)  # noqa: S311 - not used for secrets
+        injector = Injector(random.Random(seed), guard)  # noqa: S311 - the numbers are not used for secrets
         try:
             while (status := command.reap()) is None:
                 time.sleep(min(injector.step(), 0.02))

@@ -1,8 +1,8 @@
 """Binary encoding of VARIANTs in packet arguments and VARIANT arrays (VE026A 3.2, figures 3-2 and 3-3).
 
-An argument is ``length u32 | type u16 | count u32 | data``, little-endian; the length does not include itself. An element
-of a VARIANT array has the same layout without the length. Every read is bounded by the bytes present and by
-:class:`PacketLimits`.
+An argument is ``length u32 | type u16 | count u32 | data``, little-endian. The length field does not include its own
+four bytes. An element of a VARIANT array has the same layout without the length. A read never exceeds the bytes that
+are present or the limits of :class:`PacketLimits`.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _LENGTH: Final = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True)
 class PacketLimits:
-    """Limits of one packet; defaults that the documents do not specify are chosen by this project.
+    """Limits of one packet; this project chose the defaults that the documents do not specify.
 
     Attributes:
         packet: Largest size of a packet and of one argument in bytes (VE026A table 3-5: 16 MBytes).
         depth: Largest nesting depth of VARIANT arrays.
-        variants: Largest number of elements of all arrays in one packet, weighted by the cost of reading and releasing
-            them: each element of VARIANT, BSTR, DATE and CY counts as one, 16 elements of another type count as one, and
-            bytes do not count.
-        vt_error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (its table 3-1).
+        variants: Largest number of elements of all arrays in one packet, weighted by the time to read and release
+            them: each element of VARIANT, BSTR, DATE and CY counts as one, 16 elements of another type count as one,
+            and bytes do not count.
+        vt_error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (VE026A table 3-1).
     """
 
     packet: int = 16 * 1024 * 1024
@@ -52,7 +52,7 @@ DEFAULT_LIMITS: Final = PacketLimits()
 # --- to bytes ---------------------------------------------------------------------------------------------------------
 
 
-# Plain numbers are faster than members of the enum; these are used for every set-point.
+# These type codes are used for every set-point; plain numbers are faster than members of the enum.
 _BSTR: Final = int(VarType.BSTR)
 _SHORT: Final = 64
 _SUPPLEMENTARY: Final = re.compile("[\U00010000-\U0010ffff]")
@@ -90,7 +90,7 @@ def encode_string(text: str) -> bytes:
     """Return a string as one packet argument; short strings, for example names of commands, are cached.
 
     Raises:
-        InvalidValue: If it is not a string.
+        InvalidValue: If the value is not a string.
     """
     if type(text) is not str and not isinstance(text, str):
         raise misfit(VarType.BSTR, text)
@@ -101,7 +101,7 @@ def encode_integer(number: int) -> bytes:
     """Return a VT_I4 as one packet argument.
 
     Raises:
-        InvalidValue: If it is not a whole number, or does not fit.
+        InvalidValue: If the value is not a whole number, or exceeds the range of VT_I4.
     """
     try:
         return _I4_PACK(10, 3, 1, number)
@@ -117,7 +117,7 @@ def encode_single(number: float) -> bytes:
     """Return a VT_R4 as one packet argument.
 
     Raises:
-        InvalidValue: If it is not a number, or does not fit.
+        InvalidValue: If the value is not a number, or exceeds the range of VT_R4.
     """
     try:
         return _R4_PACK(10, 4, 1, number)
@@ -132,7 +132,7 @@ def encode(value: Value) -> bytes:
         InvalidValue: If the value cannot be converted to a VARIANT.
     """
     exact_type = type(value)
-    known: Any = value  # type checkers do not narrow by the exact type
+    known: Any = value  # type checkers do not derive the type of value from exact_type
     if exact_type is list or exact_type is tuple:
         items: Sequence[Any] = known
         count = len(items)
@@ -202,7 +202,7 @@ def _utf_16(text: str) -> bytes:
 def _utf_16_slice(text: str) -> bytes:
     try:
         return text.encode("utf-16-le")
-    except UnicodeEncodeError:  # unpaired surrogates; "surrogatepass" takes microseconds for each
+    except UnicodeEncodeError:  # there are unpaired surrogates, for each of which "surrogatepass" takes microseconds
         units = _SUPPLEMENTARY.sub(_split_pair, text)
         return struct.pack(f"<{len(units)}H", *map(ord, units))
 
@@ -237,11 +237,11 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     Args:
         data: The bytes.
         position: Position of the argument's length field.
-        end: Upper bound of the end of the argument; the end of ``data`` by default.
-        limits: Limits of what is read.
+        end: Position that the argument must not exceed; the end of ``data`` by default.
+        limits: Limits of the packet.
         exact: True to return a :class:`Variant` instead of a plain value.
-        budget: Number of elements that the packet may still have, in a list of one number, which is decremented;
-            :attr:`PacketLimits.variants` by default.
+        budget: Number of further elements that the packet may contain, as a list of one number, which this function
+            decrements; :attr:`PacketLimits.variants` by default.
 
     Raises:
         ProtocolError: If the bytes are not a valid argument; its ``code`` is the reply of a server (VE026A table 3-5).
@@ -259,7 +259,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     length, vt, count = _ARGUMENT_AT(data, position)
     stop = position + 4 + length
     if vt == R8_ARRAY and not exact and length == 6 + 8 * count and stop <= end and length <= limits.packet:
-        return list(_real_unpacker(count)(data, position + 10)), stop  # by far the most frequent case: set-points
+        return list(_real_unpacker(count)(data, position + 10)), stop  # the most frequent case: set-points
     if length > limits.packet:
         raise LimitExceeded(
             tr(

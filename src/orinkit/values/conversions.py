@@ -1,4 +1,4 @@
-"""Conversions for the table of VARIANT types: Python values to the content of a type, content to wire values and back.
+"""Conversions for the table of VARIANT types: Python values to the content of a type, and content to and from bytes.
 
 Functions that check a value receive the row of the type and the value. They return the content or raise InvalidValue.
 """
@@ -33,7 +33,7 @@ def nothing(row: TypeRow, value: Any) -> None:
 
 
 def only_in_arrays(row: TypeRow, _value: Any) -> Any:
-    """Raise an error: VT_VARIANT is valid in arrays only, and each of their elements has its own type."""
+    """Raise an error, because VT_VARIANT is valid only as the type of an array, whose elements have their own types."""
     raise no_type(row.name, row.code)
 
 
@@ -89,7 +89,7 @@ def single(row: TypeRow, value: Any) -> float:
 
 
 def boolean(row: TypeRow, value: Any) -> bool:
-    """Return the truth of a number, or of a numpy scalar."""
+    """Return the truth value of a number or of a numpy scalar."""
     if isinstance(value, int | float) or (getattr(value, "ndim", None) == 0 and not isinstance(value, str)):
         return bool(value)
     raise row.misfit(value)
@@ -99,7 +99,7 @@ def string(row: TypeRow, value: Any) -> str:
     """Return a string."""
     if not isinstance(value, str):
         raise row.misfit(value)
-    return str.__str__(value)  # also correct for an Enum, whose str() is its name
+    return str.__str__(value)  # str() would return the name of a member of an Enum, not its value
 
 
 def currency(row: TypeRow, value: Any) -> Decimal:
@@ -133,7 +133,7 @@ def date(row: TypeRow, value: Any) -> datetime | float:
 
 
 def flag_to_wire(flag: bool) -> int:
-    """Return -1 for True (VARIANT_TRUE has all bits set), 0 for False."""
+    """Return -1 for True, because VARIANT_TRUE has all bits set, and 0 for False."""
     return -1 if flag else 0
 
 
@@ -176,7 +176,7 @@ def ole_datetime(days: float) -> datetime:
     whole, part = divmod(top, bottom)
     us = (part * _DAY_US * 2 + bottom) // (
         2 * bottom
-    )  # exact, rounded half up; a product of doubles would not be exact to a microsecond
+    )  # computed exactly and rounded half up; a product of doubles would not be exact to a microsecond
     return _EPOCH + timedelta(days=whole if days >= 0 else -whole, microseconds=us)
 
 
@@ -191,7 +191,7 @@ def to_datetime(value: datetime | float) -> datetime | float:
 
 
 def exact_date(days: float) -> datetime | float:
-    """Return OLE days as ``datetime`` if that is encoded as the same bytes again, otherwise unchanged."""
+    """Return OLE days as ``datetime`` if the ``datetime`` is encoded as the same bytes; otherwise return the days."""
     moment = to_datetime(days)
     return (
         moment

@@ -1,7 +1,7 @@
-"""Conversion of VARIANTs to and from text (e-CAP 3.5; the form of the b-CAP Tester, RC8 5.3).
+"""Conversion of VARIANTs to and from text (e-CAP 3.5; the b-CAP Tester uses the same form, RC8 5.3).
 
-The notation is ``<type>,<data>``. The type is the VARTYPE number, plus 8192 for an array; elements of an array are
-separated by commas; each element of a VARIANT array is in brackets.
+The notation is ``<type>,<data>``. The type is the VARTYPE number, plus 8192 for an array. The elements of an array are
+separated by commas. Each element of a VARIANT array is in brackets.
 
 =====================================  ==========================================================================
 text                                   VARIANT
@@ -12,25 +12,28 @@ text                                   VARIANT
 ``8200,Sample,Test``                   VT_BSTR array of two
 ``8204,(8,Sample),(2,100)``            VARIANT array: "Sample", 100; nested up to 16 deep
 ``12,(8,Sample)``                      VT_VARIANT: the value in the brackets
-``(8197, 0, 0), (3, 0), (3, -2)``      only the elements of a VARIANT array, as typed into the Tester:
-                                       :func:`parse_elements`
+``(8197, 0, 0), (3, 0), (3, -2)``      the elements of a VARIANT array without its type, as entered in the b-CAP
+                                       Tester; only for :func:`parse_elements`
 =====================================  ==========================================================================
 
-The documents do not specify the other types, nor which characters a string may contain. This module uses these rules:
+The documents do not specify the form of the other types, and do not specify which characters a string may contain. This
+module uses these rules:
 
-* Numbers: decimal; whole numbers and VT_ERROR also ``0x`` hexadecimal; VT_R4 and VT_R8 with point, exponent, ``inf``,
-  ``nan``; VT_CY with up to four decimals; VT_BOOL ``-1``, ``1``, ``True`` or ``0``, ``False``; VT_DATE
-  ``2026-11-21 10:00:00.5`` (local time; also ``2026/11/21``, with ``T`` in between, or without the time) or OLE days.
-  Blanks around a number are ignored. VT_EMPTY is ``0,``, VT_NULL ``1,``, an array without elements ``8197,``; the comma
-  of these three is optional.
-* A single string (``8,...`` as the whole text) is never changed. Inside brackets and in a VT_BSTR array, blanks around a
-  string are ignored, and brackets in it must be balanced: ``(8,@P P(1,2,3))`` is one string, and so is the ``P(1,2)`` in
-  ``8200,P(1,2),P2``.
-* Any other string there is quoted, with ``"`` doubled inside: ``(8," :-) ")``, ``8200,"a,b",c``. A string counts as quoted
-  only if it begins with ``"``. ``8200,`` is an array without strings, ``8200,""`` an array of one empty string.
+* Numbers are decimal. Whole numbers and VT_ERROR may also be hexadecimal with ``0x``. VT_R4 and VT_R8 may have a
+  decimal point and an exponent, or be ``inf`` or ``nan``. VT_CY has up to four decimals. VT_BOOL is ``-1``, ``1`` or
+  ``True`` for true, and ``0`` or ``False`` for false. VT_DATE is ``2026-11-21 10:00:00.5`` in local time, or a number
+  of OLE days; the forms ``2026/11/21``, ``T`` between date and time, and a date without a time are also valid. Blanks
+  around a number are ignored. VT_EMPTY is ``0,``, VT_NULL is ``1,``, and an array without elements is ``8197,``; the
+  comma of these three is optional.
+* A single string (``8,...`` as the whole text) is never changed.
+* Inside brackets and in a VT_BSTR array, blanks around a string are ignored, and brackets in it must be balanced:
+  ``(8,@P P(1,2,3))`` is one string. A comma inside brackets does not separate strings: ``8200,P(1,2),P2`` has two.
+* Inside brackets and in a VT_BSTR array, any other string is quoted, with each ``"`` in it doubled: ``(8," :-) ")``,
+  ``8200,"a,b",c``. A string counts as quoted only if it begins with ``"``. ``8200,`` is an array without strings, and
+  ``8200,""`` is an array of one empty string.
 
-``parse(format_variant(value))`` is therefore the same value with the same types, for every VARIANT (a VT_R4 in single
-precision, as in a packet), and plain text is written as in the documents.
+For every VARIANT, ``parse(format_variant(value))`` is therefore the same value with the same types (a VT_R4 in single
+precision, as in a packet). Plain text is written as in the documents.
 """
 
 from __future__ import annotations
@@ -50,7 +53,7 @@ MAX_DEPTH: Final = 16
 MAX_LENGTH: Final = 16 * 1024 * 1024
 """Largest number of characters of a text to parse."""
 
-_BLANKS: Final = " \t\r\n"  # no others: an ideographic space is part of Japanese text
+_BLANKS: Final = " \t\r\n"  # not an ideographic space, which is part of Japanese text
 _PIECE: Final = 4096  # elements or characters that are processed at a time, because this blocks other threads
 _MAX_PADDED: Final = 65_536  # largest length of a number including the blanks around it
 _SHOWN: Final = 20  # characters of a text that an error message quotes
@@ -67,8 +70,8 @@ def parse(text: str) -> Variant:
     """Parse ``<type>,<data>`` by the rules of this module's docstring.
 
     Raises:
-        NotationError: If the text is not valid VARIANT notation, is nested deeper than MAX_DEPTH or longer than MAX_LENGTH;
-            the message contains the column, counted from 1, and what was expected there.
+        NotationError: If the text is not valid VARIANT notation, is nested deeper than MAX_DEPTH, or is longer than
+            MAX_LENGTH. The message contains the column, counted from 1, and the expected text.
     """
     reader = _NotationParser(text)
     result = reader.variant()
@@ -77,9 +80,9 @@ def parse(text: str) -> Variant:
 
 
 def parse_elements(text: str) -> list[Variant]:
-    """Parse the elements of a VARIANT array without its type, as in the fields of the b-CAP Tester (RC8 5.3).
+    """Parse the elements of a VARIANT array without its type, as they are entered in the b-CAP Tester (RC8 5.3).
 
-    ``(8197, 0, 0, 0, 0, 0, 0, 5), (3, 0), (3, -2)`` is a pose of Robot_Move; a blank text has no elements.
+    For example, ``(8197, 0, 0, 0, 0, 0, 0, 5), (3, 0), (3, -2)`` is a pose of Robot_Move. A blank text has no elements.
 
     Raises:
         NotationError: As for :func:`parse`.
@@ -96,8 +99,8 @@ _NOTATION: Final = re.compile(rf"[{_BLANKS}]*([0-9]{{1,5}})[{_BLANKS}]*,")
 def parse_lenient(text: str) -> Variant:
     """Parse a value from a command line; the type is optional.
 
-    A text that begins with the number of a type and a comma is full notation, as for :func:`parse`. For other texts the
-    type is inferred:
+    If a text begins with the number of a type and a comma, it is parsed as by :func:`parse`. For other texts, the type
+    is inferred:
 
     ==============================  =====================================================================
     ``2,100``                       VT_I2 100
@@ -109,7 +112,7 @@ def parse_lenient(text: str) -> Variant:
     ==============================  =====================================================================
 
     Raises:
-        NotationError: If the text begins like notation but is not valid, or is a whole number beyond VT_I4.
+        NotationError: If the text begins with a type but is not valid, or is a whole number outside the range of VT_I4.
     """
     match = _NOTATION.match(text)
     if match and int(match[1]) in _TYPES:
@@ -194,7 +197,7 @@ class _NotationParser:
         return value
 
     def finish(self) -> None:
-        """Raise an error if anything but blanks follows."""
+        """Raise an error if any text except blanks follows."""
         self._blank()
         if self.at < len(self.text):
             found = self.text[self.at : self.at + _SHOWN]
@@ -234,13 +237,13 @@ class _NotationParser:
     def _blank(self) -> None:
         while True:
             match = _SPACE.match(self.text, self.at, self.at + _PIECE)
-            assert match  # it also matches nothing
+            assert match  # the pattern also matches an empty text
             self.at, begun = match.end(), self.at
             if self.at < begun + _PIECE:
                 return
 
     def _skip(self, sign: str) -> bool:
-        """Skip blanks, and a sign if it follows; return True if it does."""
+        """Skip blanks, and a sign if it follows; return True if the sign was skipped."""
         self._blank()
         found = self.text.startswith(sign, self.at)
         self.at += found
@@ -252,7 +255,7 @@ class _NotationParser:
         return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
 
     def _expected(self, wanted: str, length: int = 0) -> NotationError:
-        """Return the error for unexpected text here; ``length`` is that of the unexpected part, 0 if unknown."""
+        """Return the error for unexpected text at this position; ``length`` is its length, 0 if it is unknown."""
         self._blank()
         found = self.text[self.at : self.at + min(length or _SHOWN, _SHOWN)]
         if not found:
@@ -283,7 +286,7 @@ class _NotationParser:
         at = self.at
         while True:
             last = self.text.rfind(",", at, min(at + 16 * _PIECE, end))
-            if last < 0:  # a long part, or the last one
+            if last < 0:  # the next part is longer than the searched range, or it is the last part
                 last = self.text.find(",", at, end)
             if last < 0:
                 yield from [self.text[at:end]]
@@ -306,13 +309,17 @@ class _NotationParser:
         return result
 
     def _text(self, signs: re.Pattern[str]) -> str:
-        """Read a string up to the end of the text or of the enclosing bracket, or to a comma if it is one of the signs."""
+        """Read a string.
+
+        The string ends at the end of the text or of the enclosing bracket. If ``signs`` includes the comma, it also
+        ends at a comma.
+        """
         self._blank()
         start = self.at
         if self.text.startswith('"', start):
             return self._quoted()
         end = len(self.text)
-        depth = opened = 0  # open brackets inside the string: their number, the position of the outermost one
+        depth = opened = 0  # number of open brackets inside the string, and position of the outermost one
         for match in signs.finditer(self.text, start):
             sign, at = match[0], match.start()
             if sign == "(":
@@ -388,12 +395,12 @@ def _write_data(item: Variant, depth: int) -> str:
     write = _FORMS[vt & ~ARRAY].write
     if not vt & ARRAY:
         return write(value)
-    # in pieces, because joining a long list blocks other threads
+    # The list is joined in pieces, because joining a long list in one call would block other threads.
     return ",".join(",".join(map(write, value[at : at + _PIECE])) for at in range(0, len(value), _PIECE))
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string in the form for brackets or arrays: quoted if it would otherwise not be parsed as the same string."""
+    """Return a string in the form for brackets or arrays; quote it if it could be parsed as another string."""
     if not text or not (brackets or element):
         return text
     begins, ends = text[0], text[-1]

@@ -118,7 +118,7 @@ def _write_single(number: float) -> str:
     single = _to_single(number)
     if isinf(single) or isnan(single):
         return _write_real(single)
-    # For a normal number, six digits are enough to start with: "g" omits trailing zeros.
+    # For a normal number, the search may begin with six digits, because "g" omits trailing zeros.
     minimum = 6 if abs(single) >= _SMALLEST_NORMAL_SINGLE else 1
     shortest = next(
         near for near in (float(f"{single:.{digits}g}") for digits in range(minimum, 10)) if _to_single(near) == single

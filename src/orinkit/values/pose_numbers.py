@@ -1,4 +1,4 @@
-"""The numbers of poses: their names, count, checks and text form; figures (for :mod:`orinkit.values.poses`)."""
+"""The numbers of poses (names, count, checks, text form) and figures, for :mod:`orinkit.values.poses`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orinkit.values.variant import plain
 
 MAX_JOINTS: Final = 8
 MAX_WHOLE: Final = 2**31 - 1
-"""Largest number of a variable, and largest Fig."""
+"""Largest index of a variable, and largest Fig."""
 EXTRA_JOINTS: Final = (7, 8)
 COUNTS: Final[dict[str, tuple[int, int]]] = {"P": (6, 7), "T": (9, 10), "J": (1, MAX_JOINTS), "V": (3, 3), "": (1, 10)}
 """Smallest and largest count of numbers of each pose type; ``""`` is a pose of unspecified type."""
@@ -34,14 +34,14 @@ FIG_NEAREST: Final = -2
 FIG_WITHIN_LIMITS: Final = -3
 """Fig: the controller chooses a figure within the soft limits (RC9)."""
 
-_DECIMALS: Final = 6  # of a displayed number: a millionth of a mm or degree
+_DECIMALS: Final = 6  # number of decimals of a displayed number
 
 
 def listed(kind: str, values: object) -> list[Any]:
     """Return values as a list of a length that is valid for the pose type.
 
     Raises:
-        InvalidValue: If they are not a sequence, or their number is wrong.
+        InvalidValue: If the values are not a sequence, or their number is wrong.
     """
     least, most = COUNTS[kind]
     values = plain(values)
@@ -81,7 +81,7 @@ def whole(name: str, value: object, owner: str) -> float:
     """Return a whole number of 32 bits as ``float``.
 
     Raises:
-        InvalidValue: If it is not a whole number of 32 bits.
+        InvalidValue: If the value is not a whole number of 32 bits.
     """
     number = check_finite(name, value, owner)
     if not is_whole(number):
@@ -100,17 +100,17 @@ def check_kind(kind: str) -> None:
     """Check the pose type of a target.
 
     Raises:
-        InvalidValue: If it is not a valid pose type.
+        InvalidValue: If the pose type is not valid.
     """
     if kind not in COUNTS:
         raise InvalidValue(tr('the kind of a target must be "P", "T", "J", "V" or "", not {kind}', kind=brief(kind)))
 
 
 def check_index(kind: str, index: int) -> None:
-    """Check the pose type and number of a variable.
+    """Check the pose type and the index of a variable.
 
     Raises:
-        InvalidValue: If the pose type is unspecified, or the number is negative or beyond 32 bits.
+        InvalidValue: If the pose type is unspecified, or the index is negative or too large for 32 bits.
     """
     if not kind or isinstance(index, bool) or not 0 <= index <= MAX_WHOLE:
         raise InvalidValue(
@@ -133,7 +133,7 @@ def written(kind: str, values: Iterable[float]) -> str:
 
 
 def rounded_text(kind: str, values: Iterable[float]) -> str:
-    """Return numbers for display: as :func:`written`, but rounded to six decimals."""
+    """Return numbers for display: like :func:`written`, but rounded to six decimals."""
     return written(kind, [round(value, _DECIMALS) for value in values])
 
 
@@ -179,13 +179,15 @@ _DOUBLES: Final = {Figure.J6_DOUBLE: "J6 DOUBLE", Figure.J4_DOUBLE: "J4 DOUBLE",
 
 
 def describe_figure(fig: float) -> str:
-    """Return a figure in words, ``LEFTY ABOVE NONFLIP`` for 5; bits without a name as a number (256 of the COBOTTA).
+    """Return a figure in words, for example ``LEFTY ABOVE NONFLIP`` for 5.
+
+    Bits without a name are returned as a number (for example 256 of the COBOTTA).
 
     Args:
         fig: A whole number; -1, -2 and -3 are AUTO, NEAREST and WITHIN LIMITS.
 
     Raises:
-        InvalidValue: If it is not a whole number.
+        InvalidValue: If ``fig`` is not a whole number.
     """
     bits = int(whole("fig", fig, "Fig"))
     if bits < 0:

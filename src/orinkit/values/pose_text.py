@@ -1,4 +1,7 @@
-"""Parser of poses; it returns plain values, from which :mod:`orinkit.values.poses`, which has the grammar, builds objects."""
+"""Parser of poses.
+
+It returns plain values; :mod:`orinkit.values.poses` creates objects from them, and describes the grammar.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
 class PassMarkText(NamedTuple):
-    """Parsed pass mark such as ``@E``: a mode of ``0``, ``E``, ``P``, ``n``; for ``n`` the radius in mm."""
+    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm for ``n``."""
 
     mode: str
     radius: float
@@ -66,12 +69,12 @@ class Scanner:
     def here(self) -> int:
         """Skip blanks; return the position of the next token."""
         match = _SPACE.match(self.text, self.at)
-        assert match  # it also matches nothing
+        assert match  # the pattern also matches an empty text
         self.at = match.end()
         return self.at
 
     def skip(self, sign: str) -> bool:
-        """Skip a sign if it follows; return True if it does."""
+        """Skip a sign if it follows; return True if it was skipped."""
         found = self.text.startswith(sign, self.here())
         self.at += len(sign) if found else 0
         return found
@@ -82,7 +85,7 @@ class Scanner:
             raise self.expected(tr('"{sign}"', sign=sign))
 
     def take(self, pattern: re.Pattern[str]) -> str:
-        """Skip the text that a pattern matches here and return it; ``""`` if it does not match."""
+        """Skip and return the text that a pattern matches at this position; return ``""`` if it does not match."""
         match = pattern.match(self.text, self.here())
         if not match:
             return ""
@@ -90,7 +93,12 @@ class Scanner:
         return match[0]
 
     def number(self, wanted: str, **values: object) -> float:
-        """Read a finite number; ``wanted`` and ``values`` are a message that describes it, and its placeholders."""
+        """Read a finite number.
+
+        Args:
+            wanted: Message that describes the number.
+            values: Placeholders of the message.
+        """
         start = self.here()
         text = self.take(_NUMBER)
         number = float(text) if text else math.nan
@@ -108,12 +116,12 @@ class Scanner:
         return number
 
     def finish(self) -> None:
-        """Raise an error if anything but blanks follows."""
+        """Raise an error if any text except blanks follows."""
         if self.here() < len(self.text):
             raise self.expected(tr("the end of the text"))
 
     def expected(self, wanted: str, at: int | None = None) -> NotationError:
-        """Return the error for unexpected text here, or at ``at``."""
+        """Return the error for unexpected text at this position, or at ``at``."""
         at = self.here() if at is None else at
         found = self.text[at : at + _SHOWN]
         if not found:
@@ -145,7 +153,7 @@ def read_target(scanner: Scanner) -> TargetParts:
 
 
 def read_mark(scanner: Scanner) -> PassMarkText | None:
-    """Read a pass mark; return ``None`` if there is none."""
+    """Read a pass mark; return ``None`` if no pass mark follows."""
     if not scanner.skip("@"):
         return None
     mode = scanner.take(_MODE).upper()

@@ -10,14 +10,16 @@ fig)``                                 vector (the tool's Z axis), figure
 ``V(x, y, z)``                         vector
 =====================================  ==========================================================================
 
-All are tuples of ``float`` and can be assigned to a variable directly. :func:`to_text` returns the text for a controller,
-``P(364.16, 0, 278.5355, 180, 0, 180, 5)``, with all digits; ``str()`` rounds to six decimals, for display.
+All these values are tuples of ``float`` and can be assigned directly to a variable of the controller. :func:`to_text`
+returns the text for a controller with all digits: ``P(364.16, 0, 278.5355, 180, 0, 180, 5)``. ``str()`` rounds to six
+decimals, for display.
 
-The target of a motion as text; blanks between its parts and the case of letters are ignored::
+The target of a motion has this form as text; blanks between its parts and the case of letters are ignored::
 
     [@P | @E | @0 | @<mm>]  P1  |  P[1]  |  P(v, v, ...)  |  (v, v, ...)   [EX((7, v), (8, v)) | EXA((7, v))]
 
-with T, J or V instead of P, and ``EX(7, v)`` for a single joint. Numbers may have a sign, decimals and an exponent.
+T, J or V may replace P, and ``EX(7, v)`` is valid for a single joint. Numbers may have a sign, decimals and an
+exponent.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ Kind: TypeAlias = Literal["P", "T", "J", "V", ""]
 
 
 class _Values(tuple[float, ...]):
-    """Base of P, T, J and V: a tuple of finite ``float``."""
+    """Base class of P, T, J and V: a tuple of finite ``float``."""
 
     __slots__ = ()
     _kind: ClassVar[str]
@@ -54,11 +56,11 @@ class _Values(tuple[float, ...]):
     def of(cls, values: Iterable[float]) -> Self:
         """Return a value from a sequence of numbers, for example the reply of a controller: R8[7], R8[8], R8[10].
 
-        A P or T may lack its figure. A J has 1 to 8 numbers, all of which are kept.
+        The figure of a P or T may be missing. A J has 1 to 8 numbers, and all of them are kept.
 
         Raises:
-            InvalidValue: If it is not a sequence, the number of values is wrong, a value is not a finite number, or the
-                figure is not a whole number.
+            InvalidValue: If the argument is not a sequence, the number of values is wrong, a value is not a finite
+                number, or the figure is not a whole number.
         """
         numbers = checks.listed(cls._kind, values)
         if cls._kind in ("P", "T") and len(numbers) < checks.COUNTS[cls._kind][1]:
@@ -77,7 +79,7 @@ class _Values(tuple[float, ...]):
 
 
 class _Point(_Values):
-    """Base of P, T and V, which begin with x, y, z."""
+    """Base class of P, T and V, which begin with x, y, z."""
 
     __slots__ = ()
 
@@ -221,7 +223,7 @@ class V(_Point):
 
 
 class J(_Values):
-    """1 to 8 joints, in degrees, or in mm for linear ones. ``J(45, 30, 120, 0, -60, 0)[2]`` is the third.
+    """1 to 8 joints, in degrees, or in mm for linear joints. ``J(45, 30, 120, 0, -60, 0)[2]`` is the third joint.
 
     Raises:
         InvalidValue: If there are no joints or more than eight, or a value is not a finite number.
@@ -239,7 +241,7 @@ class J(_Values):
 
 
 PoseLike: TypeAlias = "P | T | J | V | Target | str"
-"""Poses that a client accepts: a value, a target, or its text."""
+"""The poses that methods of a client accept: a value, a target, or the text of a target."""
 
 
 # --- targets ----------------------------------------------------------------------------------------------------------
@@ -247,12 +249,13 @@ PoseLike: TypeAlias = "P | T | J | V | Target | str"
 
 @dataclass(frozen=True, slots=True)
 class PassMark:
-    """Pass mark: the condition under which a motion counts as done, so that the next one may begin.
+    """Pass mark: the condition under which a motion counts as complete, so that the next one may begin.
 
     Attributes:
-        mode: ``"0"``: the command value has reached the target; ``"E"``: the encoders have; ``"P"``: near the target, as
-            determined by the controller; ``"n"``: within ``radius`` of the target.
-        radius: Radius in mm, above 0; only with ``"n"``.
+        mode: ``"0"``: the command position has reached the target. ``"E"``: the encoder values have reached the target.
+            ``"P"``: the arm is near the target; the controller determines the distance. ``"n"``: the arm is within
+            ``radius`` of the target.
+        radius: Radius in mm, above 0; only for ``"n"``.
 
     Raises:
         InvalidValue: If the mode is unknown, or the radius is not valid for it.
@@ -311,7 +314,8 @@ class Extra:
         joints: Number (7 or 8) and value (degrees, mm for a linear joint) of one or two joints.
 
     Raises:
-        InvalidValue: If there is no joint, a joint occurs twice, a number is not 7 or 8, or a value is not a finite number.
+        InvalidValue: If there is no joint, a joint occurs twice, a joint number is not 7 or 8, or a value is not a
+            finite number.
     """
 
     absolute: bool
@@ -335,9 +339,9 @@ class Target:
 
     Attributes:
         kind: Pose type; ``""`` if it is unspecified.
-        value: The numbers (6 or 7 of a P, 9 or 10 of a T, 1 to 8 of a J, 3 of a V, up to 10 of ``""``), or the number
-            of a global variable of the pose type.
-        mark: Pass mark; ``None`` if unspecified.
+        value: The numbers (6 or 7 of a P, 9 or 10 of a T, 1 to 8 of a J, 3 of a V, up to 10 of ``""``), or the index of
+            a global variable of the pose type.
+        mark: Pass mark; ``None`` if it is unspecified.
         extra: Extra joints; ``None`` if there are none.
 
     Raises:
@@ -379,8 +383,8 @@ def parse_target(text: str) -> Target:
     """Parse a target; the grammar is in the module's docstring.
 
     Raises:
-        NotationError: If the text is not a target, or has more than 4096 characters; the message contains the column,
-            counted from 1, and what was expected there.
+        NotationError: If the text is not a target, or has more than 4096 characters. The message contains the column,
+            counted from 1, and the expected text.
     """
     scanner = Scanner(text)
     target = _target(read_target(scanner))
@@ -410,7 +414,8 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
         mark: Pass mark to prepend: ``@P``, ``@E``, ``@0``, ``@<mm>`` or a :class:`PassMark`.
 
     Raises:
-        InvalidValue: If the pose or the mark has another type, or the pose already has a mark and ``mark`` is given too.
+        InvalidValue: If the type of the pose or of the mark is not valid, or if ``mark`` is given although the pose
+            already has a mark.
         NotationError: If the mark is a text that is not a pass mark.
     """
     text = _text_of(pose)
@@ -423,10 +428,10 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
 
 
 def as_mark(mark: object) -> PassMark:
-    """Return a pass mark, or its text, as a :class:`PassMark`.
+    """Return a pass mark, or the text of one, as a :class:`PassMark`.
 
     Raises:
-        InvalidValue: If it has another type.
+        InvalidValue: If the argument is neither a pass mark nor a text.
         NotationError: If the text is not a pass mark.
     """
     if isinstance(mark, PassMark):

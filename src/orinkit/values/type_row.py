@@ -13,7 +13,10 @@ from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import ElementFormat
 
 Number: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
-"""Kind of number that a type holds: ``"code"`` is a whole number that is not a quantity, ``""`` is not a number."""
+"""Kind of number that a type contains.
+
+``"code"`` is a whole number that is not a quantity; ``""`` means that the type does not contain a number.
+"""
 
 _SHOWN: Final = 60
 
@@ -25,11 +28,11 @@ def bounds_of(layout: str) -> tuple[int, int]:
 
 
 def shown(value: object) -> str:
-    """Return a value for a message: shortened; never raises an exception."""
+    """Return a value for a message, shortened; this function never raises an exception."""
     try:
         text = repr(value)
         return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
-    except Exception:  # noqa: BLE001 - an int of 4300 digits, a list nested too deep, a user's __repr__
+    except Exception:  # noqa: BLE001 - for example an int of 4300 digits, a list nested too deep, a user's __repr__
         return f"<{type(value).__name__}>"
 
 
@@ -45,12 +48,14 @@ class TypeRow:
         python: The Python type that is converted to this type by default.
         dtypes: The numpy dtypes that are converted to this type by default: kind and bytes (``i2``), or a kind alone for
             all sizes (``U``).
-        number: Kind of number that the type holds.
-        to_wire: Converts the content to the value that :mod:`struct` packs; ``None`` if it is the same.
-        from_wire: Converts the value that :mod:`struct` unpacks to plain Python; ``None`` if it is the same.
+        number: Kind of number that the type contains.
+        to_wire: Function that converts the content to the value that :mod:`struct` packs; ``None`` if no conversion is
+            necessary.
+        from_wire: Function that converts the value that :mod:`struct` unpacks to plain Python; ``None`` if no
+            conversion is necessary.
         from_wire_exact: Lossless variant of ``from_wire``; ``None`` if ``from_wire`` is lossless.
-        elements_for_one: Number of elements that are counted as one element of the limit
-            :attr:`~orinkit.values.codec.PacketLimits.variants`; more for types that are faster to read.
+        elements_for_one: Number of elements that count as one element towards the limit
+            :attr:`~orinkit.values.codec.PacketLimits.variants`. It is larger for types that are faster to read.
         text: Form of an element as text; ``None`` if the notation has a special rule for the type.
         size: Size of one element in bytes; 0 if it is not fixed.
         bounds: The smallest and the largest value of a whole-number type; ``None`` for other types.

@@ -1,8 +1,8 @@
 """The table of VARIANT types: each row defines one type completely (VE026A 3.2, table 3-1).
 
-The codec, the notation, the conversion of Python and numpy values and the sets of types for arguments are derived from the
-table. To add a type, add a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow` describes
-the columns.
+The codec, the notation, the conversion of Python and numpy values, and the sets of types for arguments are derived from
+the table. A new type requires a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow`
+describes the columns.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
 INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number == "integer")
 REALS: Final = frozenset(int(row.code) for row in TABLE if row.number == "real")
 NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number == "decimal"}
-"""The types of quantities; not truth values or error codes."""
+"""The types of quantities, without truth values and error codes."""
 
 BY_PYTHON: Final[dict[type, int]] = {row.python: row.code for row in TABLE if row.python is not None}
 """Default type of Python values, by Python type."""
@@ -111,11 +111,11 @@ BY_DTYPE: Final[dict[str, int]] = {dtype: row.code for row in TABLE for dtype in
 VARIANT_ARRAY: Final = int(VarType.VARIANT) | ARRAY
 R8_ARRAY: Final = int(VarType.R8) | ARRAY
 UI1_ARRAY: Final = int(VarType.UI1) | ARRAY
-"""The content of this array is ``bytes``; that of any other array is a list."""
+"""The type of a VT_UI1 array. The content of this array is ``bytes``; the content of any other array is a list."""
 
 
 def type_name(vt: int) -> str:
-    """Return the name of a type as in the documents: ``VT_I4``, ``VT_R8|VT_ARRAY``; unknown types with their number."""
+    """Return the name of a type as in the documents, ``VT_I4`` or ``VT_R8|VT_ARRAY``; unknown types as a number."""
     base = vt & ~ARRAY
     row = ROWS.get(base)
     name = row.name if row else f"VT_{base}?"

@@ -9,7 +9,7 @@ Python value                  VARIANT
 ``float``                     VT_R8
 ``str``                       VT_BSTR
 ``bytes``, ``bytearray``      VT_UI1 array
-``datetime``                  VT_DATE (days since 1899-12-30, local time; an aware one is converted to local)
+``datetime``                  VT_DATE (days since 1899-12-30, local time; other time zones are converted)
 ``decimal.Decimal``           VT_CY (four decimals)
 list of one of these types    array of that type (``[]`` is an empty VARIANT array)
 any other list or tuple       VARIANT array, nested freely
@@ -17,9 +17,9 @@ numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; one dime
 ``Variant(VarType.I2, 1)``    exactly this type
 ============================  =========================================================================
 
-Decoding returns the same Python types; unsigned and short integers become ``int``, VT_R4 ``float``, VT_ERROR an unsigned
-``int``. A VT_DATE outside the range of ``datetime`` becomes a ``float``, its days. With ``exact=True`` decoding is lossless
-and returns :class:`Variant` objects with their types.
+Decoding returns the same Python types. Unsigned and short integers become ``int``, VT_R4 becomes ``float``, and
+VT_ERROR an unsigned ``int``. A VT_DATE outside the range of ``datetime`` becomes a ``float``: its number of days. With
+``exact=True``, decoding is lossless and returns :class:`Variant` objects with their types.
 """
 
 from __future__ import annotations
@@ -90,10 +90,10 @@ class Variant:
     """A value with an explicit VARIANT type.
 
     ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, a list for any other array (of :class:`Variant` for
-    an array of VT_VARIANT). A VT_DATE may also be a ``float``, its days.
+    an array of VT_VARIANT). A VT_DATE may also be a ``float``: its number of days.
 
     Raises:
-        InvalidValue: If the type is unknown, or the value does not fit it.
+        InvalidValue: If the type is unknown, or the value does not fit the type.
     """
 
     type: int
@@ -108,7 +108,10 @@ class Variant:
 
     @property
     def plain(self) -> Any:
-        """The value as plain Python: without :class:`Variant` objects, a VT_DATE as ``datetime`` if it is in its range."""
+        """The value as plain Python, without :class:`Variant` objects.
+
+        A VT_DATE is a ``datetime`` if it is within the range of ``datetime``.
+        """
         if self.type == VARIANT_ARRAY:
             return [element.plain for element in self.value]
         if self.type == VarType.DATE:
@@ -134,7 +137,7 @@ def variant(value: Value) -> Variant:
 
 
 def plain(value: Any) -> Any:
-    """Return the plain Python value of a :class:`Variant`; other values unchanged."""
+    """Return the plain Python value of a :class:`Variant`; return other values unchanged."""
     return value.plain if isinstance(value, Variant) else value
 
 
@@ -161,7 +164,7 @@ def _infer(value: Any) -> tuple[int, Any]:
         return UI1_ARRAY, value
     if isinstance(value, list | tuple):
         return _infer_list(value), value
-    for base in _SCALARS:  # subclasses: IntEnum, StrEnum, ...
+    for base in _SCALARS:  # the value may be of a subclass: IntEnum, StrEnum, ...
         if isinstance(value, base):
             return BY_PYTHON[base], value
     if isinstance(value, Sequence):
@@ -186,7 +189,10 @@ def _infer_list(items: Sequence[Any]) -> int:
 
 
 def _scalar_type(kind: type, example: Any) -> int:
-    """Return the VARIANT type of scalars of a Python type (numpy.float64 and float: VT_R8); VT_EMPTY for other values."""
+    """Return the VARIANT type of scalars of a Python type; VT_EMPTY for other values.
+
+    Subclasses have the type of their base class: numpy.float64 is VT_R8, like float.
+    """
     if kind in BY_PYTHON:
         return BY_PYTHON[kind]
     if issubclass(kind, _SCALARS) or (getattr(example, "ndim", None) == 0 and not hasattr(kind, "__setitem__")):
@@ -195,7 +201,7 @@ def _scalar_type(kind: type, example: Any) -> int:
 
 
 def _infer_numpy(value: Any) -> tuple[int, Any]:
-    kind = getattr(value.dtype, "kind", "")  # arrays of other libraries also have a dtype
+    kind = getattr(value.dtype, "kind", "")  # arrays of other libraries also have a dtype, but it may have no kind
     vt = BY_DTYPE.get(kind if kind in ("U", "") else f"{kind}{value.dtype.itemsize}")
     if vt is None or value.ndim > 1:
         raise InvalidValue(
