@@ -34,7 +34,7 @@ from support.http_peers import CERTIFICATE, KEY
 
 pytestmark = pytest.mark.slow
 
-REQUESTS = 2_000
+REQUESTS = 1_000
 LIMITS = PacketLimits(packet=4 << 20)
 RELEASES = {entry.name for entry in FUNCTIONS.values() if entry.releases}
 MAKES = {entry.name for entry in FUNCTIONS.values() if entry.creates}
@@ -147,7 +147,7 @@ def test_invalid_requests(served: Served, caplog: pytest.LogCaptureFixture, brea
 @pytest.mark.soak
 @pytest.mark.timeout(900)
 def test_many_more_invalid_requests(served: Served, caplog: pytest.LogCaptureFixture, breaks: Breaks) -> None:
-    garbage_beside_others(served, caplog, breaks, 7, 10 * REQUESTS)
+    garbage_beside_others(served, caplog, breaks, 7, 20 * REQUESTS)
 
 
 def client_hello(context: ssl.SSLContext) -> bytes:

@@ -67,7 +67,9 @@ def test_a_large_value_does_not_block_the_server(server, client, name):
     watch.check()
 
 
-@pytest.mark.parametrize("name", ["text of control characters", "text of surrogates"])
+@pytest.mark.parametrize(
+    "name", ["text of control characters", pytest.param("text of surrogates", marks=pytest.mark.soak)]
+)
 def test_a_name_or_option_of_megabytes_is_rejected_immediately(server, client, name):
     handle = connect(client)
     long = VALUES[name]

@@ -300,7 +300,7 @@ def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("count", [10_000, pytest.param(MUTANTS, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("count", [5_000, pytest.param(MUTANTS, marks=pytest.mark.soak)])
 def test_mutated_packets(server: Server, caplog: pytest.LogCaptureFixture, count: int) -> None:
     caplog.set_level(logging.ERROR)
     before = alive()

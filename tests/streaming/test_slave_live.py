@@ -244,7 +244,7 @@ def enter_and_leave(arm: Arm, times: int) -> None:
 
 
 def test_nothing_is_left_of_a_streaming_process(arm: Arm) -> None:
-    enter_and_leave(arm, 20)
+    enter_and_leave(arm, 8)
 
 
 @pytest.mark.soak
@@ -273,7 +273,7 @@ def streamed_by_a_busy_program(url: str, threads: int, seconds: float) -> list[s
     return done.stdout.splitlines()
 
 
-@pytest.mark.parametrize("threads", [1, 4])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.soak), 4])
 def test_busy_threads_do_not_starve_the_arm(arm: Arm, threads: int) -> None:
     assert streamed_by_a_busy_program(arm.url, threads, 2.0) == ["underflows 0"]
     assert arm.errors == []

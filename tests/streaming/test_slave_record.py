@@ -172,7 +172,7 @@ def test_mcap(tmp_path):
     assert message.log_time == message.publish_time == START + round(sample(500).sent * 1e9)
     assert message.sequence == 500
     assert content == {
-        "answered": 0.0,
+        "replied": 0.0,
         "number": 500,
         "sent": sample(500).sent,
         "command": list(sample(500).command),

@@ -297,7 +297,7 @@ def test_another_process_takes_the_link_over(way: Way) -> None:
 def test_another_process_keeps_the_link(way: Way) -> None:
     way.hello()
     theirs = links.adopt(way.peer.kind, os.dup(way.do(way.link.fileno)))
-    way.do(way.link.release)
+    way.do(way.link.close_local)
     if way._both.loop is not None:
         way._both.run(_settled())
     way.peer.send(b"answer")

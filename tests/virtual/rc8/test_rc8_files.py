@@ -198,7 +198,7 @@ REFUSALS = [
     ("read", ("file\\",), NOT_FOUND),
     ("read", ("dir",), DENIED),
     ("read", ("",), DENIED),
-    ("path", ("no",), NOT_FOUND),
+    ("full_name", ("no",), NOT_FOUND),
     ("size", ("no",), NOT_FOUND),
     ("dates", ("no",), NOT_FOUND),
     ("write", ("", b""), DENIED),

@@ -191,7 +191,7 @@ def sample_of(raw: RawSample, began_ns: int) -> Sample:
         raw.code,
         **own,
         delay=raw.delay_ns / 1e9 if raw.delay_ns >= 0 else None,
-        replied=(raw.answered_ns - began_ns) / 1e9,
+        replied=(raw.replied_ns - began_ns) / 1e9,
         more=more,
     )
 

@@ -93,7 +93,7 @@ _GOT: Final = RecordLayout(RECEIVED)
 _HEAD: Final = _Word.OUTPUTS + _SENT.size
 _POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # layout of a set-point: number, flags and count, values, outputs
 _POINT: Final = _POINT_OUTPUTS + _SENT.size
-_SAMPLE_VALUES: Final = 6  # layout of a sample: number, sent, code, flags and count, delay, answered, command, fields
+_SAMPLE_VALUES: Final = 6  # layout of a sample: number, sent, code, flags and count, delay, replied, command, fields
 _SAMPLE_FIELDS: Final = _SAMPLE_VALUES + _MOST_VALUES
 _SAMPLE: Final = _SAMPLE_FIELDS + _GOT.size
 _QUEUE_AT: Final = _HEAD
@@ -138,7 +138,7 @@ class RawSample:
 
     Attributes:
         sent_ns: Time of sending, monotonic clock, ns.
-        answered_ns: Time of the reply, monotonic clock, ns.
+        replied_ns: Time of the reply, monotonic clock, ns.
         code: Return code.
         command: Values of the set-point.
         delay_ns: Time from setting a live target to sending the first set-point towards it, ns; -1 for other samples.
@@ -147,7 +147,7 @@ class RawSample:
     """
 
     sent_ns: int
-    answered_ns: int
+    replied_ns: int
     code: int
     command: tuple[float, ...]
     delay_ns: int = -1
@@ -412,7 +412,7 @@ class StreamMemory:
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         words[at] = -1
         words[at + 1], words[at + 2], words[at + 4] = sample.sent_ns, sample.code, sample.delay_ns
-        words[at + 5] = sample.answered_ns
+        words[at + 5] = sample.replied_ns
         command = sample.command[:_MOST_VALUES]
         _VALUES[len(command)].pack_into(self._view, (at + _SAMPLE_VALUES) * WORD, *command)
         words[at + 3] = _GOT.write(self._view, at + _SAMPLE_FIELDS, sample.values.items()) << 8 | len(sample.command)

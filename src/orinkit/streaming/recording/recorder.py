@@ -331,15 +331,11 @@ _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "code": ("integer", N_("return code")),
     **{row.name: (_JSON_TYPES[row.form], row.text) for row in RECEIVED},
     "delay": ("number", N_("time from setting a live target to sending this set-point, the first one towards it, s")),
-    "answered": ("number", N_("time of the reply, s since the first set-point was sent")),
+    "replied": ("number", N_("time of the reply, s since the first set-point was sent")),
 }  # fmt: skip
-_ATTRIBUTES: Final = {"answered": "replied"}  # attributes whose fields in files have another name
 _ROWS: Final = {row.name: row for row in RECEIVED}
 _GETTERS: Final[dict[str, Callable[[Sample], Any]]] = {
-    name: partial(_value_of, _ROWS[name])
-    if name in _ROWS and name not in OWN
-    else attrgetter(_ATTRIBUTES.get(name, name))
-    for name in _SAMPLE
+    name: partial(_value_of, _ROWS[name]) if name in _ROWS and name not in OWN else attrgetter(name) for name in _SAMPLE
 }
 _HEXADECIMAL: Final = tuple(row for row in RECEIVED if row.form is FieldType.BYTES)
 _INFO: Final[dict[str, tuple[str, str]]] = {
