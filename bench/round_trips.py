@@ -36,7 +36,7 @@ SERIAL = slice(5, 7)
 
 
 def tcp_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Reply to all data over TCP with the same reply, with the serial number of the request."""
+    """Reply to all data over TCP with the same reply; only the serial number is copied from the request."""
     on_core(-1)
     head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -50,7 +50,7 @@ def tcp_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 
 def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Reply to all datagrams with the same reply, with the serial number of the request."""
+    """Reply to all datagrams with the same reply; only the serial number is copied from the request."""
     on_core(-1)
     head, tail = REPLY[: SERIAL.start], REPLY[SERIAL.stop :]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
@@ -62,9 +62,10 @@ def udp_peer(pipe: multiprocessing.connection.Connection) -> None:
 
 
 def pty_peer(pipe: multiprocessing.connection.Connection) -> None:
-    """Reply to all data at one end of a pseudo-terminal with the same reply, with the serial number and a computed CRC.
+    """Reply to all data at one end of a pseudo-terminal with the same reply.
 
-    The address that is sent to the pipe contains the path of the other end.
+    Only the serial number is copied from the request, and the CRC is computed. The address that is sent to the pipe
+    contains the path of the other end.
     """
     import tty  # imported here, because Windows does not have it
 

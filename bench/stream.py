@@ -277,7 +277,7 @@ def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "
 
 
 def show_ours(what: str, outcome: Outcome, cycle: float, stalls: Stalls) -> None:
-    """Print one line, with the delay of the streaming process itself: from a reply to the next set-point (mode 2)."""
+    """Print one line; in mode 2, include the delay of the streaming process from a reply to the next set-point."""
     own = Timing(tuple(outcome.own))
     text = f"; reply to next set-point p50 {own.p50 * 1e3:.2f} p99 {own.p99 * 1e3:.2f} max {own.max * 1e3:.2f} ms"
     show(what, outcome, cycle, stalls, text if outcome.own else "")

@@ -34,7 +34,7 @@ _FORWARDED: Final = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUS
 
 @dataclass(frozen=True)
 class Process:
-    """A process; the start time distinguishes it from a later one with the same number."""
+    """A process; the start time distinguishes it from a later process with the same number."""
 
     number: int
     started: str

@@ -154,7 +154,7 @@ class RemoteObject(CaoObject):
         return connection.handle if self.origin is None else self.handle
 
     async def connect_again(self, origin: _Origin) -> None:
-        """Connect to the same object by name, over a new connection.
+        """Connect to the object again by its name, over a new connection.
 
         The caller must hold :attr:`UpstreamConnection.turn`, and the parent must already be connected.
 

@@ -6,7 +6,7 @@ The numbers of a pose:
 type  complete               may be omitted     may follow
 ====  =====================  =================  ==================================================================
 P     x to fig, 7            fig                flags, then the values of the extended joints that they select
-J     J1 to J8, 8            J7 and J8          flags, which select those of J7 and J8 that are extended joints
+J     J1 to J8, 8            J7 and J8          flags, which select the extended joints among J7 and J8
 T     x to fig, 10           fig                as for P
 ====  =====================  =================  ==================================================================
 

@@ -129,7 +129,7 @@ def date(row: TypeRow, value: Any) -> datetime | float:
     return real(row, value)
 
 
-# --- content -> what struct packs, and back ---------------------------------------------------------------------------
+# --- content -> values that struct packs, and back --------------------------------------------------------------------
 
 
 def flag_to_wire(flag: bool) -> int:

@@ -94,7 +94,7 @@ ROWS: Final[dict[int, TypeRow]] = {int(row.code): row for row in TABLE}
 FORMATS: Final[dict[int, str]] = {int(row.code): row.format for row in TABLE if row.format is not None}
 """The :mod:`struct` format of one element, for types with elements of a fixed size."""
 SIZES: Final[dict[int, int]] = {int(row.code): row.size for row in TABLE if row.format is not None}
-"""Size of one element in bytes, for the same types."""
+"""Size of one element in bytes, for types with elements of a fixed size."""
 
 EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
 """The types without data: VT_EMPTY and VT_NULL."""

@@ -103,7 +103,7 @@ class App:
         except asyncio.CancelledError:
             if not exchange.connection.is_closed:
                 raise
-            # otherwise the server is closing and the client has disconnected
+            # If the connection is closed, the server is closing and the client has already disconnected.
         except Exception:
             logger.exception("%s: error while processing a request", exchange.connection.name)
             if not exchange.begun:

@@ -127,7 +127,7 @@ class CartesianLimiter:
         self._last_target_step = NOTHING  # last step of the set-points
         self._target_motion: TargetMotion3D | None = None  # motion of the set-points, while catching up
         self._frame = _FIXED_FRAME
-        self._halting = False  # True if the frame is that of a stop
+        self._halting = False  # True if the frame is the one for a stop
         self._towards = JerkLimitedMotion(3, period)
         self._to_rest = JerkLimitedMotion(3, period, halting=True)
 

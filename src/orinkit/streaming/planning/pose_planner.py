@@ -63,7 +63,7 @@ class PosePlanner:
         kind: Pose type, ``"P"`` or ``"T"``.
 
     Attributes:
-        command: The last command, with as many values as ``pose``. Its figure is that of the last target or set-point.
+        command: The last command, with as many values as ``pose``. It has the figure of the last target or set-point.
         at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:

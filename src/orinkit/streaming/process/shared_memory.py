@@ -261,7 +261,7 @@ class StreamMemory:
             words[_Word.FEED] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
-        """Set the outputs for every set-point that has none of its own."""
+        """Set the outputs for every set-point that does not contain outputs."""
         with self._lock:
             words = self._words
             count = words[_Word.OUTPUTS_BEGUN] + 1

@@ -4,7 +4,7 @@
 header                                   content of the rows
 =======================================  ==================================================================
 ``time_s, J1_command, J2_command, ...``  the commands of a recording; encoders and other columns are ignored
-``X_command, Y_command, ...``            the same for positions or transformations
+``X_command, Y_command, ...``            the commands of a recording of positions or transformations
 ``j1, j2, ...``                          joints, degrees
 ``x, y, z, rx, ry, rz[, fig]``           positions, mm and degrees
 ``x, y, z, ox, ..., az[, fig]``          homogeneous transformations

@@ -301,7 +301,7 @@ def check_path(
         kind: Pose type, ``"P"`` or ``"T"``.
 
     Raises:
-        TrajectoryError: If a limit is violated, as for :func:`check_trajectory`.
+        TrajectoryError: If a limit is violated; see :func:`check_trajectory`.
     """
     check_period(period)
     if kind not in ("P", "T"):

@@ -356,7 +356,7 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
+        """Return the reply; ``None`` if data followed the previous reply. In that case, nothing was sent."""
         connection, stream = self._begin_exchange()
         try:
             reply = await connection.handle_async_request(self._to_send(request))

@@ -143,7 +143,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply, in which case nothing was sent."""
+        """Return the reply; ``None`` if data followed the previous reply. In that case, nothing was sent."""
         connection, stream = self._begin_exchange()
         try:
             reply = connection.handle_request(self._to_send(request))
