@@ -197,8 +197,8 @@ class AxisLimiter:
         if abs(step) > self.max_step:
             most = self._velocity * self._period
             return tr(
-                "{name}: the step of {step:g} to {value:g} exceeds by {excess:.3g} the "
-                "{most:g} that the velocity limit of {velocity:g}/s allows in {period:g} s",
+                "{name}: the step of {step:g} to {value:g} is {excess:.3g} too large: the velocity limit of "
+                "{velocity:g}/s allows {most:g} in {period:g} s",
                 name=self.name,
                 value=value,
                 step=abs(step),
@@ -211,8 +211,8 @@ class AxisLimiter:
             most = self.max_step_change / (1.0 + TOLERANCE)
             rate = most / self._period**2
             return tr(
-                "{name}: at {value:g} the step changes by {change:g}, which exceeds by {excess:.3g} the "
-                "{most:g} that the acceleration limit of {rate:g}/s^2 allows in {period:g} s",
+                "{name}: at {value:g} the step changes by {change:g}, which is {excess:.3g} too much: the "
+                "acceleration limit of {rate:g}/s^2 allows {most:g} in {period:g} s",
                 name=self.name,
                 value=value,
                 change=change,
@@ -230,8 +230,8 @@ class AxisLimiter:
         end, room = (self.upper, self.upper - now) if step > 0.0 else (self.lower, now - self.lower)
         rate, most = abs(step) / self._period, self._fastest(room) / self._period
         return tr(
-            "{name}: from {rate:g}/s at {value:g} the axis cannot brake before the end of its "
-            "range, {end:g}; the velocity exceeds by {excess:.3g}/s the {most:g}/s that are possible here",
+            "{name}: from {rate:g}/s at {value:g} the axis cannot brake before the end of its range, {end:g}: the "
+            "velocity is {excess:.3g}/s too high, at most {most:g}/s are possible here",
             name=self.name,
             value=value,
             rate=rate,

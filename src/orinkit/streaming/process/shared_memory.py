@@ -56,7 +56,7 @@ class StreamCommand(IntEnum):
     LEAVE = 3
     """Stop the arm and leave slave mode."""
     GOODBYE = 4
-    """Like LEAVE; the program also closes the connection afterwards."""
+    """Like LEAVE; afterwards, the streaming process also notifies the controller that the connection ends."""
 
 
 class _Word(IntEnum):

@@ -330,7 +330,8 @@ _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "command": ("array", N_("set-point: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
     "code": ("integer", N_("return code")),
     **{row.name: (_JSON_TYPES[row.form], row.text) for row in RECEIVED},
-    "delay": ("number", N_("time from setting a live target to sending this set-point, the first one towards it, s")),
+    "delay": ("number", N_("time from setting a live target to sending this set-point, s; only for the first set-point towards the "
+        "target")),
     "replied": ("number", N_("time of the reply, s since the first set-point was sent")),
 }  # fmt: skip
 _ROWS: Final = {row.name: row for row in RECEIVED}

@@ -177,8 +177,8 @@ def _figure_of(column: Sequence[float]) -> float:
             raise TrajectoryError(
                 tr(
                     "sample {sample} (counted from 0): the figure changes from {before:g} to {after:g} at an "
-                    "unknown point between samples. Try: joints, or the figure -1, with which the controller "
-                    "chooses it",
+                    "unknown point between samples. Try: use joints, or the figure -1; the controller then "
+                    "chooses the figure",
                     sample=sample,
                     before=column[0],
                     after=figure,
