@@ -666,7 +666,7 @@ def test_a_bus_that_breaks(lines: Lines, error: Exception) -> None:
         with pytest.raises(ConnectionLost, match="a bad bus: "):  # at once, although a frame arrived before
             lines.do(call, *arguments)
     assert bus.calls == calls
-    with pytest.raises(InvalidValue, match="opened elsewhere"):
+    with pytest.raises(InvalidValue, match="not opened by its address"):
         lines.do(line.reopen)
 
 

@@ -180,7 +180,7 @@ def with_sample(number: int, **changed: object) -> StreamResult:
     ("result", "words"),
     [
         (streamed(underflows=1), "1 underflows"),
-        (streamed(missed=2), "2 samples overwritten unread"),
+        (streamed(missed=2), "2 samples overwritten before they were read"),
         (streamed(sent=303), "303 of 304"),
         (with_sample(7, command=(0.0,) * 6), "differ from those given"),
         (with_sample(7, code=hresult.E_BUF_FULL), "set-point 7"),

@@ -202,5 +202,5 @@ def test_an_abh3_by_its_option(run, refused):
         there = ("--provider", "CaoProv.Waco.ABH3", "--option", f"Bus={BUS}, Address=7")
         assert run("get", server.url, "MAIN_VOLTAGE", *there) == (0, "24\n", "")
         line = refused("get", server.url, "SPEED", *there)
-        assert "'SPEED'; there are: " in line
+        assert "'SPEED'; available: " in line
         refused("get", server.url, "MAIN_VOLTAGE", "--provider", "CaoProv.Waco.ABH3")

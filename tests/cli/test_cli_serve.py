@@ -181,9 +181,9 @@ def test_is_loopback(host, expected):
     [
         (["--tcp", "ftp://127.0.0.1:0"], "unknown transport 'ftp'"),
         (["--tcp", "127.0.0.1:99999"], "is not 0 to 65535"),
-        (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: this address belongs to udp"),
-        (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: this address belongs to pty"),
-        (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: this address belongs to tcp"),
+        (["--tcp", "udp://127.0.0.1:0"], "--tcp udp://127.0.0.1:0: this is an address for udp"),
+        (["--udp", "127.0.0.1:0", "--udp", "pty://"], "--udp pty://: this is an address for pty"),
+        (["--serial", "tcp://127.0.0.1:0"], "--serial tcp://127.0.0.1:0: this is an address for tcp"),
         (["--serial", "/dev/ttyS0?speed=9600"], "unknown setting 'speed'"),
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
         (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only loopback addresses are allowed"),

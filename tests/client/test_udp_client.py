@@ -37,7 +37,7 @@ def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) ->
             time.sleep(0.1)  # the client also assumes that it was forgotten
         with pytest.raises(InvalidHandle) as caught:
             both.run(client.call(f.controller_get_name, 2 if silent else 99))
-        assert ("forgets a client on UDP" in str(caught.value)) is silent
+        assert ("over UDP, a controller releases a client" in str(caught.value)) is silent
         both.run(client.close())
 
 

@@ -308,9 +308,7 @@ def test_a_fatal_protocol_error_is_still_fatal_after_pickle():
     assert (type(again), again.code, again.fatal) == (LimitExceeded, hresult.E_PACKETSIZEOVER, True)
 
 
-@pytest.mark.parametrize(
-    ("language", "text"), [("en", "check that the controller is on"), ("ja", "コントローラの電源")]
-)
+@pytest.mark.parametrize(("language", "text"), [("en", "that the controller is on"), ("ja", "コントローラの電源")])
 def test_no_reply_to_the_first_call(language: str, text: str) -> None:
     """On a transport that may lose packets, the remedy is to check the connection, not to wait longer."""
     i18n.use(language)

@@ -435,12 +435,12 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
         ),
         (
             (-4.0, 45.0, 90.0, 0.0, 45.0, 0.0),
-            "J1: the step of 4 to -4 exceeds by 0.6 the 3.4 that the velocity limit of 425/s allows in 0.008 s",
+            "J1: the step of 4 to -4 is 0.6 too large: the velocity limit of 425/s allows 3.4 in 0.008 s",
             "J1: -4 は直前の指令値から 4 離れています。速度 425/s で 0.008 秒に許される 3.4 を 0.6 超えています",
         ),
         (
             (0.0, 45.0, 90.0, 0.0, 45.0, 0.5),
-            "J6: at 0.5 the step changes by 0.5, which exceeds by 0.282 the 0.2176 that the acceleration limit of 3400/s^2 allows in 0.008 s",
+            "J6: at 0.5 the step changes by 0.5, which is 0.282 too much: the acceleration limit of 3400/s^2 allows 0.2176 in 0.008 s",
             "J6: 0.5 では指令値の増分が 0.5 変化します。加速度 3400/s^2 で 0.008 秒に許される 0.2176 を 0.282 超えています",
         ),
     ],

@@ -207,7 +207,7 @@ def test_in_japanese() -> None:
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("/dev/ttyUSB0", "requires the prefix serial://"), ("serial://dev/ttyUSB0", "begins with a slash")],
+    [("/dev/ttyUSB0", "requires the prefix serial://"), ("serial://dev/ttyUSB0", "must begin with a slash")],
 )
 def test_slips_with_ports(text: str, said: str) -> None:
     with pytest.raises(InvalidAddress, match=said) as caught:

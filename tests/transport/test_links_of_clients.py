@@ -185,7 +185,7 @@ def test_nobody_listens(both: Both) -> None:
 def test_nobody_answers(both: Both) -> None:
     with (
         datagrams(lambda request, count: None) as (url, _),
-        pytest.raises(CallTimeout, match="check that the controller is on") as caught,
+        pytest.raises(CallTimeout, match="that the controller is on") as caught,
     ):
         both.connect(url, timeout=0.02, tries=3)
     assert (caught.value.function, caught.value.seconds) == ("Service_Start", pytest.approx(0.06))

@@ -263,7 +263,7 @@ def test_invalid_pass_marks(mode, radius):
     "joints", [(), ((6, 1.0),), ((7, 1.0), (7, 2.0)), ((7, math.nan),), ((7, 1.0), (8, 2.0), (9, 3.0))]
 )
 def test_invalid_extra_joints(joints):
-    with pytest.raises(InvalidValue, match=r"extra joints must be|Extra: J7 must be"):
+    with pytest.raises(InvalidValue, match=r"extended joints must be|Extra: J7 must be"):
         Extra(absolute=True, joints=joints)
 
 
@@ -391,12 +391,12 @@ POSE = "a pose like P1, P(x, y, z, rx, ry, rz, fig) or J(j1, ..., j6)"
         ("J(0x10)", "column 4: expected \",\" or \")\", found 'x10)'"),
         ("P1 E", "column 4: expected the end of the text, found 'E'"),
         ("P1 EX", 'column 6: expected "(", the text ends here'),
-        ("P1 EX()", "column 7: expected the number of an extra joint, 7 or 8, found ')'"),
-        ("P1 EX((6,1))", "column 8: expected the number of an extra joint, 7 or 8, found '6,1))'"),
+        ("P1 EX()", "column 7: expected the number of an extended joint, 7 or 8, found ')'"),
+        ("P1 EX((6,1))", "column 8: expected the number of an extended joint, 7 or 8, found '6,1))'"),
         ("P1 EX((7))", "column 9: expected \",\", found '))'"),
         ("P1 EX((7,x))", "column 10: expected a number (J7), found 'x))'"),
         ("P1 EX((7,1),8,2)", "column 13: expected \"(\", found '8,2)'"),
-        ("P1 EX((7,1),(7,2))", "column 14: expected the number of the other extra joint, found '7,2))'"),
+        ("P1 EX((7,1),(7,2))", "column 14: expected the number of the other extended joint, found '7,2))'"),
         ("P1 EX((7,1)", 'column 12: expected ")", the text ends here'),
         ("P1 EX(7,1,8,2)", "column 10: expected \")\", found ',8,2)'"),
         ("P1 EX(7,1) EX(8,1)", "column 12: expected the end of the text, found 'EX(8,1)'"),

@@ -315,7 +315,7 @@ class Bus:
         """
         if self.address is None:
             raise InvalidValue(
-                tr("a bus that was opened elsewhere cannot be reopened here. Try: pass its address (can://...)")
+                tr("a bus that was not opened by its address cannot be reopened. Try: pass its address (can://...)")
             )
         return self.address
 

@@ -157,8 +157,8 @@ def _remedy(address: CanAddress, number: int | None) -> str:
         )
     if address.interface == "socketcan" and number in _ABSENT:
         return tr(
-            "check that the adapter is plugged in, its name (`ip link` lists them), and that it is up (sudo ip link set "
-            "{channel} up type can bitrate {bitrate})",
+            "check that the adapter is plugged in, that its name is right (`ip link` lists the names), and that "
+            "it is up (sudo ip link set {channel} up type can bitrate {bitrate})",
             channel=address.channel or "can0",
             bitrate=address.bitrate or 500000,
         )

@@ -72,9 +72,9 @@ class CallTimer:
         if self._level > AT_ONCE:
             raise ProtocolError(
                 tr(
-                    "{function}: the peer floods the connection without a reply: more than {per_second:,} "
-                    "packets per second. The connection was closed. Try: check that the peer is a controller and "
-                    "that nothing else sends to this port",
+                    "{function}: the peer sends more than {per_second:,} packets per second, but not the reply. "
+                    "The connection was closed. Try: check that the peer is a controller and that nothing else "
+                    "sends to this port",
                     function=self._function,
                     per_second=PER_SECOND,
                 ),

@@ -130,8 +130,8 @@ class RemoteObject(CaoObject):
         return error_for(
             hresult.E_HANDLE,
             tr(
-                "gateway to {url}: the connection was lost, and with it the state of this {kind}. Try: get the object "
-                "again",
+                "gateway to {url}: the connection was lost, so the state of this {kind} no longer exists. Try: "
+                "get the object again",
                 url=url,
                 kind=kind,
             ),
@@ -323,8 +323,8 @@ def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
     if wrong or len(set(names)) < given:
         raise ValueError(
             tr(
-                "each of several controllers needs a unique name, other than localhost and the hosts of their "
-                "addresses: {names}",
+                "with several controllers, each one needs a unique name, which must not be localhost or the host "
+                "of one of their addresses: {names}",
                 names=", ".join(map(repr, names)),
             )
         )

@@ -469,8 +469,8 @@ def _never_sent(url: str, error: OrinError) -> str:
 
 def _forgotten(url: str) -> str:
     return tr(
-        "gateway to {url}: the controller has forgotten this client, as after a restart. The "
-        "call was not executed; the next call reconnects",
+        "gateway to {url}: the controller has released this client, for example because of a restart. The call "
+        "was not executed; the next call reconnects",
         url=url,
     )
 

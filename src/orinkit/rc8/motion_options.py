@@ -193,7 +193,8 @@ def _number(part: str, value: str) -> float:
     if _NUMBER.fullmatch(value) is None:
         raise _invalid(
             tr(
-                "{part}: expected a number after the equals sign (for an amount, also a variable such as F2)",
+                "{part}: expected a number after the equals sign; options for speed, acceleration, deceleration "
+                "and time also accept a variable such as F2",
                 part=quoted(part),
             ),
         )

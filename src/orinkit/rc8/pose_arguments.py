@@ -156,7 +156,7 @@ def _numbers(given: Variant) -> tuple[float, ...]:
         raise _invalid(tr("more than {most} numbers", most=_MOST_NUMBERS))
     for element in elements:
         if element.type not in NUMERIC:
-            raise _mismatch(element, tr("a number of a pose"))
+            raise _mismatch(element, tr("a number in a pose"))
     return tuple(float(element.value) for element in elements)
 
 

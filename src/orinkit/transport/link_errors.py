@@ -21,7 +21,7 @@ def connect_failed(address: object, error: BaseException) -> ConnectFailed:
     reason = str(error) or type(error).__name__
     return ConnectFailed(
         tr(
-            "cannot connect to {address}: {reason}. Try: check that the controller is on, the address and the port",
+            "cannot connect to {address}: {reason}. Try: check the address and the port, and that the controller is on",
             address=address,
             reason=reason,
         )

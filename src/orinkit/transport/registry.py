@@ -160,8 +160,8 @@ _BUILT_IN: Final = (
         listener="orinkit.server.tcp:TcpListener.open",
         option=ServeOption(
             N_(
-                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be repeated. Port 0 takes a "
-                "free port. No default if another address is given."
+                "HOST:PORT to listen on, or PORT alone for 127.0.0.1; may be repeated. Port 0 selects a free "
+                "port. The default is not used if another address is given."
             ),
             ports=True,
         ),

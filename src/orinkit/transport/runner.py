@@ -123,8 +123,8 @@ class AsyncDetachedLink(_Handed[AsyncLink]):
 def _handed_over() -> StreamError:
     return StreamError(
         tr(
-            "the connection is in slave mode: it carries only set-points until the block "
-            "ends. Try: the feedback of the stream, or another connection"
+            "the connection is in slave mode: it carries only set-points until the with block ends. Try: use the "
+            "feedback of the stream, or another connection"
         )
     )
 

@@ -34,7 +34,7 @@ class PassMarkText(NamedTuple):
 
 
 class ExtraJointsText(NamedTuple):
-    """Parsed extra joints such as ``EXA((7, 10))``."""
+    """Parsed extended joints such as ``EXA((7, 10))``."""
 
     absolute: bool
     joints: tuple[tuple[int, float], ...]
@@ -214,9 +214,9 @@ def _read_extra(scanner: Scanner) -> ExtraJointsText | None:
 
 def _read_joint(scanner: Scanner, joints: dict[int, float]) -> None:
     start = scanner.here()
-    joint = scanner.whole(*EXTRA_JOINTS, N_("the number of an extra joint, 7 or 8"))
+    joint = scanner.whole(*EXTRA_JOINTS, N_("the number of an extended joint, 7 or 8"))
     if joint in joints:
-        raise scanner.expected(tr("the number of the other extra joint"), start)
+        raise scanner.expected(tr("the number of the other extended joint"), start)
     scanner.need(",")
     joints[joint] = scanner.number(N_("a number (J{joint})"), joint=joint)
     scanner.need(")")

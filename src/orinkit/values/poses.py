@@ -307,7 +307,7 @@ PASSING: Final = PassMark("P")
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """Motion of extra joints during a motion of the arm.
+    """Motion of extended joints during a motion of the arm.
 
     Attributes:
         absolute: True for EXA (move to the values); False for EX (move by the values).
@@ -324,7 +324,7 @@ class Extra:
     def __post_init__(self) -> None:
         numbers = [number for number, _ in self.joints]
         if not numbers or len(set(numbers)) < len(numbers) or not set(numbers) <= set(checks.EXTRA_JOINTS):
-            raise InvalidValue(tr("the extra joints must be 7, 8 or both, not {numbers}", numbers=brief(numbers)))
+            raise InvalidValue(tr("the extended joints must be 7, 8 or both, not {numbers}", numbers=brief(numbers)))
         joints = tuple((int(number), check_finite(f"J{number}", value, "Extra")) for number, value in self.joints)
         object.__setattr__(self, "joints", joints)
 
@@ -342,7 +342,7 @@ class Target:
         value: The numbers (6 or 7 of a P, 9 or 10 of a T, 1 to 8 of a J, 3 of a V, up to 10 of ``""``), or the index of
             a global variable of the pose type.
         mark: Pass mark; ``None`` if it is unspecified.
-        extra: Extra joints; ``None`` if there are none.
+        extra: Extended joints; ``None`` if there are none.
 
     Raises:
         InvalidValue: If the pose type is unknown, the number of values is wrong, or a value is not a finite number.

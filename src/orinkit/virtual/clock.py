@@ -170,7 +170,7 @@ class ManualClock(Clock):
         """
         if not 0 <= seconds < float("inf"):
             raise ValueError(
-                tr("a clock must advance by a finite number of seconds from 0, not by {seconds} s", seconds=seconds)
+                tr("a clock must advance by a finite number of seconds, 0 or more, not by {seconds} s", seconds=seconds)
             )
         self._seconds += seconds
         for advance in list(self._driven):

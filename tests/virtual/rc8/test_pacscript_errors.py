@@ -32,7 +32,7 @@ WRONG = [
     (["Dim a As Integer", "Dim A As Single"], 3, 5, "A is declared twice"),
     (["Dim a As Real"], 2, 10, "unknown type Real"),
     (["Dim P1 As Position"], 2, 5, "P1 cannot be declared: it is the name of a global variable"),
-    (["Dim Speed As Single"], 2, 5, "Speed cannot be declared: it is a word of PacScript"),
+    (["Dim Speed As Single"], 2, 5, "Speed cannot be declared: it is a reserved word of PacScript"),
     (["Dim a(1, 1, 1, 1)"], 2, 5, "a: an array may have at most 3 dimensions"),
     (["Dim a(-1)"], 2, 7, "the highest index of an array must be 0 to 99999"),
     (["Dim a(99999), b(0)"], 2, 15, "b: the arrays of a Sub may have at most 100000 elements in total"),

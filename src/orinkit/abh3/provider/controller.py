@@ -102,7 +102,7 @@ class ABH3Controller(ControllerObject):
         item = self._items.get(name.strip().upper())
         if item is None:
             names = ", ".join(self._items)
-            raise not_found(tr("{name}; there are: {names}", name=quoted(name, 80), names=names))
+            raise not_found(tr("{name}; available: {names}", name=quoted(name, 80), names=names))
         return ABH3Variable(self, item)
 
     def get_variable_names(self, option: str) -> list[str]:  # noqa: ARG002
@@ -119,7 +119,7 @@ class ABH3Controller(ControllerObject):
             names = ", ".join(COMMANDS)
             raise error_for(
                 hresult.E_INVALID_CMD_NAME,
-                tr("{name}; there are: {names}", name=quoted(command, 80), names=names),
+                tr("{name}; available: {names}", name=quoted(command, 80), names=names),
             )
         values = coerce.to_values(parameter)
         readers, minimum, run = COMMANDS[name]

@@ -200,7 +200,11 @@ class OutgoingTransfer:
             self._last = 0
             return TransferStep((), self._seconds)
         if not 1 <= first <= self._total:
-            text = tr("the peer requested packet {first} of {total}", first=first, total=self._total)
+            text = tr(
+                "the peer requested packet {first}, which does not exist; the message has {total} packets",
+                first=first,
+                total=self._total,
+            )
             return self._addresses.abort_step(SEQUENCE, ProtocolError(text))
         self._next = first
         self._last = min(first + count - 1, self._total)

@@ -104,7 +104,7 @@ INPUTS_V1: Final = (
     Bit(25, "bx_torque", N_("B/X torque (0: speed)"), TerminalLogic.AND),
     Bit(26, "slave", N_("slave (0: master)"), TerminalLogic.AND),
     Bit(28, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
-    Bit(31, "error_reset", N_("errors reset (0 to 1), servo off while 1"), TerminalLogic.OR),
+    Bit(31, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalLogic.OR),
 )  # fmt: skip
 CONTROL_V1: Final = (
     *INPUTS_V1,
@@ -120,7 +120,7 @@ INPUTS_V2: Final = (
     Bit(19, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
     Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),
     Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalLogic.OR),
-    Bit(22, "error_reset", N_("errors reset (0 to 1), servo off while 1"), TerminalLogic.OR),
+    Bit(22, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalLogic.OR),
 )  # fmt: skip
 CONTROL_V2: Final = (
     *INPUTS_V2,

@@ -371,7 +371,10 @@ def _finite_frames(flanges: ArrayLike) -> Array:
     if not np.isfinite(frames).all() or (rotations.size and np.abs(rotations).max() > 1.0 + _ROTATION_NOISE):
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("a flange is not a valid frame of finite numbers"),
+            tr(
+                "the frame of a flange must contain only finite numbers, and the elements of its rotation must be "
+                "-1 to 1"
+            ),
         )
     return frames
 

@@ -59,7 +59,7 @@ class ListenTransport(NamedTuple):
         if found != scheme:
             raise unusable(
                 tr(
-                    "--{option} {address}: this address belongs to {scheme}",
+                    "--{option} {address}: this is an address for {scheme}",
                     option=self.scheme,
                     address=place,
                     scheme=found,

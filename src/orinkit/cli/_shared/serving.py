@@ -70,8 +70,8 @@ class ServerOptions:
         float,
         Parameter(
             help=tr(
-                "Seconds without a sign of life after which a client over UDP, a serial line or HTTP "
-                "without a persistent connection is disconnected while its arm moves."
+                "Seconds without signs of life after which a client is disconnected while its arm moves; applies "
+                "to UDP, serial lines, and HTTP without a persistent connection."
             )
         ),
     ] = ALIVE

@@ -154,7 +154,12 @@ class FrameOptions:
 
     dialect: Annotated[
         str,
-        Parameter(help=tr("v1 (as in the document) or v2 (of 2023); must match the drivers, frames do not show it.")),
+        Parameter(
+            help=tr(
+                "v1 (as in the manufacturer's document) or v2 (2023 and later). The dialect must be that of the "
+                "drivers; it cannot be recognized from frames."
+            )
+        ),
     ] = "v1"
     host: Annotated[
         tuple[int, ...],

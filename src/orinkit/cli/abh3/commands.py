@@ -142,7 +142,7 @@ def decode(
 def dbc(
     *,
     dialect: Annotated[
-        str, Parameter(group=FRAMES, help=tr("v1 (as in the document) or v2 (of 2023)."))
+        str, Parameter(group=FRAMES, help=tr("v1 (as in the manufacturer's document) or v2 (2023 and later)."))
     ] = "v1",
     address: Annotated[
         tuple[int, ...],

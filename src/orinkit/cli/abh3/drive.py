@@ -206,7 +206,7 @@ def drive(
         float, Parameter(help=tr("Time in s between commands, and between output lines."))
     ] = 0.1,
     no_reset: Annotated[
-        bool, Parameter(help=tr("Do not reset errors of the driver; fails if it has any."))
+        bool, Parameter(help=tr("Do not reset errors of the driver; the command fails if the driver has errors."))
     ] = False,
     keep_servo: Annotated[
         bool, Parameter(help=tr(

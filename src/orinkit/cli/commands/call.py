@@ -45,7 +45,9 @@ class ObjectOptions:
     command: Annotated[str | None, Parameter(help=tr("Name of a command."))] = None
     handle: Annotated[
         int | None,
-        Parameter(converter=whole_number, help=tr("Handle to send instead, without any check.")),
+        Parameter(
+            converter=whole_number, help=tr("Handle to send instead of the handle of the object; it is not checked.")
+        ),
     ] = None
 
 

@@ -56,8 +56,8 @@ def move(
     alive: Annotated[
         float,
         Parameter(help=tr(
-"Seconds without a sign of life of this command after which the server stops the arm; 0 "
-"omits the option Alive of Service_Start, which controllers of other makers may refuse.")),
+"Seconds without signs of life of this command after which the server stops the arm. With 0 the option Alive of "
+"Service_Start is omitted, because controllers of other manufacturers may refuse this option.")),
     ] = 1.0,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,

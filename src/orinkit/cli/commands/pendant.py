@@ -160,7 +160,7 @@ def pendant(
         str,
         Parameter(help=tr("Arguments of the action, as above; DISTANCE in deg, WIDTH in mm.")),
     ],
-    wait: Annotated[bool, Parameter(help=tr("Wait until jog or motor has ended."))] = False,
+    wait: Annotated[bool, Parameter(help=tr("Wait until the action jog or motor has ended."))] = False,
     json: Annotated[
         bool,
         Parameter(help=tr("Print the whole status as one JSON document.")),

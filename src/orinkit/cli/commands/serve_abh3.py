@@ -84,7 +84,7 @@ def serve_abh3(
     ] = 5,
     dialect: Annotated[
         str,
-        Parameter(group=_DRIVER, help=tr("v1 (as in the document) or v2 (of 2023).")),
+        Parameter(group=_DRIVER, help=tr("v1 (as in the manufacturer's document) or v2 (2023 and later).")),
     ] = "v1",
     load_unit: Annotated[
         float,
@@ -109,7 +109,8 @@ def serve_abh3(
         Parameter(
             group=_DRIVER,
             converter=whole_number,
-            help=tr("Also send the feedback periodically, every 1 to 1000 ms; by default only on request."),
+            help=tr("Send the feedback also periodically, with this period in ms (1 to 1000); by default only on "
+                "request."),
         ),
     ] = None,
     command_timeout: Annotated[

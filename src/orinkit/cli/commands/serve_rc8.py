@@ -39,7 +39,8 @@ def serve_rc8(
         str | None,
         Parameter(
             group=_CONTROLLER,
-            help=tr("Directory to save the variables in; without it they are lost at the end."),
+            help=tr("Directory in which to save the variables; without this option they are lost when the server "
+                "ends."),
         ),
     ] = None,
     permission: Annotated[
@@ -106,7 +107,7 @@ def serve_rc8(
         bool,
         Parameter(
             group=ROBOT,
-            help=tr("Refuse slave mode, as a controller without its licence does."),
+            help=tr("Refuse slave mode, as a controller without the licence for slave mode does."),
         ),
     ] = False,
     slave_limit: Annotated[
@@ -124,8 +125,8 @@ def serve_rc8(
         Parameter(
             group=ROBOT,
             help=tr(
-"Treat late set-points in slave mode as a real controller does, instead of waiting for "
-"them (250 ms): as an error at once, in mode 1 as a stop in place."),
+"Do not wait for a late set-point in slave mode (by default up to 250 ms): as on a real controller, it is an "
+"error immediately, or in mode 1 the arm stops in place."),
         ),
     ] = False,
     time_scale: Annotated[
@@ -166,8 +167,8 @@ def serve_rc8(
         Parameter(
             group=LISTENING,
             help=tr(
-"File with the secret of --control. If it does not exist, it is created with a new "
-"secret and removed at the end. By default a file that orinkit pendant finds."),
+"File with the secret of --control. If the file does not exist, it is created with a new secret, and removed when "
+"the server ends. By default a file that orinkit pendant finds automatically."),
         ),
     ] = None,
     listening: ServerOptions = _LISTENING,

@@ -33,8 +33,7 @@ def serve_ve026a(
         Parameter(
             group=ROBOT,
             help=tr(
-"Treat a late set-point as an error at once, as a real VE026A does, instead of waiting "
-"for it (250 ms)."),
+"Do not wait for a late set-point (by default up to 250 ms): it is an error immediately, as on a real VE026A."),
         ),
     ] = False,
     time_scale: Annotated[

@@ -57,8 +57,8 @@ def stream(
         Parameter(
             converter=whole_number,
             help=tr(
-"Slave mode: in 0 and 2 (the default) the controller queues set-points, in 1 it takes the "
-"newest one; a VE026A supports 0 and 1."),
+"Slave mode: in modes 0 and 2 the controller queues set-points, in mode 1 it uses the newest one. The default is "
+"2. A VE026A supports 0 and 1; its default is 1."),
         ),
     ] = None,
     pose: Annotated[
@@ -80,11 +80,12 @@ def stream(
     ] = 100.0,
     model: Annotated[
         str | None,
-        Parameter(help=tr("Model of the arm whose limits apply, or a TOML file; by default the controller reports it.")),
+        Parameter(help=tr("Model of the arm whose limits apply, or a TOML file; by default the model that the controller "
+            "reports.")),
     ] = None,
     move: Annotated[
         bool,
-        Parameter(help=tr("First move to the first set-point, point to point; with a VE026A in slave mode.")),
+        Parameter(help=tr("First move to the first set-point: by a PTP motion, or in slave mode if the robot is a VE026A.")),
     ] = False,
     no_motor: Annotated[
         bool, Parameter(help=tr("Do not switch the motor on; it must be on already."))

@@ -43,7 +43,8 @@ def demo(
     json: Json = False,
     picture: Annotated[
         str | None,
-        Parameter(help=tr("File for a picture of the motion (.png, .svg, .pdf); that of slave mode is put beside it.")),
+        Parameter(help=tr("File for a picture of the motion (.png, .svg, .pdf). A picture of the motion in slave mode is saved "
+            "in the same directory.")),
     ] = None,
 ) -> None:  # fmt: skip
     """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the document against them.

@@ -103,7 +103,8 @@ def deviation_from_document(result: StreamResult, points: Sequence[tuple[float, 
     """Return the difference from the document (RC8 4.3.1, table 4-3); ``""`` if there is none."""
     if result.underflows or result.missed or result.sent != len(points):
         return tr(
-            "{sent} of {count} set-points sent, {underflows} underflows, {missed} samples overwritten unread",
+            "{sent} of {count} set-points sent, {underflows} underflows, {missed} samples overwritten before they "
+            "were read",
             sent=result.sent,
             count=len(points),
             underflows=result.underflows,

@@ -223,8 +223,8 @@ def expired_handle_hint(profile: TransportProfile) -> str:
     """Return the hint for an expired handle after a long idle period."""
     name, seconds = profile.name.upper(), profile.memory
     return tr(
-        "a controller forgets a client on {name}, with all its objects, after {seconds:g} s without a call. Connect "
-        "again; then make calls regularly, or use TCP",
+        "over {name}, a controller releases a client and all its objects after {seconds:g} s without a call. "
+        "Connect again; then make calls regularly, or use TCP",
         name=name,
         seconds=seconds,
     )

@@ -158,7 +158,8 @@ def split_by_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[fl
         if joint:
             raise StreamError(
                 tr(
-                    "limits cover {count} axes, but axis {axis} is at {joint:g}. Try: limits for this axis, too",
+                    "limits are given for {count} axes only, but axis {axis} is not at 0 (it is at {joint:g}). "
+                    "Try: pass limits for this axis, too",
                     count=count,
                     axis=axis,
                     joint=joint,

@@ -65,15 +65,16 @@ class Client(Closing):
 
     Args:
         link: Link to the controller.
-        timeout: Time-out in s, see below; the default depends on the profile.
-        tries: See below.
+        timeout: Initial value of the attribute ``timeout``; the default depends on the profile.
+        tries: Initial value of the attribute ``tries``.
         limits: Limits on received data; those of the profile apply, too.
-        trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
+        trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
+            the bytes.
         profile: Transport profile of the link.
 
     Attributes:
         timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
-            restarts it.
+            restarts the time-out.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         profile: Transport profile of the link.
         deadline: Maximum duration of a call in s, regardless of S_EXECUTING; ``None`` (the default) for no limit.
@@ -93,23 +94,24 @@ class Client(Closing):
         self._tries = check_tries(tries)
         self._link: Link = link
         self._conversation = conversation(profile, limits, trace)
-        if profile.shared:  # avoids a match with late replies to the previous client
+        if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
         self._finished = False
         self._deadline: float | None = None
-        self._end: Deadline | None = None  # of connecting or closing
+        self._end: Deadline | None = None  # end of connecting or closing
         self.handles = HandleTable()
         keep_from_children(self)
         self._pulse: KeepAlive | None = None
         self._idle = Deadline(0.0)  # passes if the program makes no call for half an interval
         self._sign_interval = _SIGN_INTERVAL
-        self._second: Client | None = None  # sends signs of life during calls, if the link itself cannot
+        self._second: Client | None = None  # sends signs of life during calls if this link cannot
         self._controller = 0
-        self._sends_signs = bool(profile.memory or profile.shared)  # the transport does not show the end of a client
+        # on these transports, the server cannot detect the end of a client without signs of life
+        self._sends_signs = bool(profile.memory or profile.shared)
         self._memory = (
             Deadline(profile.memory) if profile.memory else None
-        )  # passes when the controller may have forgotten this client
+        )  # passes when the controller may have ended the session of this client
 
     @property
     def timeout(self) -> float:
@@ -131,7 +133,10 @@ class Client(Closing):
 
     @property
     def tries(self) -> int:
-        """The maximum number of times that a request is sent on UDP and serial lines (RC8 table 5-1: TORetry). May be set."""
+        """The maximum number of times that a request is sent on UDP and serial lines (RC8 table 5-1: TORetry).
+
+        May be set.
+        """
         return self._tries
 
     @tries.setter
@@ -171,26 +176,28 @@ class Client(Closing):
         dead_after: float = DEAD_AFTER,
         deadline: float | None = None,
     ) -> Self:
-        """Open a connection without calling any function; Service_Start is left to the caller.
+        """Open a connection without calling any function; the caller must call Service_Start.
 
         Args:
-            url: ``tcp://host:port``, ``udp://host:port`` or ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``;
-                also ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0``. ``http://host:port/path`` and
-                ``https://...`` for e-CAP.
-            timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a call
-                may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise; long packets on a slow
-                serial line need more. With an e-CAP server that cannot report that a call is still executing (any other
-                than orinkit's), calls have 180 s.
+            url: For b-CAP, ``tcp://host:port``, ``udp://host:port`` or
+                ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``. The notation of DENSO is
+                accepted, too: ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0``. For e-CAP,
+                ``http://host:port/path`` or ``https://...``.
+            timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a
+                call may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise; long packets
+                on a slow serial line need more. Only the e-CAP server of orinkit can report that a call is still
+                executing; for other e-CAP servers, the time-out of a call is at least 180 s.
             tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
                 (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
             limits: Limits on received data; a packet has at most 504 bytes on UDP, 65,536 bytes on a serial line.
-            trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
+            trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received),
+                and the bytes.
             token: Access token for HTTP, sent as ``Authorization: Bearer``.
-            cafile: PEM file of CA certificates for verifying an https server, instead of the system's.
+            cafile: PEM file of CA certificates for verifying an https server, instead of those of the system.
             dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
                 considered lost (cable pulled, power off): 2 to 7,200.
-            deadline: Maximum duration of opening in s, if less than the time-out; for calls, see
-                :attr:`Client.deadline`.
+            deadline: Maximum duration of opening the connection in s; it has an effect if it is less than the time-out.
+                The deadline of calls is :attr:`Client.deadline`.
 
         Raises:
             InvalidAddress: If the URL is invalid.
@@ -237,7 +244,7 @@ class Client(Closing):
             arguments: Arguments of the function.
             timeout: Time-out in s, instead of :attr:`timeout`; on UDP and serial lines, of each attempt.
             deadline: Maximum duration of the call in s, instead of :attr:`deadline`.
-            exact: Return the result as a :class:`~orinkit.values.variant.Variant` with its type.
+            exact: True to return the result as a :class:`~orinkit.values.variant.Variant` with its type.
         """
         seconds = self.timeout if timeout is None else check_timeout(timeout)
         limit = check_deadline(deadline)
@@ -272,8 +279,8 @@ class Client(Closing):
     def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
 
-        Call this once, after Controller_Connect. On UDP and serial lines, repeated requests are the signs of life during a
-        call, so :attr:`timeout` is limited to a quarter of the interval.
+        Call this once, after Controller_Connect. On UDP and serial lines, repeated requests are the signs of life
+        during a call, so :attr:`timeout` is limited to a quarter of the interval.
 
         Args:
             seconds: Interval in s that was passed to the server (``Alive=<ms>``).
@@ -304,7 +311,7 @@ class Client(Closing):
             send_during_call(self._link, sign_of_life(self._controller))
 
     def _execute_with_signs(self, call: CallRequest) -> tuple[int, Any]:
-        """Execute a call; with the first one that may start a motion, start sending signs of life (:meth:`_keep_alive`)."""
+        """Execute a call. Before the first one that may start a motion, start to send signs of life."""
         if call.function.id in MOVING and self._pulse is None and not self._finished:
             self._pulse = KeepAlive(self._keep_alive, _SIGN_INTERVAL)
         try:
@@ -329,7 +336,7 @@ class Client(Closing):
         self._execute_remembered(CallRequest(controller_get_name, (self._controller,), self._timeout))
 
     def _execute_remembered(self, call: CallRequest) -> tuple[int, Any]:
-        """Execute a call; explain E_HANDLE if the controller may have forgotten this client after a long idle period."""
+        """Execute a call; add a hint to E_HANDLE if the session may have ended after a long idle period."""
         forgotten = self._memory is not None and self._memory.passed
         try:
             return self._execute_now(call)
@@ -361,7 +368,7 @@ class Client(Closing):
             raise
 
     def patience(self, command: str) -> float | None:
-        """Return the time-out in s, of each attempt, for a command that is known to take long; otherwise ``None``."""
+        """Return the time-out of each attempt, in s, for a command that takes long; ``None`` for any other command."""
         longest = self.dialect.patience.get(str(command).strip().lower())
         if longest is None:
             return None
@@ -372,15 +379,15 @@ class Client(Closing):
         return self._link.fileno()
 
     def _detach(self, closing: Callable[[], None]) -> int:
-        """Hand the connection over to another process; all calls are refused until it is reattached.
+        """Hand the connection over to another process; all calls are refused until the connection is reattached.
 
         Args:
-            closing: Callback invoked if the connection is closed here before it is reattached.
+            closing: Callback invoked if this process closes the connection before it is reattached.
 
         Returns:
             Serial number of the next request.
         """
-        self._link.fileno()  # from now on, the other process receives
+        self._link.fileno()  # from now on, the other process receives the data
         self._link = DetachedLink(self._link, closing)
         return self._conversation.serial
 
@@ -395,7 +402,7 @@ class Client(Closing):
         self._conversation.serial = serial
 
     def _forfeit(self) -> None:
-        """Give the connection up to the other process; close it in this process."""
+        """Leave the connection to the other process: close it in this process only."""
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._link.close_local()
@@ -412,9 +419,10 @@ class Client(Closing):
         return ()
 
     def close(self) -> None:
-        """Close the connection immediately; the controller then releases all its objects.
+        """Close the connection immediately; the controller then releases all objects of the connection.
 
-        On UDP and serial lines, Service_Stop is sent first, without waiting for a reply; on HTTP, the wait is limited to 1 s.
+        On UDP and serial lines, Service_Stop is sent first, without waiting for a reply. On HTTP, Service_Stop is sent,
+        too; the wait for its reply is limited to 1 s.
         """
         link = self._link
         if self._pulse is not None:

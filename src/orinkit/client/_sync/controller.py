@@ -416,7 +416,10 @@ class Message(ObjectBase):
 
 
 class Controller(ObjectContainer):
-    """A connected controller, returned by :func:`connect`. Closing it releases its objects and closes the connection."""
+    """A connected controller, returned by :func:`connect`.
+
+    Closing the controller releases its objects and closes the connection.
+    """
 
     __slots__ = ()
 
@@ -506,8 +509,9 @@ class Controller(ObjectContainer):
         """Release all objects, newest first, disconnect, stop the service and close the connection.
 
         Args:
-            deadline: Maximum time in s for the calls to the controller, regardless of S_EXECUTING; then the connection is
-                closed, which has the same effect. The default is three time-outs (with all attempts), at least 3 s.
+            deadline: Maximum time in s for these calls, regardless of S_EXECUTING. After that time, the connection is
+                closed without further calls, which has the same effect. The default is three time-outs (each with all
+                attempts), but at least 3 s.
         """
         if not self._open:
             return
@@ -558,35 +562,40 @@ def connect(
     """Connect to a controller: open the connection, then call Service_Start and Controller_Connect (RC8 3.1).
 
     Args:
-        url: ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007`` or ``serial:///dev/ttyUSB0?baudrate=38400``; also the
-            notation of DENSO: ``tcp:192.168.0.1:5007``, ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For e-CAP,
-            ``http://192.168.0.1:8080/path`` or ``https://...``.
+        url: For b-CAP, ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007`` or
+            ``serial:///dev/ttyUSB0?baudrate=38400``. The notation of DENSO is accepted, too: ``tcp:192.168.0.1:5007``,
+            ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For e-CAP, ``http://192.168.0.1:8080/path`` or
+            ``https://...``.
         provider: Provider name; RC9 and COBOTTA PRO require ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
         name: Name of the controller within this connection; if empty, the controller chooses it.
         machine: Machine name; controllers accept ``localhost`` or their own address.
         option: Option string of Controller_Connect, for example ``@IfNotMember``.
-        timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a call may
-            take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise.
-        tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry); the
-            controller executes it once. On TCP and HTTP, requests are sent once.
-        service: Option string of Service_Start. The default is a watchdog (``WDT=400``), so that a call may take longer than
-            the time-out. On serial lines the default is empty: the reply to a repeated request shows that the call is still
-            executing. On HTTP it is empty, too: each request asks the server to report that the call is still executing.
+        timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a
+            call may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise.
+        tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry).
+            The controller executes a repeated request once. On TCP and HTTP, requests are sent once.
+        service: Option string of Service_Start. The default is a watchdog (``WDT=400``), so that a call may take longer
+            than the time-out. On serial lines, the default is empty, because the reply to a repeated request shows that
+            the call is still executing. On HTTP, the default is empty, too, because each request asks the server to
+            report that the call is still executing.
         limits: Limits on received data.
-        trace: Callback invoked with every packet, or every e-CAP body: ``">"`` (sent) or ``"<"`` (received), and the bytes.
-        dialect: ``"rc8"`` or ``"ve026a"``. The default is ``"ve026a"`` if the provider name is empty or contains
-            ``VE026A``, or if the controller's ``@VERSION`` contains it (read on serial lines, and on UDP if the replies have
-            the form of a VE026A); otherwise ``"rc8"``.
+        trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
+            the bytes.
+        dialect: ``"rc8"`` or ``"ve026a"``. By default, the dialect is ``"ve026a"`` if the provider name is empty or
+            contains ``VE026A``, or if the controller's variable ``@VERSION`` contains ``VE026A``; otherwise it is
+            ``"rc8"``. The variable is read only on serial lines, and on UDP if the replies have the form of a VE026A.
         token: Access token for HTTP, sent as ``Authorization: Bearer``.
-        cafile: PEM file of CA certificates for verifying an https server, instead of the system's.
-        dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is considered
-            lost (cable pulled, power off): 2 to 7,200.
-        alive: Interval in s, 0.3 to 3,600, within which the server must receive a sign of life while the arm moves; otherwise
-            it stops the arm, even if the connection is open. A thread (in asyncio a task) sends the signs of life, so they
-            cease if the program is stopped (SIGSTOP) or, in asyncio, its event loop is blocked. This is an option of
-            orinkit's servers (``Alive=`` in Service_Start); other controllers may not support it.
-        deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three time-outs (with all
-            attempts), at least 3 s. For calls, set ``client.deadline``; by default they have no deadline.
+        cafile: PEM file of CA certificates for verifying an https server, instead of those of the system.
+        dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
+            considered lost (cable pulled, power off): 2 to 7,200.
+        alive: Interval in s, 0.3 to 3,600, within which the server must receive a sign of life while the arm moves.
+            Otherwise, the server stops the arm, even if the connection is open. A thread (in asyncio a task) sends the
+            signs of life, so they cease if the program is stopped (SIGSTOP) or, in asyncio, if its event loop is
+            blocked. This is an option of orinkit's servers (``Alive=`` in Service_Start); other controllers may not
+            support it.
+        deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three time-outs (each
+            with all attempts), but at least 3 s. Calls have no deadline by default; set ``client.deadline`` to limit
+            them.
 
     Raises:
         InvalidAddress: If the URL is invalid.

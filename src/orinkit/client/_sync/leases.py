@@ -20,11 +20,12 @@ _HALT_TIMEOUT: Final = 0.3  # s
 
 
 class Lease(ABC):
-    """Base class of context managers for something that is taken at the beginning of a block and given back at its end.
+    """Base class of context managers for the arm semaphore and the motor: taken for a block, given back at its end.
 
-    At the normal end of a block, the current motion is completed first (or halted, if the program has paused it). If the block
-    raises an exception, the arm is halted first; errors of the clean-up are added to the exception as notes, and the remaining
-    steps are still executed. If the connection is lost, the controller itself stops the arm and releases its semaphore.
+    At the normal end of a block, the current motion is completed first; if the program has paused the motion, it is
+    halted instead. If the block raises an exception, the arm is halted first. Errors during this clean-up are added to
+    the exception as notes, and the remaining steps are still executed. If the connection is lost, the controller itself
+    stops the arm and releases its semaphore.
     """
 
     __slots__ = ("_robot", "_track")
@@ -42,7 +43,7 @@ class Lease(ABC):
             self._track.at_rest = False
         except CallError:  # refused: nothing has changed
             raise
-        except BaseException as error:  # it may have been taken
+        except BaseException as error:  # the controller may have executed the call
             self._retry(error, self._give, self._max_busy_time())
             raise
 
@@ -73,7 +74,7 @@ class Lease(ABC):
             track.passing = False
 
     def _clean_up(self, error: BaseException) -> None:
-        """Halt the arm and give back after an exception; add errors of these steps to it as notes."""
+        """Halt the arm and call ``_give`` after an exception; add errors of these steps to the exception as notes."""
         robot = self._robot
         if not self._track.at_rest:
             problem = self._retry(error, robot.halt, _HALT_TIMEOUT)
@@ -86,7 +87,7 @@ class Lease(ABC):
         self._retry(error, self._give, self._max_busy_time())
 
     def _retry(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
-        """Execute a step of the clean-up; repeat it while the controller is busy with an earlier call.
+        """Execute a step of the clean-up; repeat the step while the controller is busy with an earlier call.
 
         Returns:
             The error of the step, which is also added to the exception as a note; ``None`` on success.
@@ -142,7 +143,7 @@ class Arm(Lease):
 
 
 class Motor(Lease):
-    """Switches the motor on and off, and waits until each is done."""
+    """Switches the motor on and off, and waits in both cases until the controller has done so."""
 
     __slots__ = ()
 

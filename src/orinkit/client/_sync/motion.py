@@ -28,14 +28,16 @@ class MotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        replied: Number of the newest motion whose reply came at its end, so that all earlier ones are over, too.
+        replied: Number of the newest motion whose reply came at its end. All earlier motions are then over, too.
         halted: Number of the newest motion that this program has halted.
-        running: Newest motion without a reply at its end, until it is known to be over; otherwise ``None``.
+        running: Newest motion whose call did not wait for its end; ``None`` if there is none, or if it is known to be
+            over.
         passing: True if the reply to the newest motion came at its pass mark, so that the arm may still move.
-        sure: True if all motions of the arm are known; False after a call without a reply, or a command that may have moved
-            the arm.
+        sure: True if all motions of the arm are known. False after a call without a reply, or after a command that may
+            have moved the arm.
         paused: True if this program has paused the motion.
-        at_rest: True if the arm is certainly at standstill: it was halted, and no motion has been commanded since.
+        at_rest: True if the arm is certainly at standstill, because it was halted and no motion has been commanded
+            since.
     """
 
     __slots__ = ("at_rest", "halted", "newest", "passing", "paused", "replied", "running", "sure")
@@ -65,15 +67,17 @@ class ArmBase(ObjectContainer):
     ) -> Motion:
         """Call a function that starts a motion; return the motion.
 
-        If the call is interrupted, by Ctrl-C or by cancelling its task, the connection is closed, so that the controller stops
-        the arm instead of completing an unsupervised motion. On UDP and serial lines, the closing packet is sent only once;
-        if it is lost, the controller detects the end of the connection late (UDP) or not by itself (serial line).
+        If the call is interrupted, by Ctrl-C or by cancelling its task, the connection is closed, so that the
+        controller stops the arm instead of completing an unsupervised motion. On UDP and serial lines, the closing
+        packet is sent only once. If this packet is lost, the controller detects the end of the connection late (UDP),
+        or only when the next client connects (serial line).
 
         Args:
             function: Function that starts the motion.
             arguments: Arguments of the call, without the handle.
             wait: True if the controller replies at the end of the motion.
-            segment: Segment to fill with the start and end of the motion; without it, the controller is not queried for them.
+            segment: Segment to fill with the start and end of the motion. Without a segment, the controller is not
+                queried for them.
         """
         track = self._track
         before = None if wait or segment is None else self._previous(track)
@@ -102,7 +106,7 @@ class ArmBase(ObjectContainer):
         return motion
 
     def _previous(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
-        """Return the segment of the previous motion, and True if that motion is over; ``None`` if it is unknown."""
+        """Return the segment of the previous motion and whether it is over; ``None`` if the segment is unknown."""
         running = track.running
         replied = track.sure and running is None and track.newest == track.replied
         try:
@@ -137,16 +141,16 @@ class ArmBase(ObjectContainer):
         return super().execute(command, sendable(parameter))
 
     def halt(self, option: str = "") -> None:
-        """Stop and abort the motion; also possible over a second connection while the first one waits for its motion.
+        """Stop and abort the motion; also possible over a second connection while the first one waits for the motion.
 
-        The reply arrives when the command position is at standstill. The encoders follow a few cycles later: joints that are
-        read immediately may still change by a fraction of a degree.
+        The reply arrives when the command position is at standstill. The arm itself follows a few cycles later: joints
+        that are read immediately may still change by a fraction of a degree.
         """
         track = self._track
         track.halted = track.newest
         if self.client.dialect.takes_arm:
             self._call(f.robot_halt, option)
-        else:  # the arm moves in slave mode only
+        else:  # this arm moves in slave mode only
             self._call(f.robot_execute, "slvChangeMode", 0)
         track.at_rest = track.sure = True
         track.paused = track.passing = False
@@ -188,7 +192,7 @@ class ArmBase(ObjectContainer):
         return read_pose(J, "DestJnt", self._ask("DestJnt"))
 
     def _locked(self) -> bool:
-        """Return True if the machine lock is on, in which motions are executed without moving the arm."""
+        """Return True if the machine lock is on: the controller then executes motions without moving the arm."""
         return bool(_value_or_none(self._controller(), "@LOCK"))
 
     def _reason(self, *, halted: bool) -> str:
@@ -249,9 +253,9 @@ def _value_or_none(owner: ObjectContainer, name: str) -> Any:
 class Motion:
     """A commanded motion. Wait for its end, or iterate over it for its progress.
 
-    Each query calls the controller: MotionComplete for the end, CurJnt and DestJnt for the progress. If the motion was
-    stopped, by this or another program, all queries raise an error, so that a program cannot continue as if the arm had
-    arrived. A motion that is followed by another one is over as soon as the robot executes that one.
+    Each query calls the controller: MotionComplete for the end, CurJnt and DestJnt for the progress. If this or another
+    program stopped the motion, all queries raise an error, so that a program cannot continue as if the arm had arrived.
+    If another motion follows, this motion is over as soon as the robot executes the next one.
 
     Attributes:
         segment: Start and end of the motion.
@@ -303,7 +307,7 @@ class Motion:
             sleep(min(common.POLL, deadline.left))
 
     def halt(self) -> None:
-        """Stop and abort the motion. It then counts as stopped before its end."""
+        """Stop and abort the motion, which then counts as stopped before its end."""
         self._robot.halt()
 
     def get_done(self) -> bool:
@@ -320,7 +324,9 @@ class Motion:
         return self._over
 
     def get_progress(self) -> float:
-        """Return the progress: the covered part of the distance in joint space, 1 at the end; it never decreases.
+        """Return the progress: the covered part of the distance in joint space, 1 at the end.
+
+        The value never decreases.
 
         Raises:
             CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.
@@ -361,7 +367,11 @@ class Motion:
         return None if segment.end is None else False
 
     def _arrived_late(self) -> bool:
-        """Check again later: encoders lag behind the command, and a motion that was just accepted may not have begun."""
+        """Check again after a short time if the arm has arrived; if the arm has stopped elsewhere, record the stop.
+
+        The second check is necessary because encoders lag behind the command, and because a motion that was just
+        accepted may not have begun.
+        """
         robot = self._robot
         sleep(common.SETTLE)
         if not robot.motion_complete(_ARM):
@@ -383,7 +393,9 @@ class Motion:
 
     @property
     def progress(self) -> float:
-        """Return the progress: the covered part of the distance in joint space, 1 at the end; it never decreases.
+        """Return the progress: the covered part of the distance in joint space, 1 at the end.
+
+        The value never decreases.
 
         Raises:
             CallError: STOPPED_DURING_PC_MOTION, if the motion was stopped before its end.

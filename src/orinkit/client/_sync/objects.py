@@ -25,8 +25,8 @@ N = TypeVar("N", bound="ObjectBase")
 class ObjectBase(Closing):
     """Base class of all objects of a controller.
 
-    An object is released at the end of ``with``, by :meth:`close`, or when the controller is closed. An object that is
-    deleted without being closed is released before the next object is created.
+    An object is released at the end of ``with``, by :meth:`close`, or when the controller is closed. An object
+    that is deleted without being closed is released before the next object is created.
     """
 
     __slots__ = (
@@ -79,7 +79,7 @@ class ObjectBase(Closing):
             try:
                 if self.client.handles.drop_reference(*dropped):
                     self.client.call(*dropped)
-            except CallError:  # the controller has already released it
+            except CallError:  # the controller has already released the object
                 pass
         handle = self.client.call(function, self.handle, name, option)
         child = kind(self.client, handle, name, self)
@@ -94,17 +94,20 @@ class ObjectBase(Closing):
     def close(self) -> None:
         """Release the object and its child objects, newest first. Further calls have no effect.
 
-        It is not an error if the controller has already released the object, or if the connection is lost. If the controller
-        does not reply in time, no further calls are made.
+        It is not an error if the controller has already released the object, or if the connection is lost. If the
+        controller does not reply in time, no further calls are made.
         """
         self._release()
 
     def _release(self) -> bool:
-        """Release the object; return False if there was no reply, so that closing takes one time-out in all."""
+        """Release the object. Return False if there was no reply.
+
+        The caller then releases no further objects, so that closing takes one time-out in total.
+        """
         if not self._open:
             return True
         self._open = False
-        for reference in reversed(self._children.valuerefs()):  # a copy: another thread may add a child
+        for reference in reversed(self._children.valuerefs()):  # a copy, because another thread may add a child
             child = reference()
             if child is not None and not child._release():
                 return False
@@ -156,7 +159,7 @@ class NamedObject(ObjectBase):
         assert self.functions.get_id is not None
         return self._call(self.functions.get_id)
 
-    def put_id(self, id: Value) -> None:  # noqa: A002 - the documents' word
+    def put_id(self, id: Value) -> None:  # noqa: A002 - the name in the documents
         """Set the ID."""
         assert self.functions.put_id is not None
         self._call(self.functions.put_id, id)

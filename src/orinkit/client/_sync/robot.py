@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 class Robot(ArmBase):
     """A robot of a controller (RC8 3.3). The client never repeats a motion by itself.
 
-    Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``, ``"@E"``,
-    ``"@P"``, ``"@10"``) and keyword options: ``speed``, ``accel``, ``decel`` in percent, ``time`` in s, and ``wait``. By
-    default, the call returns at the end of the motion as defined by its pass mark; with ``wait=False``, it returns
-    immediately. Both return the motion, an :class:`~orinkit.Motion`.
+    Motions take a pose (``P(...)``, ``J(...)``, ``T(...)``, or a text such as ``"P1"``), a pass mark (``"@0"``,
+    ``"@E"``, ``"@P"``, ``"@10"``) and keyword options: ``speed``, ``accel``, ``decel`` in percent, ``time`` in s, and
+    ``wait``. By default, the call returns at the end of the motion, which the pass mark defines; with ``wait=False``,
+    the call returns immediately. In both cases, it returns the motion, an :class:`~orinkit.Motion`.
     """
 
     __slots__ = ()
@@ -50,13 +50,13 @@ class Robot(ArmBase):
         At the end of the block, the current motion is completed. If the block raises an exception, the arm is halted.
 
         Args:
-            keep: Keep the internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
+            keep: True to keep the internal speeds, tool and work; otherwise they are set to 100 %, 0 and 0 (RC8 3.3.2).
             group: Number of the arm group, 0 to 31.
         """
         return Arm(self, self._track, group, keep)
 
     def motor(self) -> Motor:
-        """Switch the motor on for the duration of a block; afterwards it is off, even if it was on before.
+        """Switch the motor on for the duration of a block; afterwards the motor is off, even if it was on before.
 
         At the end of the block, the current motion is completed. If the block raises an exception, the arm is halted.
         """
@@ -88,15 +88,16 @@ class Robot(ArmBase):
                 stream.run(trajectory)
 
         Args:
-            mode: In modes 0 and 2, the controller queues three set-points; if the queue is full, mode 2 (the default) delays
-                the reply until there is room, mode 0 returns an error code. In mode 1, the controller keeps only the newest
-                set-point (RC8 4.3). A VE026A supports mode 0, a set-point in every cycle, and mode 1, its default
-                (VE026A 2.2.1).
+            mode: Slave mode, 0 to 2 (RC8 4.3). In modes 0 and 2, the controller queues three set-points. If the queue
+                is full, mode 2 (the default) delays the reply until there is room; mode 0 returns an error code. In
+                mode 1, the controller keeps only the newest set-point. A VE026A supports only mode 0, with a set-point
+                in every cycle, and mode 1, its default (VE026A 2.2.1).
             pose: Pose type: ``"J"`` joints, ``"P"`` positions, ``"T"`` homogeneous transformations.
-            recv: Feedback for each set-point: ``"joints"``, ``"position"`` or ``"trans"`` (either can be combined with joints),
-                ``"mini"`` I/O, ``"hand"`` I/O, ``"current"`` of the motors; the controller's time is always included.
-            limits: Limits of all motions; the default is those of the arm type that the controller reports.
-            speed: Percentage of these limits.
+            recv: Feedback for each set-point: ``"joints"``, ``"position"`` or ``"trans"``, ``"mini"`` I/O, ``"hand"``
+                I/O, ``"current"`` of the motors. Joints can be combined with either position or trans. The controller's
+                time is always included.
+            limits: Limits of all motions; by default, those of the arm type that the controller reports.
+            speed: Percentage of the limits to use.
             period: Cycle time of the controller in s.
             queue: Maximum number of set-points that :meth:`Stream.push` queues.
             idle: Time in s without a pushed set-point after which slave mode is left; ``None`` for no limit.
@@ -104,8 +105,8 @@ class Robot(ArmBase):
             record: File for recording all set-points and their feedback, ``.csv`` or ``.mcap``.
             mini: Mini I/O outputs to send with every set-point.
             hand: Hand I/O outputs to send with every set-point.
-            user: First number and bytes of the user I/O outputs to send with every set-point.
-            user_window: Number of the first user I/O in the feedback, and the number of bytes.
+            user: User I/O outputs to send with every set-point: the number of the first output, and the bytes.
+            user_window: User I/O in the feedback: the number of the first one, and the number of bytes.
 
         Raises:
             InvalidValue: If an option is invalid.
@@ -127,25 +128,25 @@ class Robot(ArmBase):
     @overload
     def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion: ...
     @common.with_options
-    def move(self, *arguments: Any, **named: Any) -> Motion | None:
+    def move(self, *arguments: Any, **named: Any) -> Motion | None:  # noqa: D417 - named by the overloads
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
-        The form of CAO has a number as the first argument: ``move(1, "@E P1", "SPEED=20,TIME=1500")``. It rejects bare lists
-        of 6 numbers, checks nothing else, and returns ``None``.
+        If the first argument is a number, the call has the form of CAO, ``move(interpolation, pose, option)``, for
+        example ``move(1, "@E P1", "SPEED=20,TIME=1500")``. This form rejects bare lists of 6 numbers and checks nothing
+        else. ``interpolation`` is 1 (point to point), 2 (line), 3 (arc) or 4 (free curve). ``pose`` is any value of
+        CAO, with its pass mark; ``P(...)``, ``J(...)`` and ``T(...)`` in it are sent as text. ``option`` is an option
+        string such as ``"SPEED=20,NEXT"``: SPEED, ACCEL and DECEL in percent, TIME in ms.
 
         Args:
-            *arguments: ``pose``: ``P(...)`` (mm, deg), ``J(...)`` (deg), ``T(...)``, or a text such as ``"P1"``; then
-                ``mark``, the pass mark, which defines the end of the motion: ``"@0"`` command position at the pose (the
-                controller's default), ``"@E"`` encoders at the pose, ``"@P"`` near the pose, ``"@10"`` within 10 mm. In the
-                form of CAO: ``interpolation``, 1 point to point, 2 line, 3 arc, 4 free curve; ``pose``, any value of CAO with
-                its pass mark, in which ``P(...)``, ``J(...)`` and ``T(...)`` are sent as text; ``option``, a text such as
-                ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in percent, TIME in ms.
-            **named: The same arguments by name, and the options ``speed``, ``accel``, ``decel`` in percent, ``time`` in s,
-                ``wait``.
+            pose: ``P(...)`` (mm, deg), ``J(...)`` (deg), ``T(...)``, or a text such as ``"P1"``.
+            mark: Pass mark, which defines the end of the motion: ``"@0"`` command position at the pose (the
+                controller's default), ``"@E"`` encoders at the pose, ``"@P"`` near the pose, ``"@10"`` within 10 mm.
+            options: ``speed``, ``accel`` and ``decel`` in percent, ``time`` in s, and ``wait``, see
+                :class:`MoveOptions`.
 
         Returns:
-            The motion. It is over, except with ``wait=False``, or if the arm still moves after its pass mark (``"@P"``,
-            ``"@10"``).
+            The motion; ``None`` in the form of CAO. The motion is over, unless ``wait`` is False, or the pass mark
+            (``"@P"``, ``"@10"``) allows the call to return while the arm still moves.
 
         Raises:
             TypeError: If the arguments match neither form.
@@ -178,8 +179,8 @@ class Robot(ArmBase):
 
         Args:
             path: Number of a path stored on the controller (AddPathPoint), or a list of poses.
-            mark: Pass mark of the end.
-            options: Options common to all motions.
+            mark: Pass mark at the end of the curve.
+            options: The options of :meth:`move`.
         """
         return self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
@@ -193,7 +194,10 @@ class Robot(ArmBase):
         line: bool = False,
         **options: Unpack[MoveOptions],
     ) -> Motion:
-        """Move to a point ``distance`` mm before a pose, against the tool's Z axis; point to point, or with ``line`` linear."""
+        """Move to the point that is ``distance`` mm before a pose, against the tool's Z axis.
+
+        The motion is point to point; with ``line``, the tool moves in a straight line.
+        """
         comp = common.LINE if line else common.PTP
         return self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
@@ -201,7 +205,10 @@ class Robot(ArmBase):
     def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
     ) -> Motion:
-        """Move back ``distance`` mm against the tool's Z axis; point to point, or with ``line`` linear."""
+        """Move back ``distance`` mm against the tool's Z axis.
+
+        The motion is point to point; with ``line``, the tool moves in a straight line.
+        """
         comp = common.LINE if line else common.PTP
         return self._extended("Depart", [comp, common.distance_text(distance, mark)], options)
 
@@ -217,18 +224,21 @@ class Robot(ArmBase):
         **options: Unpack[MoveOptions],
     ) -> Motion: ...
     @common.with_options
-    def drive(self, *arguments: Any, **named: Any) -> Motion | None:
-        """Move axes by deg (mm for linear axes), or with ``absolute`` to a value: ``drive({1: 10, 2: -5}, absolute=False)``.
+    def drive(self, *arguments: Any, **named: Any) -> Motion | None:  # noqa: D417 - named by the overloads
+        """Move axes by relative values: ``drive({1: 10, 2: -5})``. With ``absolute``, move them to absolute values.
 
-        The form of CAO moves one axis and has a number as the first argument: ``drive(1, 10.0, "SPEED=20,TIME=1500")``.
+        If the first argument is a number, the call has the form of CAO, ``drive(axis, value, option)``, which moves one
+        axis by a relative value: ``drive(1, 10.0, "SPEED=20,TIME=1500")``. ``axis`` is 1 to 8, ``value`` is in deg (mm
+        for a linear axis), and ``option`` is an option string, as for :meth:`move`.
 
         Args:
-            *arguments: ``axes``: a mapping from axes, 1 to 8, to relative values in deg or mm, or with ``absolute`` to
-                absolute values; then ``mark``: the pass mark, as for :meth:`move`. In the form of CAO: ``axis``, 1 to 8;
-                ``value``, deg or mm; ``option``, a text such as ``"SPEED=20,NEXT"``: SPEED, ACCEL, DECEL in
-                percent, TIME in ms.
-            **named: The same arguments by name, ``absolute``, and the options ``speed``, ``accel``, ``decel`` in percent,
-                ``time`` in s, ``wait``.
+            axes: Mapping from axes, 1 to 8, to values in deg (mm for linear axes).
+            mark: Pass mark, as for :meth:`move`.
+            absolute: True if the values are absolute; by default they are relative to the current position.
+            options: The options of :meth:`move`.
+
+        Returns:
+            The motion, as for :meth:`move`; ``None`` in the form of CAO.
 
         Raises:
             TypeError: If the arguments match neither form.
@@ -258,11 +268,17 @@ class Robot(ArmBase):
         self._begin(f.robot_go_home, wait=True)
 
     def chuck(self, option: str = "") -> None:
-        """Close the chuck. A virtual RC8 has none and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
+        """Close the chuck.
+
+        A virtual RC8 has no chuck and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``.
+        """
         self._call(f.robot_chuck, option)
 
     def unchuck(self, option: str = "") -> None:
-        """Open the chuck. A virtual RC8 has none and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``."""
+        """Open the chuck.
+
+        A virtual RC8 has no chuck and returns E_NOTIMPL; its hand is ``controller.extension("Hand0")``.
+        """
         self._call(f.robot_unchuck, option)
 
     # --- settings -----------------------------------------------------------------------------------------------
@@ -295,9 +311,9 @@ class Robot(ArmBase):
         return common.read_number("CurExtSpd", self._ask("CurExtSpd"))
 
     def put_ext_speed(self, percent: float) -> None:
-        """Set the external speed in percent; acceleration and deceleration become its square divided by 100.
+        """Set the external speed in percent; acceleration and deceleration are set to its square divided by 100.
 
-        This is a setting of the controller; it persists after the connection is closed.
+        This is a setting of the controller; it remains after the connection is closed.
         """
         self._ask("ExtSpeed", [float(percent)])
 
@@ -318,11 +334,14 @@ class Robot(ArmBase):
         self.change(f"Work{number}")
 
     def set_tool(self, number: int, frame: PoseLike) -> None:
-        """Define a tool relative to the flange: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``; lost at power-off of the controller."""
+        """Define a tool relative to the flange: ``set_tool(1, P(0, 0, 100, 0, 0, 0))``.
+
+        The definition is lost when the controller is switched off.
+        """
         self._ask("SetToolDef", [number, pose_text(frame)])
 
     def set_work(self, number: int, frame: PoseLike) -> None:
-        """Define a work frame relative to the base; lost at power-off of the controller."""
+        """Define a work frame relative to the base. The definition is lost when the controller is switched off."""
         self._ask("SetWorkDef", [number, pose_text(frame)])
 
     # --- state --------------------------------------------------------------------------------------------------
@@ -361,8 +380,8 @@ class Robot(ArmBase):
         """Check without moving whether the arm can reach a pose (OutRange).
 
         Returns:
-            0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if it is
-            out of reach; -2 at a singular point.
+            0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if
+            the pose is out of reach; -2 if it is a singular point.
         """
         return int(common.read_number("OutRange", self._ask("OutRange", pose_text(pose))))
 

@@ -40,8 +40,8 @@ class SlaveMode:
         self._streaming: StreamerProcess | None = None
         self._recording: common.SampleRecording | None = None
         self._failure: OrinError | None = None
-        self._failure_raised = False  # by a call within the block
-        self._inside = False  # the block
+        self._failure_raised = False  # True if a call within the block has raised the failure
+        self._inside = False  # True within the block
         self._pose_type = options.mode.kind
         self._outputs = options.outputs
         self.limits: Limits | PathLimits | None = options.limits
@@ -153,8 +153,8 @@ class SlaveMode:
     def _give_up(self, streaming: StreamerProcess) -> None:
         """Take the connection back; close it if its state is unknown.
 
-        If the streaming process still runs because waiting for it was interrupted, it keeps the connection; it stops the arm
-        and leaves slave mode by itself.
+        If the wait for the streaming process was interrupted, that process still runs and keeps the connection. It
+        stops the arm and leaves slave mode by itself.
         """
         self._streaming = None
         if self._recording is not None:
@@ -189,8 +189,8 @@ class SlaveMode:
         Queued set-points are discarded. The arm stays at its current position until there are new set-points.
 
         Raises:
-            CallError: If the controller refuses; an operator must check it.
-            StreamError: If called outside the block.
+            CallError: If the controller refuses; an operator must then check the controller.
+            StreamError: If this method is called outside the block.
         """
         if not self._inside:
             raise common.ended_because("", None)

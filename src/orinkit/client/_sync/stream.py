@@ -33,10 +33,10 @@ from orinkit.values.poses import J, P, T
 class Stream(SlaveMode):
     """A context manager for slave mode, returned by ``Robot.slave_mode``.
 
-    During the block, a separate streaming process has the connection. It sends a set-point in each cycle of the controller,
-    independently of the load of this program: from :meth:`run`, :attr:`target` or :meth:`push`. If there are no more
-    set-points, or this program raises an exception, is stopped or killed, the process stops the arm within the limits, repeats
-    the last pose and leaves slave mode.
+    During the block, a separate streaming process has the connection. It sends a set-point in each cycle of the
+    controller, independently of the load of this program. The set-points come from :meth:`run`, :attr:`target` or
+    :meth:`push`. If there are no more set-points, or if this program raises an exception, is stopped or killed, the
+    streaming process stops the arm within the limits, repeats the last pose and leaves slave mode.
 
     Attributes:
         limits: Limits of all motions.
@@ -65,8 +65,8 @@ class Stream(SlaveMode):
         """Send a trajectory, one set-point per cycle, and wait for standstill at its end.
 
         Args:
-            trajectory: Array with one row per cycle, sequence of ``J(...)``, ``P(...)`` or ``T(...)``, path of a CSV file, or
-                iterator. All set-points are checked before the arm moves, except those of an iterator.
+            trajectory: Array with one row per cycle, sequence of ``J(...)``, ``P(...)`` or ``T(...)``, path of a CSV
+                file, or iterator. All set-points are checked before the arm moves, except those of an iterator.
             retime: Slow the trajectory down if it exceeds the limits; not available for an iterator.
             progress: Callback invoked with the progress.
 
@@ -117,7 +117,7 @@ class Stream(SlaveMode):
                 if monotonic_ns() - polled > common.LOOK_NS:
                     self._poll(run)
                     polled = monotonic_ns()
-            run.start()  # fill the queue before sending the first set-point
+            run.start()  # the queue is filled before the first set-point is sent
         return sent
 
     def _poll(self, run: common.TrajectoryRun) -> None:
@@ -155,7 +155,7 @@ class Stream(SlaveMode):
             yield point
 
     def _shadow(self, start: Sequence[float]) -> Planner:
-        """Return a planner that follows the one of the streaming process, to check set-points in advance."""
+        """Return a planner that checks set-points in advance, like the planner of the streaming process."""
         assert self.limits is not None
         return planner_for(self.limits, self._options.period, start, self._pose_type)
 
@@ -178,7 +178,7 @@ class Stream(SlaveMode):
         If no further set-point is pushed, the arm is stopped; after ``idle`` s, slave mode is left.
 
         Args:
-            point: ``J(...)``, ``P(...)`` or ``T(...)``, of the pose type of the block, or its numbers.
+            point: Pose of the type of the block, ``J(...)``, ``P(...)`` or ``T(...)``, or the numbers of such a pose.
             mini: New mini I/O outputs from this set-point on, if enabled in ``slave_mode``.
             hand: New hand I/O outputs from this set-point on, if enabled in ``slave_mode``.
             user: New user I/O outputs from this set-point on, if enabled in ``slave_mode``.
@@ -301,7 +301,7 @@ class Stream(SlaveMode):
 
     @property
     def latest(self) -> Sample:
-        """The newest sample; the block begins with the first one."""
+        """The newest sample. From the beginning of the block, there is at least one."""
         sample = self._newest()
         if sample is None:
             raise StreamError(tr("no sample of the stream can be read yet"))

@@ -40,11 +40,13 @@ class Task(ObjectContainer):
         """Start the program, or resume it if it is suspended.
 
         Args:
-            mode: ``"cycle"`` (1) to run it once, ``"continuous"`` (2) to repeat it, ``"step"`` (3) to execute one statement.
+            mode: ``"cycle"`` (1) to run it once, ``"continuous"`` (2) to repeat it, ``"step"`` (3) to execute one
+                statement.
             option: Option string of Task_Start.
 
         Raises:
-            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error log.
+            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error
+                log.
         """
         try:
             self._call(f.task_start, task_mode(TaskMode, mode), option)
@@ -57,8 +59,8 @@ class Task(ObjectContainer):
         """Stop the program.
 
         Args:
-            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3) after the
-                current cycle, ``"initialize"`` (4).
+            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3)
+                after the current cycle, ``"initialize"`` (4).
             option: Option string of Task_Stop.
         """
         self._call(f.task_stop, task_mode(StopMode, mode), option)
@@ -66,11 +68,12 @@ class Task(ObjectContainer):
     def wait(self, timeout: float | None = None, *, check: bool = False) -> TaskStatus:
         """Wait until the program no longer runs; return its status.
 
-        After an error, the status of the program is READY. The error is in ``errors()`` of the controller; ``check`` raises it.
+        After an error, the status of the program is READY. The error is then in ``errors()`` of the controller; with
+        ``check``, it is raised.
 
         Args:
             timeout: Maximum time to wait in s; the default is no limit.
-            check: Raise the error that the controller reports for this program, if any.
+            check: True to raise the error that the controller reports for this program, if any.
 
         Raises:
             TimeoutError: If the program still runs after the time-out.

@@ -158,7 +158,8 @@ def _wrong_host(given: bytes) -> PlainTextResponse:
     return plain(
         421,
         tr(
-            "this server is not {shown}. Try: use its address, or start it with --http-host NAME",
+            "this server does not accept the host name {shown}. Try: use the address of the server, or start it "
+            "with --http-host NAME",
             shown=shown,
         ),
     )

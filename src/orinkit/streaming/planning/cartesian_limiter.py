@@ -236,8 +236,8 @@ class CartesianLimiter:
         if size > self._max_step:
             most = speed * self._period
             return tr(
-                "{what}: the step of {size:g} {unit} is {excess:.3g} too large: the velocity limit of {speed:g} "
-                "{unit}/s allows {most:g} in {period:g} s",
+                "{what}: the step of {size:g} {unit} is {excess:.3g} {unit} too large: the velocity limit of "
+                "{speed:g} {unit}/s allows {most:g} {unit} in {period:g} s",
                 what=what,
                 size=size,
                 unit=unit,
@@ -249,8 +249,8 @@ class CartesianLimiter:
         if change > self._max_step_change:
             most = acceleration * self._period**2
             return tr(
-                "{what}: the step changes by {change:g} {unit}, which is {excess:.3g} too much: the acceleration "
-                "limit of {acceleration:g} {unit}/s^2 allows {most:g} in {period:g} s",
+                "{what}: the step changes by {change:g} {unit}, which is {excess:.3g} {unit} too much: the "
+                "acceleration limit of {acceleration:g} {unit}/s^2 allows {most:g} {unit} in {period:g} s",
                 what=what,
                 change=change,
                 unit=unit,

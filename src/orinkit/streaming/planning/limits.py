@@ -79,7 +79,7 @@ class Limits:
         :class:`orinkit.arms.Axis` are assumptions of this project.
 
         Args:
-            model: The arm, including extra axes.
+            model: The arm, including extended joints.
         """
         axes = model.axes
         return cls(

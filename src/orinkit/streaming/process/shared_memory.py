@@ -34,7 +34,7 @@ BEHIND: Final = 15
 RESTS: Final = 3
 """Number of equal set-points at the end; with two of them, the controller detects standstill (RC8 4.5)."""
 
-_MOST_VALUES: Final = 13  # number of values of a pose with extra axes
+_MOST_VALUES: Final = 13  # number of values of a pose with extended joints
 
 
 class SetPointSource(IntEnum):

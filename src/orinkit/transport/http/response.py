@@ -91,9 +91,9 @@ _HINTS: Final = {
     403: N_("The server denies access to this client. Try: check its message, or ask its administrator"),
     405: N_("The server does not accept POST at this path. Try: the path of e-CAP"),
     407: N_("A proxy requires a password. Try: an address that is reachable without a proxy"),
-    408: N_("The request took too long to arrive; it was not executed. Try: again, over a faster network"),
+    408: N_("The request took too long to arrive; it was not executed. Try: repeat the request over a faster network"),
     421: N_("The server does not serve this host name. Try: its IP address, or configure the server for this name"),
-    429: N_("Too many requests; this one was not executed. Try: again later"),
+    429: N_("Too many requests; this one was not executed. Try: repeat the request later"),
     500: N_("The server failed; it is unknown whether the call was executed. Try: check the server's log"),
     502: N_(
         "The upstream server cannot be reached; it is unknown whether the call was executed. Try: connect again later"
@@ -297,9 +297,9 @@ def tls_failed(address: HttpAddress, error: Exception) -> ConnectFailed:
     """Return the exception for a server whose certificate is not trusted, or that does not use TLS."""
     return ConnectFailed(
         tr(
-            "cannot connect to {address}: {error}. Try: cafile= (--cafile), a PEM file with the "
-            "server's certificate or its issuer's; the host name in the certificate; "
-            "http:// if the server does not use TLS",
+            "cannot connect to {address}: {error}. Try: pass a PEM file with the certificate of the server or of "
+            "its issuer as cafile= (--cafile), or use the host name in the certificate; use http:// if the server "
+            "does not use TLS",
             address=address,
             error=error,
         )

@@ -60,7 +60,7 @@ def parse_serial(given: SplitAddress) -> SerialAddress:
     text = given.text
     place, mark, query = given.rest.partition("?")
     if place.startswith("dev/"):
-        raise bad_address(text, tr("a path begins with a slash"), "serial")
+        raise bad_address(text, tr("a path must begin with a slash"), "serial")
     settings: dict[str, str] = {}
     for part in query.split("&") if mark and query else ():
         name, _, value = part.partition("=")

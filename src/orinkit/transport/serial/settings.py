@@ -98,7 +98,8 @@ def open_failed(address: SerialAddress, error: BaseException) -> ConnectFailed:
 def _what_to_try(address: SerialAddress, number: int | None) -> str:
     if number in _ABSENT:
         return tr(
-            "check that it is plugged in, and its name: usually /dev/ttyUSB0 or /dev/ttyACM0 on Linux, COM3 on Windows"
+            "check that it is plugged in and that its name is right: usually /dev/ttyUSB0 or /dev/ttyACM0 on "
+            "Linux, COM3 on Windows"
         )
     if number in _FORBIDDEN and sys.platform == "win32":
         return tr("close the program that uses it")

@@ -207,8 +207,8 @@ class VirtualABH3:
         Raises:
             InvalidValue: If there is no such fault.
         """
+        mask = _fault_mask(fault)
         with self._lock:
-            mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()
             self._driver.fail(mask, stays=stays)
 
@@ -221,10 +221,10 @@ class VirtualABH3:
         Raises:
             InvalidValue: If there is no such fault.
         """
+        causes = _fault_mask(fault)
         with self._lock:
-            mask = named(FAULTS.masks, fault, tr("fault"))
             self._catch_up()
-            self._driver.watch.causes &= ~mask
+            self._driver.watch.causes &= ~causes
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
@@ -310,3 +310,7 @@ def _single(number: float) -> float:
     except OverflowError:
         pass
     raise InvalidValue(tr("a monitor must be a finite single-precision number, not {number}", number=brief(number)))
+
+
+def _fault_mask(fault: str) -> int:
+    return named(FAULTS.masks, fault, tr("fault"))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class MotorBus(SharedBus):
-    """A CAN bus shared by any number of drivers and listeners; created by :func:`open_bus`."""
+    """A CAN bus shared by any number of drivers; created by :func:`open_bus`."""
 
     @overload
     def driver(self, *, dialect: Literal["v1"] = "v1", **settings: Unpack[HostSettings]) -> Driver[DP0R, BR1]: ...
@@ -32,15 +32,15 @@ class MotorBus(SharedBus):
     def driver(self, *, dialect: str | Dialect, **settings: Unpack[HostSettings]) -> Driver[Any, Any]: ...
 
     def driver(self, *, dialect: str | Dialect = "v1", **settings: Unpack[HostSettings]) -> Driver[Any, Any]:
-        """Return a driver on this bus; nothing is sent.
+        """Return the object for a driver on this bus; no frame is sent.
 
         Args:
-            dialect: ``"v1"`` for the document's dialect, ``"v2"`` for that of drivers of 2023.
+            dialect: ``"v1"`` for the dialect in the document, ``"v2"`` for drivers of 2023 and later.
             **settings: See :class:`HostSettings`.
 
         Raises:
-            InvalidValue: If a setting is out of range, or if this driver already has an object on this bus: neither object would
-                know what the other one has commanded.
+            InvalidValue: If a setting is out of range, or if this bus already has an object for the same driver. Two
+                objects would overwrite each other's commands.
         """
         check_names(settings, HostSettings, "dialect")
         host = make_host(dialect, settings)
@@ -58,14 +58,14 @@ def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]
     """Open a CAN bus for several drivers (4.1, abh3_can_port_init).
 
     Args:
-        at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. A python-can bus is not closed here, and
-            nothing else may receive from it meanwhile.
+        at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. orinkit does not close a python-can
+            bus. While it is in use, nothing else may receive from it.
         **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given.
 
     Raises:
-        InvalidAddress: If it is not a CAN bus.
+        InvalidAddress: If the arguments do not identify a CAN bus.
         ConnectFailed: If the bus cannot be opened.
-        MissingExtra: If a package is missing.
+        MissingExtra: If a required package is missing.
     """
     check_names(settings, BusSettings)
     return MotorBus.open(at, **settings)
@@ -100,24 +100,24 @@ def connect(
     init: bool = True,
     **settings: Unpack[Settings],
 ) -> Driver[Any, Any]:
-    """Open a CAN bus with one driver, and set its commands and inputs to 0 (4.1, abh3_can_init).
+    """Open a CAN bus with one driver, and set the driver's commands and inputs to 0 (4.1, abh3_can_init).
 
-    Closing the driver closes the bus, if it was opened here.
+    Closing the driver also closes the bus, unless ``at`` is a python-can bus.
 
     Args:
         at: URL of the bus, or a python-can bus; see :func:`open_bus`.
-        dialect: ``"v1"`` for the document's dialect, ``"v2"`` for that of drivers of 2023. The frames do not show which one
-            a driver uses.
-        init: ``False`` to send nothing, as abh3_can_port_init does.
+        dialect: ``"v1"`` for the dialect in the document, ``"v2"`` for drivers of 2023 and later. The dialect of a
+            driver cannot be detected from its frames.
+        init: ``False`` to send no frame, like abh3_can_port_init.
         **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given; ``address``, ``host``, ``group``,
             ``timeout``, ``priority`` and ``load_unit``, see :class:`HostSettings`.
 
     Raises:
-        InvalidAddress: If it is not a CAN bus.
+        InvalidAddress: If the arguments do not identify a CAN bus.
         InvalidValue: If a setting is out of range.
         ConnectFailed: If the bus cannot be opened.
         DriverTimeout: If the driver does not reply; the bus is closed again.
-        MissingExtra: If a package is missing.
+        MissingExtra: If a required package is missing.
     """
     check_names(settings, Settings, "dialect", "init")
     host = make_host(dialect, settings)

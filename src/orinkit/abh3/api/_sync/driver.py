@@ -29,27 +29,27 @@ F = TypeVar("F", bound=Feedback)
 S = TypeVar("S", bound=States)
 R = TypeVar("R")
 _GOODBYE: Final = 0.1
-"""Seconds to wait for a driver's reply before the bus is closed."""
+"""Seconds to wait for the reply to a stop before the bus is closed."""
 
 
 class Driver(Closing, Generic[F, S]):
     """One ABH3 driver on a bus; created by :func:`connect` or :meth:`MotorBus.driver`.
 
-    Velocities are in min^-1, currents and loads in %, supplies and analog inputs in V. A call sends one frame and waits for
-    the driver's reply; several threads may use one driver. Commands and inputs that a call omits keep the values that were
-    sent last.
+    Velocities are in min^-1, currents and loads in %, supply voltages and analog inputs in V. A call sends one frame
+    and waits for the driver's reply; several threads may use one driver. Commands and inputs that a call omits keep the
+    values that were sent last.
 
-    If a reply is late or the bus breaks, the commands are set to 0 and start is switched off; the program has to command any
-    motion again. If orinkit opened the bus, the next call reopens it.
+    If a reply is late or the bus is lost, the commands are set to 0 and the input start is switched off. The program
+    must then send its commands again. If orinkit opened the bus, the next call reopens it.
 
     Args:
         bus: The bus that the driver is on.
-        host: The host of this driver: its settings and the commands sent last.
-        owner: Closing the driver closes the bus too.
+        host: The host of this driver, with its settings and the commands sent last.
+        owner: True if closing the driver also closes the bus.
 
     Attributes:
         bus: The bus that the driver is on.
-        host: The host of this driver: its settings and the commands sent last.
+        host: The host of this driver, with its settings and the commands sent last.
     """
 
     def __init__(self, bus: SharedBus, host: Host[F], *, owner: bool = False) -> None:
@@ -97,14 +97,14 @@ class Driver(Closing, Generic[F, S]):
         """Send commands and return the feedback (4.2, 4.3, abh3_can_cmdAY, cmdBX, cmd).
 
         Args:
-            ay: A/Y command in min^-1, -6553.6 to 6553.4, rounded to 0.2; if the input ``ay_torque`` is 1, in %, -327.68 to
-                327.67. If omitted, the command is unchanged.
-            bx: B/X command, in the same way.
+            ay: A/Y command in min^-1, -6553.6 to 6553.4, rounded to a multiple of 0.2. If the input ``ay_torque`` is 1,
+                the command is in %, -327.68 to 327.67. If omitted, the command is unchanged.
+            bx: B/X command. Units and ranges are those of ``ay``; the input for torque is ``bx_torque``.
 
         Raises:
             InvalidValue: If a command is out of range; nothing was sent.
-            DriverTimeout: If the driver does not reply; it may or may not have taken the command. Both commands are now 0 and
-                start is off.
+            DriverTimeout: If the driver does not reply. It may still have executed the command. In the next frame, both
+                commands are 0 and start is off.
             TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.command(ay, bx))
@@ -123,8 +123,8 @@ class Driver(Closing, Generic[F, S]):
         """Set one input, by number or name, and return the feedback (4.5, abh3_can_inBitSet).
 
         Args:
-            bit: 0 to 31, or a name: ``ay_servo_on``, ``bx_start``, ``error_reset`` ...; a name without an axis sets both axes:
-                ``servo_on``, ``start``. The names are in :attr:`Dialect.inputs`.
+            bit: 0 to 31, or a name in :attr:`Dialect.inputs`, such as ``ay_servo_on``, ``bx_start`` or ``error_reset``.
+                A name without an axis, such as ``servo_on`` or ``start``, sets the inputs of both axes.
             value: 0, 1, ``False`` or ``True``.
 
         Raises:
@@ -135,7 +135,7 @@ class Driver(Closing, Generic[F, S]):
         return self._run(self.host.set_input(bit, value))
 
     def stop(self) -> F:
-        """Set the commands to 0, switch start off, and return the feedback: the driver decelerates, its servo stays on.
+        """Set the commands to 0, switch start off, and return the feedback. The driver decelerates; its servo stays on.
 
         Raises:
             DriverTimeout: If the driver does not reply.
@@ -147,11 +147,11 @@ class Driver(Closing, Generic[F, S]):
         """Repeat :meth:`stop` until both motors stand still, and return the feedback; the servo stays on.
 
         Args:
-            seconds: Seconds that the motors may take.
+            seconds: Maximum time until standstill, in s.
 
         Raises:
             InvalidValue: If seconds is out of range.
-            DriverTimeout: If the driver does not reply, or the motors still turn.
+            DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
             TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), safe_when_stopped=True)
@@ -159,10 +159,11 @@ class Driver(Closing, Generic[F, S]):
     def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; afterwards the commands are 0, and servo and start are off.
 
-        A driver that has received nothing from a host for one second reports an error until it is reset, so call this first.
+        A driver that has received no command for one second reports an error until the error is reset. Therefore call
+        this method first.
 
         Args:
-            tries: The highest number of attempts, 0 to 100; at least one is made.
+            tries: Maximum number of attempts, 0 to 100; with 0, one attempt is made.
 
         Raises:
             InvalidValue: If tries is out of range; nothing was sent.
@@ -202,8 +203,9 @@ class Driver(Closing, Generic[F, S]):
         """Request a broadcast and return it (4.7, abh3_can_reqBRD; with ``everyone`` abh3_can_reqBRDBRD).
 
         Args:
-            number: 0 to 6 of the driver's group; or, from 8 on, group * 8 + number as in the document.
-            everyone: Send the request to all drivers; the reply of this one is returned.
+            number: 0 to 6 for a broadcast of the driver's group. A value of 8 or more is group * 8 + number, as in the
+                document.
+            everyone: True to send the request to all drivers. Only the reply of this driver is returned.
 
         Raises:
             InvalidValue: If the number is not valid.
@@ -221,44 +223,45 @@ class Driver(Closing, Generic[F, S]):
     def request_single(self, dp: int = 0) -> Any:
         """Request a single packet without commanding anything (abh3_can_reqSNG).
 
-        A request does not reset the driver's command time-out; only commands do.
+        A request does not restart the driver's command time-out; only commands do.
 
         Args:
-            dp: 0 for the feedback, 1 for the pulse counts (2.2, withheld by the document: use :meth:`pulses` instead).
+            dp: 0 for the feedback, 1 for the pulse counts (2.2). The document withholds the frame of the pulse counts,
+                and many drivers do not send it: use :meth:`pulses` instead.
 
         Raises:
-            InvalidValue: If the page does not exist.
+            InvalidValue: If ``dp`` is not 0 or 1.
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.request_single(dp))
 
     def errors(self) -> BR0:
-        """Request errors and warnings (2.3), as :meth:`request_broadcast`."""
+        """Request errors and warnings (2.3) by :meth:`request_broadcast`."""
         return self.request_broadcast(0)
 
     def states(self) -> S:
-        """Request control and I/O flags (2.4), as :meth:`request_broadcast`."""
+        """Request control and I/O flags (2.4) by :meth:`request_broadcast`."""
         return self.request_broadcast(1)
 
     def velocities(self) -> BR2:
-        """Request velocities in min^-1 (2.5), as :meth:`request_broadcast`."""
+        """Request velocities in min^-1 (2.5) by :meth:`request_broadcast`."""
         return self.request_broadcast(2)
 
     def currents(self) -> BR3:
-        """Request currents and loads in % (2.6), as :meth:`request_broadcast`."""
+        """Request currents and loads in % (2.6) by :meth:`request_broadcast`."""
         return self.request_broadcast(3)
 
     def pulses(self) -> BR4:
-        """Request the pulse counts (2.7), as :meth:`request_broadcast`."""
+        """Request the pulse counts (2.7) by :meth:`request_broadcast`."""
         return self.request_broadcast(4)
 
     def analog(self) -> BR5:
-        """Request analog inputs and supplies in V (2.8), as :meth:`request_broadcast`."""
+        """Request analog inputs and supply voltages in V (2.8) by :meth:`request_broadcast`."""
         return self.request_broadcast(5)
 
     def monitors(self) -> BR6:
-        """Request the two monitored values of the driver (2.9), as :meth:`request_broadcast`."""
+        """Request the two monitored values of the driver (2.9) by :meth:`request_broadcast`."""
         return self.request_broadcast(6)
 
     # --- parameters (TelABH3 over multi-packet messages) --------------------------------------------------------------
@@ -267,7 +270,7 @@ class Driver(Closing, Generic[F, S]):
         """Send a multi-packet message and return the driver's reply.
 
         Args:
-            message: At most 1785 bytes, such as the TelABH3 texts made by :mod:`orinkit.abh3.session.telabh3`.
+            message: 1 to 1785 bytes, for example a TelABH3 text from :mod:`orinkit.abh3.session.telabh3`.
 
         Raises:
             InvalidValue: If the message is empty, too long, or not bytes; nothing was sent.
@@ -283,7 +286,7 @@ class Driver(Closing, Generic[F, S]):
         """Read a parameter of the driver.
 
         Args:
-            address: 0 to 0xFFFF; the known ones are in :data:`orinkit.abh3.session.telabh3.PARAMETERS`.
+            address: 0 to 0xFFFF; the known addresses are in :data:`orinkit.abh3.session.telabh3.PARAMETERS`.
 
         Raises:
             InvalidValue: If the address is out of range.
@@ -299,8 +302,8 @@ class Driver(Closing, Generic[F, S]):
 
         Args:
             address: As for :meth:`read_parameter`.
-            value: In the parameter's unit.
-            raw: The value is the 32-bit word itself.
+            value: The value in the parameter's unit.
+            raw: True if the value is the 32-bit word itself.
 
         Raises:
             InvalidValue: If the value or the address is not valid; nothing was sent.
@@ -310,19 +313,19 @@ class Driver(Closing, Generic[F, S]):
         (self._ask(telabh3.write_parameter(address, word))).confirmed()
 
     def read_monitor(self, address: int) -> ParameterValue:
-        """Read a monitor of the driver, as :meth:`read_parameter`.
+        """Read a monitor of the driver. For exceptions, see :meth:`read_parameter`.
 
         Args:
-            address: 0 to 0xFFFF; the known ones are in :data:`orinkit.abh3.session.telabh3.MONITORS`.
+            address: 0 to 0xFFFF; the known addresses are in :data:`orinkit.abh3.session.telabh3.MONITORS`.
         """
         return parameter_value.monitor(address, (self._ask(telabh3.read_monitor(address))).word)
 
     def read_identification(self, number: int = telabh3.VERSION) -> str:
-        """Read an identification of the driver, by default its version, as :meth:`read_parameter`."""
+        """Read an identification of the driver, by default its version. For exceptions, see :meth:`read_parameter`."""
         return (self._ask(telabh3.read_identification(number))).confirmed()
 
     def _ask(self, request: bytes) -> telabh3.TelReply:
-        """Send a TelABH3 text and return the driver's reply, with a description of the request for errors."""
+        """Send a TelABH3 request and return the driver's reply. It contains a description of the request for errors."""
         reply = self.exchange_message(request)
         return telabh3.parse_reply(reply, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
 
@@ -331,18 +334,19 @@ class Driver(Closing, Generic[F, S]):
     def keep_alive(self, period: float = 0.1, *, patience: float = 0.5, idle: float | None = None) -> None:
         """Repeat commands and inputs in the background, so that the driver's command time-out does not expire.
 
-        The keep-alive ends if the driver does not reply for ``patience`` seconds, if the program makes no call for ``idle``
-        seconds, and with the program. The commands are then 0; if the driver did not reply, the next call raises DriverTimeout.
+        The keep-alive ends if the driver does not reply for ``patience`` seconds, if the program makes no call for
+        ``idle`` seconds, or if the program ends. The commands are then 0. If the driver did not reply, the next call
+        raises DriverTimeout.
 
         Args:
-            period: Seconds between commands, 0.001 or more; well below the driver's time-out of 500 ms.
+            period: Seconds between commands, 0.001 or more. It should be well below the driver's time-out of 500 ms.
             patience: Seconds without a reply after which the keep-alive ends.
-            idle: Seconds without a call after which the keep-alive ends; with ``None``, a program that hangs may keep the motor
-                turning.
+            idle: Seconds without a call after which the keep-alive ends; ``None`` for no such limit. Without the limit,
+                a program that hangs may keep the motor turning.
 
         Raises:
-            InvalidValue: If a number is not positive or exceeds an hour, or if the period is below 1 ms or not below the
-                patience.
+            InvalidValue: If an argument is not positive or exceeds one hour, if the period is below 1 ms, or if it is
+                not below ``patience``.
         """
         timer = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
@@ -351,7 +355,10 @@ class Driver(Closing, Generic[F, S]):
         self._keep_alive_call = PeriodicCall(self._send_if_due, self._keep_alive_lost, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
-        """End the keep-alive; the driver stops by itself if no commands arrive. Discards a time-out that was not raised yet."""
+        """End the keep-alive, and discard its DriverTimeout if no call has raised it yet.
+
+        If no commands arrive after this, the driver stops by itself.
+        """
         self._ended = None
         periodic_call = self._stop_keep_alive()
         if periodic_call is not None:
@@ -364,7 +371,7 @@ class Driver(Closing, Generic[F, S]):
         return periodic_call
 
     def _keep_alive_lost(self) -> None:
-        """Handle the end of a keep-alive whose thread or task has ended, or that an exception has ended."""
+        """Reset the commands after the thread or task of the keep-alive has ended by itself or by an exception."""
         if self._keep_alive_timer is not None:
             self._keep_alive_timer = None
             self.host.reset_commands()
@@ -375,13 +382,13 @@ class Driver(Closing, Generic[F, S]):
         return self._keep_alive_timer is not None
 
     def _send_if_due(self) -> float | None:
-        """Repeat the command if it is due; return the seconds until the next time, ``None`` if the keep-alive has ended."""
+        """Repeat the command if it is due. Return the seconds until the next call, ``None`` if the keep-alive ended."""
         with self._lock:
             timer = self._keep_alive_timer
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.end_if_delayed(now)  # first: a driver that stopped on its own must not start again
+            end = timer.end_if_delayed(now)  # checked first: a driver that has stopped by itself must not start again
             if end is None and timer.due <= now:
                 self._repeat_command(timer)
             end = end or timer.end(monotonic())
@@ -407,13 +414,13 @@ class Driver(Closing, Generic[F, S]):
     # --- the bus ------------------------------------------------------------------------------------------------------
 
     def listen(self, seconds: float | None = None) -> Iterator[DecodedFrame]:
-        """Yield every frame on the bus, decoded, including those of other nodes; as :meth:`MotorBus.listen`."""
+        """Decode and yield every frame on the bus, also frames of other nodes; see :meth:`MotorBus.listen`."""
         return self.bus.listen(seconds, dialect=self.host.dialect, hosts=(self.host.host,))
 
     def close(self) -> None:
         """Stop the driver, end the keep-alive, and close the bus if it was opened for this driver (4.8).
 
-        If the driver was never commanded to move, nothing is sent. May be called again.
+        If no motion was commanded after the last stop, no frame is sent. May be called again.
         """
         periodic_call = self._stop_keep_alive()
         try:
@@ -428,7 +435,7 @@ class Driver(Closing, Generic[F, S]):
                     periodic_call.join()
 
     def release(self) -> None:
-        """End the keep-alive, and stop the driver if it was commanded to move; called by the bus when it closes."""
+        """End the keep-alive, and stop the driver if it may be moving. The bus calls this method when it is closed."""
         self._stop_keep_alive()
         with self._lock:
             self._stop_motion()
@@ -442,7 +449,7 @@ class Driver(Closing, Generic[F, S]):
             self.host.reset_commands()
 
     def relinquish(self) -> None:
-        """End the keep-alive and reset commands and inputs without sending them, as another host now commands the driver."""
+        """End the keep-alive, and reset commands and inputs without sending them: another host commands the driver."""
         self._stop_keep_alive()
         self.host.relinquish()
 
@@ -466,8 +473,8 @@ class Driver(Closing, Generic[F, S]):
 
         Args:
             operation: The operation.
-            safe_when_stopped: It starts no motion, so it runs even if the keep-alive ended and no call has raised the
-                DriverTimeout yet.
+            safe_when_stopped: True if the operation starts no motion. It then runs even if the keep-alive has ended
+                with a DriverTimeout that no call has raised yet.
         """
         with self._lock:
             ended, self._ended = self._ended, None

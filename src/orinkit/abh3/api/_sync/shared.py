@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 R = TypeVar("R")
 _LISTENER_SIZE: Final = 4096
-"""Frames that are buffered for a listener."""
+"""Maximum number of frames that are buffered for one call of :meth:`SharedBus.listen`."""
 _SLICE: Final = 3600.0
 
 
@@ -45,7 +45,7 @@ class BusMember(Protocol):
         """True if the driver was closed."""
 
     def release(self) -> None:
-        """Stop the driver if it was commanded to move."""
+        """Stop the driver if it may be moving."""
 
 
 class DriverLock:
@@ -65,10 +65,10 @@ class SharedBus(Closing):
     """A bus with the operations that concern all of its drivers.
 
     Args:
-        line: The shared CAN bus of the transport.
+        line: The shared CAN bus that transfers the frames.
 
     Attributes:
-        url: URL of the bus, or python-can's description of a bus that was passed in.
+        url: URL of the bus. For a python-can bus that was passed in, it is python-can's description of that bus.
     """
 
     def __init__(self, line: SharedCanBus) -> None:
@@ -80,7 +80,7 @@ class SharedBus(Closing):
 
     @classmethod
     def open(cls, at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> Self:
-        """Open a bus, as :func:`open_bus`."""
+        """Open a bus; see :func:`open_bus`."""
         bus = given_bus(at)
         if bus is not None:
             return cls(SharedCanBus(Bus(bus, own=False)))
@@ -104,13 +104,13 @@ class SharedBus(Closing):
         """Request a broadcast from all drivers of a group, and return their replies by address (4.7).
 
         Args:
-            number: 0 to 6; or, from 8 on, group * 8 + number as in the document.
+            number: 0 to 6. A value of 8 or more is group * 8 + number, as in the document.
             seconds: Seconds to wait for replies.
-            count: Number of drivers, 0 to 254; the wait ends early once this many have replied.
+            count: Number of drivers, 0 to 254. The wait ends early when this many drivers have replied.
             group: Broadcast group of the drivers.
             host: Address of this host.
             dialect: Dialect of the drivers.
-            load_unit: Load per code, in %.
+            load_unit: Resolution of the loads in frames, in %: 1 or 0.1.
 
         Raises:
             InvalidValue: If an argument is out of range.
@@ -133,15 +133,15 @@ class SharedBus(Closing):
         hosts: Iterable[int] = (2,),
         load_unit: float = 1.0,
     ) -> Iterator[DecodedFrame]:
-        """Yield every frame on the bus, decoded, except those that are sent from here.
+        """Decode and yield every frame on the bus, except frames that are sent through this object.
 
-        Some interfaces (udp_multicast) also return the frames that are sent from here.
+        Some interfaces (udp_multicast) also return the frames that are sent through this object.
 
         Args:
             seconds: Seconds after which to stop; ``None`` for never.
             dialect: Dialect of the drivers.
             hosts: Addresses of hosts, to distinguish commands from feedback.
-            load_unit: Load per code, in %.
+            load_unit: Resolution of the loads in frames, in %: 1 or 0.1.
 
         Raises:
             InvalidValue: If an argument is out of range.
@@ -162,7 +162,7 @@ class SharedBus(Closing):
             port.close()
 
     def close(self) -> None:
-        """Stop every driver that was commanded to move, and close the bus unless it was passed in open.
+        """Stop every driver that may be moving, and close the bus, unless it is a python-can bus that was passed in.
 
         May be called again.
         """
@@ -196,18 +196,18 @@ class SharedBus(Closing):
         Args:
             operation: The operation.
             port: The receiver to use.
-            revive: Reopen the bus first if it is broken and was opened here.
+            revive: True to reopen the bus first, if it is lost and was opened by orinkit.
 
         Raises:
             TransportError: If a frame could not be sent.
-            ConnectionLost, ConnectionClosed, ConnectFailed: If the bus is broken or closed; the commands of all its drivers are
-                    then 0.
+            ConnectionLost, ConnectionClosed, ConnectFailed: If the bus is lost or closed; the commands of all its
+                drivers are then 0.
         """
         try:
             if revive and self._line.broken:
                 with self._lock:
                     if self._line.broken:
-                        self._reset_commands()  # the loss may have gone unnoticed by any driver
+                        self._reset_commands()  # needed if no call of a driver has failed since the loss
                         self._line.reopen()
             return run_can(operation, port)
         except (ConnectionLost, ConnectionClosed, ConnectFailed):
@@ -219,7 +219,7 @@ class SharedBus(Closing):
             raise
 
     def exchange(self, message: bytes, host: Host[Any]) -> bytes:
-        """Send a multi-packet message to a driver and return its reply; exchanges with one driver run one at a time.
+        """Send a multi-packet message to a driver and return its reply. Only one exchange with a driver runs at a time.
 
         Raises:
             InvalidValue: If the message is too long.

@@ -76,7 +76,7 @@ class MotionProfile:
             if not (math.isfinite(limit) and limit >= _SMALLEST):
                 raise ValueError(
                     tr(
-                        "a limit of a motion profile must be a finite number from {smallest:g}, not {limit!r}",
+                        "a limit of a motion profile must be a finite number of at least {smallest:g}, not {limit!r}",
                         smallest=_SMALLEST,
                         limit=limit,
                     )

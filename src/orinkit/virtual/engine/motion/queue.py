@@ -218,7 +218,7 @@ class MotionQueue:
             ValueError: If a motion runs or waits, or the number of joints is not the number of axes.
         """
         if self.state is not QueueState.IDLE:
-            raise ValueError(tr("the command cannot be set while motions run or wait"))
+            raise ValueError(tr("the command position cannot be set while motions run or wait"))
         if len(joints) != len(self._model.axes):
             raise ValueError(
                 tr(

@@ -82,7 +82,7 @@ class RC8Command(CommandObject):
         if mode not in (WAIT, AT_ONCE):
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("mode {mode} is not 0 (wait) or 1 (return at once)", mode=mode),
+                tr("mode {mode} is not 0 (wait) or 1 (return immediately)", mode=mode),
             )
         if self._state is CommandState.EXECUTING:
             raise error_for(hresult.E_CAO_CMD_EXECUTE, self.name)

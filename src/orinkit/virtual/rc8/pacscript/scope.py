@@ -211,7 +211,7 @@ class Scope:
             )
         if key in _RESERVED:
             raise CompileError(
-                tr("{name} cannot be declared: it is a word of PacScript", name=name.text),
+                tr("{name} cannot be declared: it is a reserved word of PacScript", name=name.text),
                 name.at,
             )
 

@@ -200,7 +200,12 @@ def _open(path: Path) -> sqlite3.Connection:
     journal = path.with_name(path.name + "-wal")
     if journal.exists() and journal.stat().st_size and not (path.exists() and path.stat().st_size):
         # SQLite would discard the journal as a leftover, including the writes that only the journal contains.
-        raise _NotOurs(tr("it is missing or empty, but {name} contains writes", name=journal.name))
+        raise _NotOurs(
+            tr(
+                "it is missing or empty, but {name} contains writes that were not yet transferred to it",
+                name=journal.name,
+            )
+        )
     if not path.exists():
         _make(path)
     elif not path.stat().st_size:
