@@ -27,9 +27,7 @@ PO = SOURCE / "locale" / "ja" / "LC_MESSAGES" / "orinkit.po"
 MO = PO.with_suffix(".mo")
 KEYWORDS = {"tr": None, "N_": None, "say": None}
 GENERATED = "_sync"
-DATE = datetime(
-    2026, 11, 23, tzinfo=UTC
-)  # the date in the header; it is constant, so that an update without new messages does not change the file
+DATE = datetime(2026, 11, 23, tzinfo=UTC)  # in the header; constant, so that only new messages change the file
 PERCENT = re.compile(r"%[-+ #0]*[0-9.]*[a-zA-Z]")
 
 

@@ -86,9 +86,9 @@ class ArmModel:
         origins: Origins of the six joints, (x, y, z) each, mm.
         axes: Six to eight axes; the seventh and eighth are extra axes that do not move the flange.
         home: Home position of each axis, within the limits. The virtual arm starts at this position.
-        path_speed: Largest velocity of the flange on a path, mm/s. This and the next three limits are not published;
+        path_speed: Largest velocity of the TCP on a path, mm/s. This and the next three limits are not published;
             their defaults 1500, 7500, 360 and 1800 are assumptions of this project.
-        path_acceleration: Largest acceleration of the flange on a path, mm/s^2.
+        path_acceleration: Largest acceleration of the TCP on a path, mm/s^2.
         path_rotation: Largest velocity of the orientation on a path, deg/s.
         path_rotation_acceleration: Largest acceleration of the orientation on a path, deg/s^2.
     """

@@ -379,7 +379,7 @@ class AsyncRobot(AsyncArmBase):
         return await self._convert(T, "T", pose)
 
     async def out_of_range(self, pose: PoseLike) -> int:
-        """Check without moving whether the arm can reach a pose (OutRange).
+        """Return 0 if the arm can reach a pose (OutRange); the arm does not move.
 
         Returns:
             0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if

@@ -153,7 +153,7 @@ class VirtualRC8(Provider):
         )
 
     def close(self) -> None:
-        """Stop the controller, save the variables and release the state directory; a second call has no effect."""
+        """Stop the controller and release the state directory; a second call has no effect."""
         self.state.close()
         self._forget()
 
