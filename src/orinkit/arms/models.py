@@ -84,7 +84,7 @@ class ArmModel:
         name: Name of the model, for example ``"VS-050"``.
         type_name: Reply to ``@TYPE_NAME`` and ``GetRobotTypeName``.
         origins: Origins of the six joints, (x, y, z) each, mm.
-        axes: Six to eight axes; the seventh and eighth are extra axes that do not move the flange.
+        axes: Six to eight axes; the seventh and eighth are extended joints, which do not move the flange.
         home: Home position of each axis, within the limits. The virtual arm starts at this position.
         path_speed: Largest velocity of the TCP on a path, mm/s. This and the next three limits are not published;
             their defaults 1500, 7500, 360 and 1800 are assumptions of this project.
@@ -220,7 +220,7 @@ class _ModelReader:
         if not isinstance(linear, bool):
             self._fail(f"{key}.linear", tr("must be true or false"))
         if linear and index < _ARM_AXES:
-            self._fail(f"{key}.linear", tr("only an extra axis can be linear"))
+            self._fail(f"{key}.linear", tr("only an extended joint can be linear"))
         return AxisModel(lower, upper, velocity, acceleration, linear)
 
     def _home(self, value: object, axes: Sequence[AxisModel]) -> tuple[float, ...]:

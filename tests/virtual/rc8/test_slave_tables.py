@@ -525,7 +525,7 @@ def test_4_4_mode_2_answers_when_there_is_room(cell: SlaveCell, kind: str) -> No
     assert cell.mode == {"P": 0x201, "J": 0x202, "T": 0x203}[kind]
 
 
-# --- table 4-5: extra axes -------------------------------------------------------------------------------------------
+# --- table 4-5: extended joints ----------------------------------------------------------------------------------------
 
 EXTRA = 0x00400000
 J7, J8 = 0.02, -0.15  # deg, mm, in one cycle from rest

@@ -189,7 +189,7 @@ def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
 
 
 def command_and_encoder(record: Any) -> tuple[list[float], list[float]]:
-    """Return the commands and encoder values of a record of the control log (reference: RC8 provider, GetLogRecord)."""
+    """Return the commands and encoder values of a record of the control log (RC8 provider guide, GetLogRecord)."""
     values = record[: _AXES * _COLUMNS] if isinstance(record, list) else []
     if len(values) < _AXES * _COLUMNS or not all(isinstance(value, int | float) for value in values):
         raise _unexpected_reply("GetLogRecord", record)

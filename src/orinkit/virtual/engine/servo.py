@@ -121,7 +121,7 @@ class Servo:
 
 
 class ControlLog:
-    """The control log of StartLog, one record for each cycle (reference: RC8 provider StartLog, GetLogRecord).
+    """The control log of StartLog, one record for each cycle (RC8 provider guide, StartLog and GetLogRecord).
 
     Attributes:
         running: True between StartLog and StopLog.

@@ -1,4 +1,4 @@
-"""The robot's system variables: a table of names, types and sources (reference: RC8 provider, robot variables)."""
+"""The robot's system variables: a table of names, types and sources (RC8 provider guide, robot variables)."""
 
 from __future__ import annotations
 
