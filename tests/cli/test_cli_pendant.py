@@ -300,7 +300,7 @@ def test_a_file_for_the_secret(serve, run, refused, runtime, tmp_path):
     assert file.read_text() == f"{lines[2].removeprefix('control secret ')}\n"
     assert not runtime.exists()
     assert run("pendant", control, "status", "--control-secret-file", str(file)).code == 0
-    assert "and no server of this account has stored one for this port" in refused("pendant", control, "status")
+    assert "and there is no stored secret for this port" in refused("pendant", control, "status")
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=60)
     assert not file.exists()

@@ -38,9 +38,9 @@ def test_a_lost_connection(wire: TransportProfile, en: str, ja: str) -> None:
 @pytest.mark.parametrize("note", [closed_note, broken_off_note], ids=["closed", "broken off"])
 def test_a_connection_that_was_closed(note) -> None:
     assert "lost" not in note(STREAM)
-    assert "if the closing packet is lost: after at least 10 s without a request" in note(DATAGRAM)
-    assert "if the server is not notified: after 60 s or more without a request" in note(HTTP)
-    assert "if the closing packet is lost: when the next client connects" in note(LINE)
+    assert "if the closing packet is lost, the arm stops only after at least 10 s without a request" in note(DATAGRAM)
+    assert "if the server is not notified, the arm stops only after at least 60 s without a request" in note(HTTP)
+    assert "if the closing packet is lost, the arm stops only when the next client connects" in note(LINE)
     i18n.use("ja")
     assert "失われた" not in note(STREAM)
     assert "10 秒以上無通信が続いた後" in note(DATAGRAM)

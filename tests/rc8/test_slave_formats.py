@@ -756,7 +756,12 @@ def test_an_extended_joint_without_a_value():
         sf.encode_set_point("P", SetPoint(P, ((7, None),)), *POSE_ONLY)
 
 
-NAMES = {"mini": "mini I/O", "hand": "hand I/O", "user": "user I/O to send", "window": "user I/O to receive"}
+NAMES = {
+    "mini": "mini I/O",
+    "hand": "hand I/O",
+    "user": "user I/O to send",
+    "window": "user I/O requested for the result",
+}
 WANTING = {
     "mini": (SendBits.MINI, ReceiveFormat()),
     "hand": (SendBits.HAND, ReceiveFormat()),

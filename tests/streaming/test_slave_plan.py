@@ -440,7 +440,7 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
         ),
         (
             (0.0, 45.0, 90.0, 0.0, 45.0, 0.5),
-            "J6: at 0.5 the step changes by 0.5, which is 0.282 too much: the acceleration limit of 3400/s^2 allows 0.2176 in 0.008 s",
+            "J6: at 0.5 the step differs from the last step by 0.5, which is 0.282 too much: the acceleration limit of 3400/s^2 allows 0.2176 in 0.008 s",
             "J6: 0.5 では指令値の増分が 0.5 変化します。加速度 3400/s^2 で 0.008 秒に許される 0.2176 を 0.282 超えています",
         ),
     ],

@@ -446,7 +446,7 @@ def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
         ),
         (
             (301.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
-            "position: the step changes by 1 mm, which is 0.52 mm too much: the acceleration limit of 7500 mm/s^2 allows 0.48 mm in 0.008 s",
+            "position: the step differs from the last step by 1 mm, which is 0.52 mm too much: the acceleration limit of 7500 mm/s^2 allows 0.48 mm in 0.008 s",
             "位置: 指令値の増分が 1 mm 変化します。加速度 7500 mm/s^2 で 0.008 秒に許される 0.48 を 0.52 超えています",
         ),
         (

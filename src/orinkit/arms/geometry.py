@@ -124,8 +124,8 @@ def of_matrix(
 ) -> tuple[float, float, float, float]:
     """Return the orientation given by a rotation matrix, as a quaternion w, x, y, z with a norm of 2 to 4.
 
-    The arguments are the elements of the matrix, row by row. Of the four formulas for the quaternion, the one is used
-    whose largest component is not near zero for this matrix.
+    The arguments are the elements of the matrix, row by row. Each of the four formulas returns the quaternion times four
+    times one of its components. The formula for the largest component is used, so that the norm is never near zero.
     """
     trace = a + e + i
     if trace >= a and trace >= e and trace >= i:

@@ -321,7 +321,7 @@ def encode_request(
         function: an entry of the table of functions.
         arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
         serial: serial of this attempt.
-        reserved: serial of the first attempt; 0 on a stream.
+        reserved: serial of the first attempt; 0 over TCP, because there is only one attempt.
         crc: True to add a CRC, for a serial line.
         vt_error_size: size of a VT_ERROR, bytes.
 

@@ -46,7 +46,7 @@ class Framing(Protocol):
         """Return the next complete packet, or ``None`` if more bytes are needed."""
 
     def resync(self) -> bytes | None:
-        """Return a complete packet that follows the header of an incomplete one."""
+        """Return the first complete packet after the header of an incomplete packet; ``None`` if there is none."""
 
     def timeout(self) -> bytes | None:
         """Abandon the incomplete packet, and return a complete packet found inside it."""

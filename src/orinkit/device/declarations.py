@@ -158,7 +158,7 @@ def _as_type(vt: int, value: Variant) -> Variant:
 
 
 class DeclaredChild(Declared):
-    """A declared child object. Its method returns the object, and is called for each client that connects to it."""
+    """A declared child object. The decorated method returns it, and is called for each handle that is created of it."""
 
     def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
         super().__init__(method, name, help, quick=True)

@@ -138,7 +138,7 @@ def flag_to_wire(flag: bool) -> int:
 
 
 def amount_to_wire(amount: Decimal) -> int:
-    """Return an amount in ten-thousandths."""
+    """Return an amount of money (VT_CY) as a number of ten-thousandths, as packets contain it."""
     return int(amount.scaleb(4, CY_CONTEXT))
 
 

@@ -297,7 +297,7 @@ class TelItem(NamedTuple):
         address: The address for :func:`read_monitor` or :func:`read_parameter`.
         kind: ``"pack"`` for a PACK_FLOAT, ``"int"`` for a signed whole number, ``"bits"`` for flags.
         title: The name, in English, with placeholders.
-        unit: Unit of the value; for switches, the two valid words.
+        unit: Unit of the value; for a switch, its two valid values, for example ``"0x0000/0x8000"``.
         values: Values of the placeholders.
     """
 
@@ -407,9 +407,9 @@ _CAN: Final = (
     (0x4114, N_("single packet priority"), ""),
     (0x4115, N_("multi-packet priority"), ""),
     (0x4116, N_("broadcast priority"), ""),
-    (0x4117, N_("zero command time-out, 0 for none"), "ms"),
-    (0x4118, N_("error time-out, 0 for none"), "ms"),
-    (0x4119, N_("multi-packet pause"), "ms"),
+    (0x4117, N_("time-out after which commands are set to 0; 0 for none"), "ms"),
+    (0x4118, N_("command time-out after which the driver reports an error, 0 for none"), "ms"),
+    (0x4119, N_("wait in multi-packet data transfer"), "ms"),
     (0x411A, N_("logic of the control flags"), ""),
     (0x6180, N_("PDU format of single packets"), ""),
 )

@@ -88,7 +88,7 @@ class ArmGeometry:
         Args:
             forward: Distance of the wrist centre in front of the axis of joint 1, mm.
             up: Height of the wrist centre above the origin of joint 1, mm.
-            positive: Side to which the elbow bends: True if joint 3 is beyond the angle of the stretched arm.
+            positive: Side to which the elbow bends: True if joint 3 is greater than at full stretch.
 
         Returns:
             Joint 2, rad; the sum of joints 2 and 3, rad; the distance of the wrist centre from the boundary of the

@@ -140,8 +140,8 @@ class Kinematics:
     def solutions(self, flange: ArrayLike, near: ArrayLike | None = None) -> list[tuple[int, Array]]:
         """Return all solutions for the flange.
 
-        Joints 1, 4 and 6 are SINGLE. Solutions with DOUBLE joints are added if the DOUBLE joints are within the soft
-        limits. Other limits are not checked.
+        Joints 1, 4 and 6 are SINGLE (-180 < angle <= 180). Solutions in which some of them are DOUBLE (outside this
+        range) are added if the DOUBLE joints are within the soft limits. The other joints are not checked.
 
         Args:
             flange: (4, 4).

@@ -227,14 +227,16 @@ def _denied(url: str, *, known: bool) -> CommandError:
     if known:
         return CommandError(
             tr(
-                "{url} refuses the secret. Try: --control-secret-file FILE with the secret that its server has printed",
+                "{url} refuses the secret. Try: --control-secret-file FILE with the secret that the server at "
+                "this address has printed",
                 url=url,
             )
         )
     return CommandError(
         tr(
-            "{url} requires its secret, and no server of this account has stored one for this port. Try: "
-            "--control-secret-file FILE with the secret that its server has printed",
+            "{url} requires a secret, and there is no stored secret for this port: no server running under your "
+            "account has created one. Try: --control-secret-file FILE with the secret that the server at this "
+            "address has printed",
             url=url,
         )
     )

@@ -180,7 +180,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
          f.controller_get_variable, (_CONTROLLER, "@MODE", ""), a_handle, keep=_MODE.name),
     DemoStep(N_("Read it: 3, automatic"), "RC8 2.2",
          f.variable_get_value, (_MODE,), exactly(VarType.I4, _AUTOMATIC)),
-    DemoStep(N_("An error has occurred: read the number of errors"), "RC8 3.3.6",
+    DemoStep(N_("The demo has caused an error in the virtual RC8: read the number of errors"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorCount", None), exactly(VarType.I4, 1), before=_raise_error),
     DemoStep(N_("Read the error"), "RC8 3.3.6",
          f.controller_execute, (_CONTROLLER, "GetCurErrorInfo", 0), an_error(DEMO_ERROR)),

@@ -257,14 +257,16 @@ def closed_note(profile: TransportProfile) -> str:
 def _if_packet_lost(profile: TransportProfile) -> str:
     """Return, as a text in brackets, when the arm stops if the controller is not notified of the client's end."""
     if profile.shared:
-        return tr(" (if the closing packet is lost: when the next client connects)")
+        return tr(" (if the closing packet is lost, the arm stops only when the next client connects)")
     if profile.memory and not profile.lossy:
         return tr(
-            " (if the server is not notified: after {seconds:g} s or more without a request)", seconds=profile.memory
+            " (if the server is not notified, the arm stops only after at least {seconds:g} s without a request)",
+            seconds=profile.memory,
         )
     if profile.memory:
         return tr(
-            " (if the closing packet is lost: after at least {seconds:g} s without a request)", seconds=profile.memory
+            " (if the closing packet is lost, the arm stops only after at least {seconds:g} s without a request)",
+            seconds=profile.memory,
         )
     return ""
 

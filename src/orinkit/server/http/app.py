@@ -358,7 +358,7 @@ class Exchange:
         return int(self.headers.get(b"content-length", b"0"))
 
     def give_room(self, partial: IncompleteRequests) -> None:
-        """Subtract the body of the request from the bytes of incomplete requests."""
+        """Stop counting the body of the request among the bytes of incomplete requests."""
         partial.change(self._counted, 0)
         self._counted = 0
 

@@ -188,7 +188,7 @@ class AxisLimiter:
             before: The command before the last one.
             now: The last command.
             value: The rejected command.
-            behind: Distance from the last command to the set-point it was planned for.
+            behind: Distance from the last command to the last set-point.
         """
         step = value - now
         change = abs(step - (now - before))
@@ -211,8 +211,8 @@ class AxisLimiter:
             most = self.max_step_change / (1.0 + TOLERANCE)
             rate = most / self._period**2
             return tr(
-                "{name}: at {value:g} the step changes by {change:g}, which is {excess:.3g} too much: the "
-                "acceleration limit of {rate:g}/s^2 allows {most:g} in {period:g} s",
+                "{name}: at {value:g} the step differs from the last step by {change:g}, which is {excess:.3g} "
+                "too much: the acceleration limit of {rate:g}/s^2 allows {most:g} in {period:g} s",
                 name=self.name,
                 value=value,
                 change=change,

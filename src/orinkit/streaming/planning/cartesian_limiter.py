@@ -152,7 +152,7 @@ class CartesianLimiter:
         self._last_target_step, self._target_motion = moved, None
 
     def forget(self) -> None:
-        """Discard the motion of the set-points."""
+        """Discard the last step of the set-points and the estimate of their motion."""
         self._last_target_step, self._target_motion = NOTHING, None
 
     def chase(self, way: Vector, moved: Vector) -> tuple[Vector, bool]:
@@ -228,7 +228,7 @@ class CartesianLimiter:
 
         Args:
             step: The rejected step.
-            behind: Distance from the last command to the set-point it was planned for.
+            behind: Distance from the last command to the last set-point.
         """
         what, unit = tr(self._name), self._unit
         speed, acceleration = self._limits
@@ -249,8 +249,9 @@ class CartesianLimiter:
         if change > self._max_step_change:
             most = acceleration * self._period**2
             return tr(
-                "{what}: the step changes by {change:g} {unit}, which is {excess:.3g} {unit} too much: the "
-                "acceleration limit of {acceleration:g} {unit}/s^2 allows {most:g} {unit} in {period:g} s",
+                "{what}: the step differs from the last step by {change:g} {unit}, which is {excess:.3g} {unit} "
+                "too much: the acceleration limit of {acceleration:g} {unit}/s^2 allows {most:g} {unit} in "
+                "{period:g} s",
                 what=what,
                 change=change,
                 unit=unit,

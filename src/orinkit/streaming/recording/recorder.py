@@ -327,7 +327,7 @@ _JSON_TYPES: Final = {
 _SAMPLE: Final[dict[str, tuple[str, str]]] = {  # type, description
     "number": ("integer", N_("number of the set-point, from 0")),
     "sent": ("number", N_("time of sending, s since the first set-point was sent")),
-    "command": ("array", N_("set-point: joints in deg, or X, Y, Z in mm, angles in deg and Fig, or a T")),
+    "command": ("array", N_("set-point of pose type J (joints in deg), P (X, Y, Z in mm, angles in deg, Fig) or T")),
     "code": ("integer", N_("return code")),
     **{row.name: (_JSON_TYPES[row.form], row.text) for row in RECEIVED},
     "delay": ("number", N_("time from setting a live target to sending this set-point, s; only for the first set-point towards the "

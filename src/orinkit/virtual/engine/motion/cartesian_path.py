@@ -116,7 +116,10 @@ def rotation(start: Array, axis: Array, point: Array, degrees: float, *, keep_or
     if not (length > _SAME_POINT**2 and abs(degrees) <= _MAX_DEGREES and np.all(np.abs(point) <= _FARTHEST)):
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE,
-            tr("a rotation requires an axis with a direction, a point, and an angle of up to 36,000 deg"),
+            tr(
+                "a rotation requires an axis whose vector is not zero, a point on the axis, and an angle of up to "
+                "36,000 deg"
+            ),
         )
     axis = axis / length
     radius = start[:3, 3] - point

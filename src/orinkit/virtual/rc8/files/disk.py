@@ -45,7 +45,7 @@ def is_file(status: os.stat_result) -> bool:
 
 
 def spelling(folder: Path, part: str) -> str:
-    """Return the spelling of an entry in a folder, ignoring case; if it does not exist, return ``part``.
+    """Return the name on the disk of the entry that is ``part`` if case is ignored; ``part`` if there is none.
 
     If an entry is spelled exactly like ``part``, return ``part``. If several entries differ from it only in case,
     return the first one in sorted order.

@@ -111,7 +111,10 @@ class RC8Arm:
     # --- arm semaphore ------------------------------------------------------------------------------------------
 
     def take(self, operator: Operator, *, keep: bool) -> None:
-        """Give the arm to an operator; if ``keep`` is False, set internal speeds to 100 %, tool 0 and work 0."""
+        """Give the arm to an operator, which is a client or a program.
+
+        If ``keep`` is False, set the internal speeds to 100 %, and make tool 0 and work 0 the current ones.
+        """
         self.holder = operator
         if not keep:
             self.speeds.reset()

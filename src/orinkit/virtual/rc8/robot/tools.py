@@ -40,10 +40,12 @@ class FrameSet:
     _matrices: dict[int, Matrix] = field(default_factory=dict)
 
     def check(self, number: int, first: int = 0) -> int:
-        """Return the number of a frame after checking that it is in range.
+        """Return the number of a frame after checking that it is at least ``first`` and less than ``count``.
+
+        Pass 1 as ``first`` to change a frame, because frame 0 cannot be changed.
 
         Raises:
-            CallError: If the frame does not exist, or cannot be changed.
+            CallError: If the number is out of this range.
         """
         if not first <= number < self.count:
             raise error_for(
