@@ -43,9 +43,9 @@ def fail(error: Exception) -> None:
     raise AssertionError from error
 
 
-def made(clock: Clock, *parts: Steps, failed: Callable[[Exception], None] = fail) -> ControlLoop:
+def made(clock: Clock, *parts: Steps, on_error: Callable[[Exception], None] = fail) -> ControlLoop:
     cycles = ControlLoop(clock)
-    cycles.add(*parts, failed=failed)
+    cycles.add(*parts, on_error=on_error)
     return cycles
 
 
@@ -113,7 +113,7 @@ def test_tasks_step_in_order_while_one_of_them_is_busy():
     clock, log = ManualClock(), []
     first, second, third = Steps(2, log, "a"), Steps(0, log, "b"), Steps(3, log, "c")
     cycles = made(clock, first, second)
-    cycles.add(third, failed=fail)
+    cycles.add(third, on_error=fail)
     with cycles:
         cycles.wake()
     clock.advance(1.0)
@@ -170,7 +170,7 @@ def test_patience_has_an_end():
 def test_a_task_that_raises_stops_neither_the_others_nor_time(caplog):
     clock, told = ManualClock(), []
     bad, good = Steps(), Steps()
-    cycles = made(clock, bad, good, failed=told.append)
+    cycles = made(clock, bad, good, on_error=told.append)
 
     def then() -> None:
         if bad.done in (1, 3):
@@ -194,7 +194,7 @@ def test_the_error_callback_may_wake_the_cycle_and_may_raise(caplog):
         raise RuntimeError("too")
 
     bad = Steps()
-    cycles = made(clock, bad, failed=failed)
+    cycles = made(clock, bad, on_error=failed)
 
     def then() -> None:
         if bad.done == 1:
@@ -253,7 +253,7 @@ def test_after_close_nothing_steps():
 def test_an_arm_that_breaks_in_the_middle_of_a_move_is_an_error_of_the_controller(caplog, threads):
     clock = ManualClock()
     rc8 = VirtualRC8(clock=clock, motor=True)
-    rc8.state.cycles.add(part := Steps(), failed=rc8.state._crashed)
+    rc8.state.cycles.add(part := Steps(), on_error=rc8.state._crashed)
 
     def then() -> None:
         if part.done == 1:

@@ -24,7 +24,7 @@ from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.core import hresult
 from orinkit.server.aio_server import AsyncServer
 from orinkit.values.variant import variant
-from orinkit.virtual.engine.catch_up import gentlest
+from orinkit.virtual.engine.catch_up import gentlest_path
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.robot.motor import MotorState
@@ -524,7 +524,7 @@ def test_a_bridge_takes_the_cycles_that_it_needs(ahead, most):
     """At constant velocity, as many cycles as the set-point is steps ahead."""
     before, now = (0.0,) * 6, (1.0, -0.5, 0.0, 0.2, 0.0, 0.0)
     goal = tuple(q + ahead * q for q in now)
-    way = gentlest(VS050, before, now, goal, most)
+    way = gentlest_path(VS050, before, now, goal, most)
     assert len(way) == min(ahead, most)
     assert way[-1] == goal
     if ahead <= most:
@@ -532,7 +532,7 @@ def test_a_bridge_takes_the_cycles_that_it_needs(ahead, most):
 
 
 def test_a_bridge_from_rest_takes_all_the_time_there_is():
-    way = gentlest(VS050, HOME, HOME, (3.6, *HOME[1:]), 6)
+    way = gentlest_path(VS050, HOME, HOME, (3.6, *HOME[1:]), 6)
     assert [joints[0] for joints in way] == pytest.approx([0.1, 0.4, 0.9, 1.6, 2.5, 3.6])
 
 

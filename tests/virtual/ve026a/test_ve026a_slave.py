@@ -475,7 +475,7 @@ def test_a_server_that_was_late_gives_its_client_a_period(step):
 @pytest.mark.parametrize("mode", [SYNC, ASYNC])
 def test_the_limits_are_larger_for_a_moment_if_the_server_was_late(cell, mode):
     cell.on(mode)
-    cell.arm._arm.slave.lenient = 2
+    cell.arm._arm.slave.lenient_cycles = 2
     cell.stream([turned(2 * MOST), turned(0.0)])
     assert cell.arm.error == 0
     cell.send(turned(2 * MOST))
@@ -485,7 +485,7 @@ def test_the_limits_are_larger_for_a_moment_if_the_server_was_late(cell, mode):
 
 def test_the_larger_limits_end(cell):
     cell.on(ASYNC)
-    cell.arm._arm.slave.lenient = 1
+    cell.arm._arm.slave.lenient_cycles = 1
     cell.send(turned(2 * MOST + 0.01))
     cell.cycle()
     assert cell.arm.error == TOO_FAST_AXIS1

@@ -46,11 +46,11 @@ class AxisLimits:
         self.friction = round(parameters.friction * _CODES)
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
-    def step_of_current(self, codes: int) -> int:
+    def velocity_step(self, codes: int) -> int:
         """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1 if there is a current."""
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
-    def current(self, step: int) -> int:
+    def current_for(self, step: int) -> int:
         """Return the current (0.01 %) that causes a change of velocity."""
         return round(step / self._gain)
 
@@ -118,7 +118,7 @@ class MotorAxis:
         direction = _sign(goal - self.velocity)
         friction = self._limits.friction * (_sign(self.velocity) or direction)
         limit = self._limits.strongest
-        return max(-limit, min(self._limits.current(step) * direction + friction + self.load, limit))
+        return max(-limit, min(self._limits.current_for(step) * direction + friction + self.load, limit))
 
     def _plan(self) -> tuple[int, int]:
         """Return the velocity that the axis approaches now, and the change of velocity per cycle.
@@ -127,7 +127,7 @@ class MotorAxis:
         """
         velocity, limits = self.velocity, self._limits
         if self.mode is AxisMode.OFF:
-            return 0, limits.step_of_current(limits.friction)
+            return 0, limits.velocity_step(limits.friction)
         if self.mode is AxisMode.TORQUE:
             return self._plan_torque()
         goal = self.command if self.mode is AxisMode.SPEED else 0
@@ -143,10 +143,10 @@ class MotorAxis:
         if velocity == 0 and net * direction <= 0:  # the torque does not overcome friction
             return 0, 1
         if net * direction < 0:
-            return 0, abs(limits.step_of_current(net))
+            return 0, abs(limits.velocity_step(net))
         if abs(velocity) > limits.fastest:
             return limits.fastest * direction, limits.decelerate
-        return (limits.fastest * direction if net else velocity), abs(limits.step_of_current(net)) or 1
+        return (limits.fastest * direction if net else velocity), abs(limits.velocity_step(net)) or 1
 
 
 def _sign(number: int) -> int:

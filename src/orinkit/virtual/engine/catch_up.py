@@ -6,7 +6,7 @@ from orinkit.arms import ArmModel
 from orinkit.virtual.engine.motion.joint_path import Joints
 
 
-def gentlest(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
+def gentlest_path(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
     """Return the command positions that lead to a set-point with the least acceleration, one for each cycle.
 
     With the present velocity ``v`` and the period ``T``, the k-th of n command positions is

@@ -6,7 +6,7 @@ a lock: entering the lock first runs the due cycles. The order of steps is there
 a test's manual clock and with a scaled clock.
 
 The controller's time is counted in cycles. This time stops while the controller waits for a late set-point, and also if
-the server process was delayed (:meth:`ControlLoop.stand_still`). Afterwards it lags behind the clock.
+the server process was delayed (:meth:`ControlLoop.delay`). Afterwards it lags behind the clock.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ class ControlLoop:
         pace: Callback that returns how many of the due cycles to run before it is called again; ``None`` to run all of
             them. It is called inside the lock with the number of due cycles, 1 or more. If it returns 0, no cycle is
             run, and it is called again when the lock is next entered, at the latest one period later. It may call
-            :meth:`stand_still`.
+            :meth:`delay`.
     """
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.number = 0
         self.pace: Callable[[int], int] | None = None
-        self._origin = self._base = clock.now()  # time of cycle 0; stand_still() moves _base only
+        self._origin = self._base = clock.now()  # time of cycle 0; delay() moves _base only
         self._tasks: list[CyclicTask] = []
         self._on_error: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
@@ -91,15 +91,15 @@ class ControlLoop:
         """Seconds of the clock since the next cycle was due; negative if it is not due yet."""
         return self.clock.now() - self._base - (self.number + 1) * PERIOD
 
-    def add(self, *parts: CyclicTask, failed: Callable[[Exception], None]) -> None:
+    def add(self, *parts: CyclicTask, on_error: Callable[[Exception], None]) -> None:
         """Add tasks that are stepped in every cycle, in this order.
 
         Args:
             parts: The tasks.
-            failed: Callback invoked with each exception that a task raises.
+            on_error: Callback invoked with each exception that a task raises.
         """
         self._tasks.extend(parts)
-        self._on_error = failed
+        self._on_error = on_error
 
     def wake(self) -> None:
         """Start cycles because a task has become busy; its first step is in the next cycle. Call it inside the lock."""
@@ -112,7 +112,7 @@ class ControlLoop:
         if not self._stepping:
             self._driver.wake()
 
-    def stand_still(self, seconds: float) -> None:
+    def delay(self, seconds: float) -> None:
         """Delay the next cycle and all later ones by some seconds of the clock. Call it inside the lock."""
         self._base += seconds
 
@@ -161,7 +161,7 @@ class ControlLoop:
     def _catch_up(self) -> None:
         behind = (self._due() - self.number) * PERIOD - self.clock.patience
         if behind > 0:  # after a long delay of the machine, the missed cycles are not run
-            self.stand_still(behind)
+            self.delay(behind)
         self._stepping = True
         try:
             time_up = self.clock.time_budget(_MAX_LOCK_TIME)
@@ -207,4 +207,4 @@ class ControlLoop:
             if self._on_error is not None:
                 self._on_error(error)
         except Exception:
-            logger.exception("failed")
+            logger.exception("on_error")

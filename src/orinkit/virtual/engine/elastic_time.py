@@ -61,7 +61,7 @@ def late_detail() -> str:
     return tr("no set-point for this cycle (strict time: the controller does not wait)")
 
 
-def left_late(late: Lateness, *, strict: bool) -> str:
+def late_stream_message(late: Lateness, *, strict: bool) -> str:
     """Return the log message for a stream that ends with late set-points."""
     if strict:
         return tr("{late}: the arm stopped in place", late=late)
@@ -77,10 +77,10 @@ class PacedSlave(Protocol):
         overwrites: True if only the newest set-point counts (mode 1).
         moving: True if the command position moves.
         starving: True if the next cycle needs a set-point and there is none.
-        lenient: Number of cycles for which the limits are larger.
+        lenient_cycles: Number of cycles for which the limits are larger.
     """
 
-    lenient: int
+    lenient_cycles: int
 
     @property
     def overwrites(self) -> bool:
@@ -270,7 +270,7 @@ class CyclePacer:
         self._lag = min(max(0.0, self._lag + seconds), _MAX_LAG)
         self._server_lag = min(max(0.0, self._server_lag + seconds * by_server), self._lag)
         self._lag_expires_at = self._cycles.number + _LAG_LIFETIME
-        self._cycles.stand_still(seconds)
+        self._cycles.delay(seconds)
 
     def _catch_up_cycles(self, late: float) -> int:
         """Return the number of cycles for the move to the newest set-point in mode 1."""
@@ -279,5 +279,5 @@ class CyclePacer:
         limit = 1 + int((self._lag + late) / PERIOD + _HALF)
         count = self._slave.plan_catch_up(limit) if limit > 1 else 1
         if count > 1 and self._server_lag + late > _HALF * PERIOD:
-            self._slave.lenient = count + _EXTRA_LENIENT_CYCLES
+            self._slave.lenient_cycles = count + _EXTRA_LENIENT_CYCLES
         return max(1, count)

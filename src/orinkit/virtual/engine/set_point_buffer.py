@@ -17,7 +17,7 @@ from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
-from orinkit.virtual.engine.catch_up import gentlest
+from orinkit.virtual.engine.catch_up import gentlest_path
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.elastic_time import CyclePacer, WhenInputProcessed
 from orinkit.virtual.engine.motion.joint_path import Joints
@@ -85,12 +85,12 @@ class SetPointBuffer(ABC):
         capacity: Number of set-points for which there is room.
 
     Attributes:
-        lenient: Number of cycles for which the limits are larger, because set-points were lost while the server was
-            late.
+        lenient_cycles: Number of cycles for which the limits are larger, because set-points were lost while the server
+            was late.
     """
 
     def __init__(self, arm: FollowingArm, cycles: ControlLoop, capacity: int) -> None:
-        self.lenient = 0
+        self.lenient_cycles = 0
         self._arm = arm
         self._cycles = cycles
         self._capacity = capacity
@@ -172,7 +172,7 @@ class SetPointBuffer(ABC):
         goal, queue = self._buffer[-1], self._arm.queue
         if self.limit_violation(queue.previous_joints, queue.joints, goal.joints, lenient=False) is None:
             return 1  # no set-points were lost, or one cycle is enough
-        *path, _ = gentlest(self._arm.model, queue.previous_joints, queue.joints, goal.joints, most)
+        *path, _ = gentlest_path(self._arm.model, queue.previous_joints, queue.joints, goal.joints, most)
         self._buffer = deque([*map(PlannedSetPoint, path), goal])
         return len(self._buffer)
 
@@ -185,7 +185,7 @@ class SetPointBuffer(ABC):
             when_input_processed: See :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
             strict: True for strict time: the controller does not wait for late set-points.
         """
-        self.lenient = 0
+        self.lenient_cycles = 0
         self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
 
     def _close(self) -> list[Deferred[Value]]:
@@ -220,7 +220,7 @@ class SetPointBuffer(ABC):
             True if the limits allow the command position.
         """
         queue = self._arm.queue
-        fault = self.limit_violation(queue.previous_joints, queue.joints, joints, lenient=self.lenient > 0)
+        fault = self.limit_violation(queue.previous_joints, queue.joints, joints, lenient=self.lenient_cycles > 0)
         if fault is not None:
             self.fail(fault.code, "; ".join(filter(None, (why, fault.detail))))
             return False
@@ -229,4 +229,4 @@ class SetPointBuffer(ABC):
 
     def _end_cycle(self) -> None:
         """Count down the cycles with larger limits; call it at the end of a step."""
-        self.lenient = max(0, self.lenient - 1)
+        self.lenient_cycles = max(0, self.lenient_cycles - 1)

@@ -164,7 +164,7 @@ class RC8State:
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
-        self.cycles.add(self.tasks, self.arm, self.hand, self.timers, failed=self._crashed)
+        self.cycles.add(self.tasks, self.arm, self.hand, self.timers, on_error=self._crashed)
 
     @property
     def seconds(self) -> float:

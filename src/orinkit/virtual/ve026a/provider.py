@@ -73,7 +73,7 @@ class VirtualVE026A(Provider):
         if joints is not None:
             self._arm.place(_checked(self._arm, joints))
         self._arm.motor_on = bool(motor)
-        self._cycles.add(self._arm, failed=lambda error: self._arm.fail(hresult.E_UNEXPECTED, f"{error}"))
+        self._cycles.add(self._arm, on_error=lambda error: self._arm.fail(hresult.E_UNEXPECTED, f"{error}"))
         self.guard = self._cycles
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:  # noqa: ARG002

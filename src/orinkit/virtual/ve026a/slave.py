@@ -23,7 +23,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
-from orinkit.virtual.engine.elastic_time import WhenInputProcessed, left_late, timed_out_detail
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, late_stream_message, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     LENIENCY,
@@ -132,7 +132,7 @@ class VE026ASlaveMode(SetPointBuffer):
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
-            logger.warning("%s", left_late(late, strict=self._strict))
+            logger.warning("%s", late_stream_message(late, strict=self._strict))
         self.mode, self.owner, self._started = OFF, None, False
         for reply in self._close():
             reply.set_exception(refusal(code))

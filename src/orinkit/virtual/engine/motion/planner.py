@@ -285,7 +285,7 @@ def _plan_course(
     extra = [(abs(b - a), axis) for a, b, axis in zip(start[6:], ends, model.axes[6:], strict=True)]
     if course.length <= _STILL and course.angle <= _STILL and all(distance == 0 for distance, _ in extra):
         return Motion(JointPath(start, start), MotionProfile.instant(), rates, mark, 0.0)
-    check_end(model, (*start[:6], *ends), first=6)  # reject NaN before inverse kinematics
+    check_end(model, (*start[:6], *ends), first_axis=6)  # reject NaN before inverse kinematics
     profile = _profile(_course_limits(model, course, extra), rates)
     path = table_path(kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, profile, rates))
     check_end(model, path.end)

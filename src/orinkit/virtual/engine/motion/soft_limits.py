@@ -10,14 +10,14 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.engine.motion.joint_path import Joints, Path
 
 
-def check_end(model: ArmModel, end: Joints, first: int = 0) -> None:
-    """Check the joints at the end of a motion, from index ``first`` on.
+def check_end(model: ArmModel, end: Joints, first_axis: int = 0) -> None:
+    """Check the joints at the end of a motion, from index ``first_axis`` on.
 
     Raises:
         CallError: TARGET_OVER_SOFT_LIMIT_AXISn if axis n is outside its soft limits.
     """
     for number, (value, axis) in enumerate(zip(end, model.axes, strict=True)):
-        if number >= first and not axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE:
+        if number >= first_axis and not axis.lower - LIMIT_TOLERANCE <= value <= axis.upper + LIMIT_TOLERANCE:
             raise error_for(hresult.TARGET_OVER_SOFT_LIMIT_AXIS1 + number, _range_text(value, axis))
 
 

@@ -12,7 +12,7 @@ from orinkit.core.errors import error_for
 from orinkit.rc8.slave_formats import SlaveMode
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import ControlLoop
-from orinkit.virtual.engine.elastic_time import WhenInputProcessed, late_detail, left_late, timed_out_detail
+from orinkit.virtual.engine.elastic_time import WhenInputProcessed, late_detail, late_stream_message, timed_out_detail
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.set_point_buffer import (
     FollowingArm,
@@ -234,7 +234,7 @@ class RC8SlaveMode(SetPointBuffer):
         self._resume()
         late = self.lateness(0)
         if self.on and late.count:
-            logger.warning("%s: %s", self.owner, left_late(late, strict=self._arm.switches.strict_time))
+            logger.warning("%s: %s", self.owner, late_stream_message(late, strict=self._arm.switches.strict_time))
         self.mode = self.owner = None
         self._leaving = []
         return self._close()
