@@ -74,7 +74,7 @@ class ErrorList:
         info = hresult.CODES.get(hresult.unsigned(code)) or hresult.CODES[hresult.UNDEFINED_ERROR]
         return self._in_language(info)
 
-    def raised_text(self, code: int) -> str:
+    def default_message(self, code: int) -> str:
         """Return the text of an error raised with a code; an unknown code has the text of its range of codes."""
         return self._in_language(hresult.lookup(code))
 

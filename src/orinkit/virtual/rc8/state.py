@@ -182,7 +182,7 @@ class RC8State:
         return self.tasks.running
 
     @property
-    def battery_passed(self) -> bool:
+    def battery_overdue(self) -> bool:
         """True if the replacement of the encoder batteries is overdue."""
         return self.calendar.now() > self.battery_due
 
@@ -214,7 +214,7 @@ class RC8State:
             ValueError: If the code has more than 32 bits.
         """
         code = hresult.unsigned(code)
-        text = self.faults.raised_text(code) if message is None else message
+        text = self.faults.default_message(code) if message is None else message
         moment = self.calendar.now()
         original = hresult.unsigned(original)
         record = ErrorRecord(
@@ -361,7 +361,7 @@ class RC8State:
             raise
 
     def _motion_fault(self, code: int, detail: str) -> None:
-        text = self.faults.raised_text(code)
+        text = self.faults.default_message(code)
         self.raise_error(code, f"{text}: {detail}" if detail else text)
 
     def _show(self, program: str, kind: str, text: str) -> None:
@@ -375,7 +375,7 @@ class RC8State:
             self.events.publish(EventKind.MESSAGE, 0, f"{program}: {text}", self.calendar.now())
 
     def _program_fault(self, code: int, detail: str, program: str, line: int) -> None:
-        text = self.faults.raised_text(code)
+        text = self.faults.default_message(code)
         self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line)
 
     def _crashed(self, error: Exception) -> None:

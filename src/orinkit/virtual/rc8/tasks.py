@@ -325,7 +325,7 @@ def _compiled(source: bytes, file: str) -> Program | CallError:
         return error_for(error.code, str(error))
 
 
-def milliseconds(seconds: float) -> int:
+def ms_from_seconds(seconds: float) -> int:
     """Convert a time from s to ms, limited to the largest VT_I4."""
     return min(int(seconds * _MILLISECONDS), 0x7FFF_FFFF)
 

@@ -22,7 +22,7 @@ from orinkit.virtual.rc8.variables import conversion
 
 _SERIAL_NUMBER: Final = 0
 _BATTERY_DATE: Final = 15
-_BATTERY_PASSED: Final = -1
+_BATTERY_OVERDUE: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def _system_info(caller: ClientContext, parameter: Variant) -> Value:
     if item == _SERIAL_NUMBER:
         return state.identity.serial_no
     if item == _BATTERY_DATE:
-        return _BATTERY_PASSED if state.battery_passed else state.battery_due
+        return _BATTERY_OVERDUE if state.battery_overdue else state.battery_due
     raise error_for(
         hresult.E_INVALIDARG,
         tr("unknown item {item}; valid items: 0 serial number, 15 battery date", item=item),
@@ -115,7 +115,7 @@ def system_state(state: RC8State) -> int:
         3: True,  # initialised: clients can connect only after the start
         4: switches.mode is ModeSwitch.AUTOMATIC,
         5: switches.mode is ModeSwitch.AUTOMATIC and switches.token.kind is not TokenKind.TP,
-        6: state.battery_passed,
+        6: state.battery_overdue,
         10: switches.emergency_stop,
         11: switches.auto_enable,
         12: switches.protective_stop,

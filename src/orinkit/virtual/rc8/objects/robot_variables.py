@@ -28,7 +28,7 @@ class RobotVariable:
     """A table row like :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, for the robot.
 
     Attributes:
-        kind: Type of a pose, ``"P"``, ``"J"`` or ``"T"``; empty if the value is not a pose.
+        pose_type: Type of a pose, ``"P"``, ``"J"`` or ``"T"``; empty if the value is not a pose.
     """
 
     name: str
@@ -36,13 +36,13 @@ class RobotVariable:
     read: Callable[[RC8Arm], Any]
     text: str
     write: Callable[[ClientContext, Variant], Deferred[None] | None] | None = None
-    kind: str = ""
+    pose_type: str = ""
 
     def help(self, say: Translate) -> str:
         """Return a description and the type, in the controller's language."""
         what = say(self.text)
-        if self.kind:
-            what = say("{pose}: {kind}", pose=what, kind=self.kind)
+        if self.pose_type:
+            what = say("{pose}: {kind}", pose=what, kind=self.pose_type)
         return f"{what} ({type_name(self.vt)})"
 
 
@@ -71,9 +71,9 @@ def _external(caller: ClientContext, given: Variant) -> None:
 
 def _poses(prefix: str, source: Callable[[RC8Arm], state_report.ArmPosition], text: str) -> tuple[RobotVariable, ...]:
     return (
-        RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, kind="P"),
-        RobotVariable(f"@{prefix}_ANGLE", _R8_ARRAY, lambda arm: source(arm).angles(), text, kind="J"),
-        RobotVariable(f"@{prefix}_TRANS", _R8_ARRAY, lambda arm: source(arm).trans(), text, kind="T"),
+        RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, pose_type="P"),
+        RobotVariable(f"@{prefix}_ANGLE", _R8_ARRAY, lambda arm: source(arm).angles(), text, pose_type="J"),
+        RobotVariable(f"@{prefix}_TRANS", _R8_ARRAY, lambda arm: source(arm).trans(), text, pose_type="T"),
     )
 
 
@@ -102,7 +102,7 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
 }  # fmt: skip
 
 
-class RobotSystem(VariableObject):
+class RobotVariableObject(VariableObject):
     """A system variable of the robot, for one client."""
 
     def __init__(self, caller: ClientContext, name: str, entry: RobotVariable) -> None:
@@ -150,7 +150,7 @@ def find_robot_variable(caller: ClientContext, name: str) -> VariableObject:
     entry = ROBOT_VARIABLES.get(name.strip().upper())
     if entry is None:
         raise not_found(name)
-    return RobotSystem(caller, name, entry)
+    return RobotVariableObject(caller, name, entry)
 
 
 def robot_variable_names() -> list[str]:

@@ -26,7 +26,7 @@ class SystemVariable:
         read: Reads the value from the controller.
         text: Description in English.
         write: Sets the value for a client; None if the variable is read-only.
-        values: Values of the placeholders in the text.
+        text_values: Values of the placeholders in the text.
     """
 
     name: str
@@ -34,11 +34,11 @@ class SystemVariable:
     read: Callable[[RC8State], Any]
     text: str
     write: Callable[[ClientContext, Variant], None] | None = None
-    values: Mapping[str, str] = field(default_factory=dict)
+    text_values: Mapping[str, str] = field(default_factory=dict)
 
     def help(self, say: Translate) -> str:
         """Return a description and the type, in the controller's language."""
-        return f"{say(self.text, **self.values)} ({type_name(self.vt)})"
+        return f"{say(self.text, **self.text_values)} ({type_name(self.vt)})"
 
 
 def _milliseconds(state: RC8State) -> int:
@@ -74,7 +74,7 @@ def _count(name: str) -> SystemVariable:
         VarType.I4,
         lambda state: state.variables.counts[name],
         N_("Number of {name} variables"),
-        values={"name": name},
+        text_values={"name": name},
     )
 
 

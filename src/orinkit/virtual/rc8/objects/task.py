@@ -15,7 +15,7 @@ from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, milliseconds
+from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, ms_from_seconds
 
 E = TypeVar("E", bound=IntEnum)
 
@@ -134,9 +134,9 @@ TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
         TaskVariable("@STATUS", VarType.I4, _status, N_("Status, as returned by GetStatus")),
         TaskVariable("@PRIORITY", VarType.I4, lambda _: PRIORITY, N_("Priority")),
         TaskVariable("@LINE_NO", VarType.I4, lambda served: served.task.line, N_("Line to be executed next")),
-        TaskVariable("@CYCLE_TIME", VarType.I4, lambda served: milliseconds(served.task.cycle_seconds),
+        TaskVariable("@CYCLE_TIME", VarType.I4, lambda served: ms_from_seconds(served.task.cycle_seconds),
                      N_("Duration of the last cycle [ms]")),
-        TaskVariable("@ELAPSED_TIME", VarType.I4, lambda served: milliseconds(served.task.elapsed),
+        TaskVariable("@ELAPSED_TIME", VarType.I4, lambda served: ms_from_seconds(served.task.elapsed),
                      N_("Time since the start [ms]")),
         TaskVariable("@FILE_NAME", VarType.BSTR, lambda served: served.task.name + SUFFIX, N_("File")),
     )

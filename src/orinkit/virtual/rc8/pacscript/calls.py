@@ -42,7 +42,7 @@ def emit_call(
         (parameter.slot, _bind(expressions, routine, parameter, argument))
         for parameter, argument in zip(routine.parameters, arguments, strict=True)
     )
-    slot = expressions.scope.inside.new_slot() if result else NO_RESULT
+    slot = expressions.scope.current_routine.new_slot() if result else NO_RESULT
 
     def make(following: int) -> Op:
         entry, elements = routine.entry.pc, routine.elements

@@ -47,7 +47,7 @@ class _Item:
     make: Make | None
     to: Spot | None
     line: int
-    starts: bool
+    starts_statement: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Linked:
 
     ops: tuple[Op, ...]
     lines: tuple[int, ...]
-    starts: tuple[bool, ...]
+    starts_statement: tuple[bool, ...]
 
 
 @dataclass(slots=True)
@@ -66,17 +66,17 @@ class Code:
     _items: list[_Item] = field(default_factory=list)
     _spots: list[tuple[Spot, int]] = field(default_factory=list)
     _line: int = 1
-    _starts: bool = False
+    _starts_statement: bool = False
 
     def statement(self, line: int) -> None:
         """Mark the next instruction as the start of a statement."""
         self._line = line
-        self._starts = True
+        self._starts_statement = True
 
     def emit(self, make: Make) -> None:
         """Add an instruction."""
-        self._items.append(_Item(make, None, self._line, self._starts))
-        self._starts = False
+        self._items.append(_Item(make, None, self._line, self._starts_statement))
+        self._starts_statement = False
 
     def jump(self, to: Spot) -> None:
         """Add a forward jump; the linker resolves it without an instruction."""
@@ -107,5 +107,5 @@ class Code:
         return Linked(
             tuple(make(resolve(index + 1)) for index, _, make in real),
             tuple(item.line for _, item, _ in real),
-            tuple(item.starts for _, item, _ in real),
+            tuple(item.starts_statement for _, item, _ in real),
         )

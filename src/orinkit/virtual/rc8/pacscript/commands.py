@@ -17,7 +17,7 @@ from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import as_target, store
 from orinkit.virtual.rc8.pacscript.scope import check_count
 from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetOutput, TakeArm
-from orinkit.virtual.rc8.pacscript.values import AnyValue, number, truth, whole
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, truth
 
 _TRUE: Final = CONSTANTS["true"]
 _FALSE: Final = CONSTANTS["false"]
@@ -48,7 +48,7 @@ def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
     """Emit TakeArm; group and Keep default to 0."""
     group = _optional(expressions, node.group, 0)
     keep = _optional(expressions, node.keep, 0)
-    simple(expressions, lambda f: f[WORLD].take_arm(whole(group(f)), truth(keep(f))))
+    simple(expressions, lambda f: f[WORLD].take_arm(rounded_to_integer(group(f)), truth(keep(f))))
 
 
 def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
@@ -79,7 +79,7 @@ def compile_let_part(expressions: Expressions, node: LetPart) -> None:
     def run(f: Frame) -> None:
         elements = list(take(read(f)))
         index = functions.joint_index(joint(f)) if node.joint else place
-        elements[index] = float(whole(value(f)) if node.word == "LetF" else number(value(f)))
+        elements[index] = float(rounded_to_integer(value(f)) if node.word == "LetF" else number(value(f)))
         put(f, tuple(elements))
 
     simple(expressions, run)
@@ -120,14 +120,14 @@ def percent(value: AnyValue) -> float:
     raise out_of_range(tr("a percentage must be above 0 and at most 100, not {share:g}", share=share))
 
 
-def milliseconds(value: AnyValue) -> float:
+def seconds_from_ms(value: AnyValue) -> float:
     """Convert a time from ms to s.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is negative or exceeds
             32 bits.
     """
-    time = whole(value)
+    time = rounded_to_integer(value)
     if time >= 0:
         return time / 1000
     raise out_of_range(tr("the time is negative: {time} ms", time=time))
@@ -165,11 +165,11 @@ def _ext_speed(world: Any, speed: AnyValue, *rest: AnyValue) -> None:
 
 
 def _change_tool(world: Any, value: AnyValue) -> None:
-    world.change_tool(whole(value))
+    world.change_tool(rounded_to_integer(value))
 
 
 def _change_work(world: Any, value: AnyValue) -> None:
-    world.change_work(whole(value))
+    world.change_work(rounded_to_integer(value))
 
 
 def _give_arm(world: Any) -> None:
@@ -181,7 +181,7 @@ def _print_debug(world: Any, *parts: AnyValue) -> None:
 
 
 def _print_message(world: Any, text: AnyValue, style: AnyValue = 0, title: AnyValue = "") -> None:
-    whole(style)  # the icon of the message is not displayed; the argument is only checked
+    rounded_to_integer(style)  # the icon of the message is not displayed; the argument is only checked
     world.show("msg", values.check_length(values.text(text)), values.string(title))
 
 
@@ -199,7 +199,7 @@ def _delay(expressions: Expressions, node: Command) -> None:
 
     def begin(f: Frame) -> Callable[[], bool]:
         world = f[WORLD]
-        until = world.now() + milliseconds(time(f))
+        until = world.now() + seconds_from_ms(time(f))
         return lambda: world.now() >= until
 
     waiting(expressions, begin)
@@ -214,7 +214,7 @@ def _wait(expressions: Expressions, node: Command) -> None:
 
     def begin(f: Frame) -> Callable[[], bool]:
         world = f[WORLD]
-        until = None if timeout is None else world.now() + milliseconds(timeout(f))
+        until = None if timeout is None else world.now() + seconds_from_ms(timeout(f))
 
         def over() -> bool:
             if met(f):

@@ -69,7 +69,7 @@ def compile_program(source: str, file: str) -> Program:
         main = compiler.main()
     except CompileError as error:
         raise ProgramLoadError(error.message, file, *error.at) from None
-    lines = sorted({line for line, starts in zip(linked.lines, linked.starts, strict=True) if starts})
+    lines = sorted({line for line, starts in zip(linked.lines, linked.starts_statement, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
     return Program(file, tuple(lines), subs, linked, main.entry.pc, main.elements, main.framer())
 
@@ -244,7 +244,7 @@ class _Compiler:
                     tr("an array cannot be initialised in Dim"),
                     item.value.at,
                 )
-            self.scope.add_variable(self.scope.inside, item.name, find_type(item.type), sizes)
+            self.scope.add_variable(self.scope.current_routine, item.name, find_type(item.type), sizes)
             if item.value is not None:
                 self._assign(item.name, item.value)
 

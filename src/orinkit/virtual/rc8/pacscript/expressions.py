@@ -40,7 +40,7 @@ from orinkit.virtual.rc8.pacscript.tree import (
     Place,
     Unary,
 )
-from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
+from orinkit.virtual.rc8.pacscript.values import AnyValue, rounded_to_integer, truth
 
 _OPERATORS: Final[Mapping[str, Callable[[AnyValue, AnyValue], AnyValue]]] = {
     "PLUS": values.add,
@@ -52,10 +52,10 @@ _OPERATORS: Final[Mapping[str, Callable[[AnyValue, AnyValue], AnyValue]]] = {
     "CARET": values.power,
     "AMPERSAND": values.join,
     "LEFTWARDS": values.shift,
-    "RIGHTWARDS": lambda value, count: values.shift(value, -whole(count)),
-    "AND": lambda left, right: whole(left) & whole(right),
-    "OR": lambda left, right: whole(left) | whole(right),
-    "XOR": lambda left, right: whole(left) ^ whole(right),
+    "RIGHTWARDS": lambda value, count: values.shift(value, -rounded_to_integer(count)),
+    "AND": lambda left, right: rounded_to_integer(left) & rounded_to_integer(right),
+    "OR": lambda left, right: rounded_to_integer(left) | rounded_to_integer(right),
+    "XOR": lambda left, right: rounded_to_integer(left) ^ rounded_to_integer(right),
 }
 RELATIONS: Final[Mapping[str, Callable[[AnyValue, AnyValue], bool]]] = {
     "EQUAL": values.equal,
@@ -167,7 +167,7 @@ class Expressions:
             only, size = indices[0], variable.sizes[0]
 
             def offset(f: Frame) -> int:
-                index = whole(only(f))
+                index = rounded_to_integer(only(f))
                 return index if 0 <= index < size else raise_bad_index(variable, index)
 
             return offset
@@ -176,7 +176,7 @@ class Expressions:
         def offset_of_many(f: Frame) -> int:
             place = 0
             for run, size in pairs:
-                index = whole(run(f))
+                index = rounded_to_integer(run(f))
                 place = place * size + (index if 0 <= index < size else raise_bad_index(variable, index))
             return place
 
@@ -265,7 +265,7 @@ class Expressions:
         if node.operator == "NOT" and operand.logical:
             return Compiled(lambda f: 0 if run(f) else -1, logical=True)
         if node.operator == "NOT":
-            result: Evaluate = lambda f: ~whole(run(f))  # noqa: E731
+            result: Evaluate = lambda f: ~rounded_to_integer(run(f))  # noqa: E731
         elif node.operator == "MINUS":
             result = lambda f: values.negate(run(f))  # noqa: E731
         else:
@@ -315,10 +315,10 @@ def read_global(kind: str, index: int | Evaluate) -> Compiled:
     if kind in ("V", "P", "J", "T"):
         if isinstance(index, int):
             return Compiled(lambda f: tuple(f[0].read(kind, index)))
-        return Compiled(lambda f: tuple(f[0].read(kind, whole(index(f)))))
+        return Compiled(lambda f: tuple(f[0].read(kind, rounded_to_integer(index(f)))))
     if isinstance(index, int):
         return Compiled(lambda f: f[0].read(kind, index))
-    return Compiled(lambda f: f[0].read(kind, whole(index(f))))
+    return Compiled(lambda f: f[0].read(kind, rounded_to_integer(index(f))))
 
 
 def _read_point(kind: str, index: int | Evaluate) -> Compiled:
@@ -328,8 +328,10 @@ def _read_point(kind: str, index: int | Evaluate) -> Compiled:
             return Compiled(lambda f: 1 if f[0].read_io(kind, index) else 0, logical=True, point=True)
         return Compiled(lambda f: f[0].read_io(kind, index))
     if is_bit:
-        return Compiled(lambda f: 1 if f[0].read_io(kind, whole(index(f))) else 0, logical=True, point=True)
-    return Compiled(lambda f: f[0].read_io(kind, whole(index(f))))
+        return Compiled(
+            lambda f: 1 if f[0].read_io(kind, rounded_to_integer(index(f))) else 0, logical=True, point=True
+        )
+    return Compiled(lambda f: f[0].read_io(kind, rounded_to_integer(index(f))))
 
 
 def whole_at(value: AnyValue, at: Place) -> int:
@@ -339,7 +341,7 @@ def whole_at(value: AnyValue, at: Place) -> int:
         CompileError: If the constant is not a number, or if it exceeds 32 bits.
     """
     try:
-        return whole(value)
+        return rounded_to_integer(value)
     except CallError as error:
         raise CompileError(error.detail, at) from None
 

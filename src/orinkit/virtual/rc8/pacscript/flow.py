@@ -67,12 +67,12 @@ class FlowCompiler:
         block = self._close(RoutineBlock, word.removeprefix("End "), word, at)
         if self._returns and not block.has_gosub:
             raise _misplaced("Return", self._returns[0], "Gosub")
-        self._code.emit(_return_from(self._scope.inside))
+        self._code.emit(_return_from(self._scope.current_routine))
         self._join_labels()
 
     def leave_routine(self, word: str, at: Place) -> None:
         """Compile Exit Sub or Exit Function."""
-        routine = self._scope.inside
+        routine = self._scope.current_routine
         if routine.word != word.removeprefix("Exit "):
             raise _misplaced(word, at, routine.word)
         self._code.emit(_return_from(routine))
@@ -128,7 +128,7 @@ class FlowCompiler:
     def open_for(self, node: tree.For) -> None:
         """Compile For."""
         expressions = self._expressions
-        routine = self._scope.inside
+        routine = self._scope.current_routine
         put, read = store(expressions, node.target), expressions.value(node.target)
         first, last = expressions.value(node.first), expressions.value(node.last)
         step = expressions.value(node.step) if node.step else lambda _: 1
@@ -208,7 +208,7 @@ class FlowCompiler:
     def open_select(self, node: tree.Select) -> None:
         """Compile Select Case."""
         value = self._expressions.value(node.value)
-        slot = self._scope.inside.new_slot()
+        slot = self._scope.current_routine.new_slot()
 
         def make(following: int) -> Op:
             def run(f: Frame) -> int:

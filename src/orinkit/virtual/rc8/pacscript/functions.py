@@ -15,7 +15,7 @@ from typing import Any, Final
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import values
 from orinkit.virtual.rc8.pacscript.errors import out_of_range
-from orinkit.virtual.rc8.pacscript.values import AnyValue, number, string, whole
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, string
 
 _LEADING_NUMBER: Final = re.compile(
     r"[ \t]*(?:&[hH](?P<hex>[0-9a-fA-F]{1,8})|&[bB](?P<bin>[01]{1,32})"
@@ -56,11 +56,11 @@ def _sign(value: AnyValue) -> int:
 
 
 def _floor(value: AnyValue) -> int:
-    return whole(math.floor(number(value)))
+    return rounded_to_integer(math.floor(number(value)))
 
 
 def _truncate(value: AnyValue) -> int:
-    return whole(math.trunc(number(value)))
+    return rounded_to_integer(math.trunc(number(value)))
 
 
 def _real(calculate: Callable[..., float]) -> Callable[..., float]:
@@ -94,14 +94,14 @@ def _smallest(*arguments: AnyValue) -> AnyValue:
 
 
 def _count(value: AnyValue) -> int:
-    count = whole(value)
+    count = rounded_to_integer(value)
     if count >= 0:
         return count
     raise out_of_range(tr("the number of characters is negative: {count}", count=count))
 
 
 def _position(value: AnyValue) -> int:
-    position = whole(value)
+    position = rounded_to_integer(value)
     if position >= 1:
         return position - 1
     raise out_of_range(tr("position {position} is less than 1", position=position))
@@ -132,7 +132,7 @@ def _value_of(text: AnyValue) -> AnyValue:
 
 
 def _character(code: AnyValue) -> str:
-    code = whole(code)
+    code = rounded_to_integer(code)
     try:
         return bytes([code]).decode("cp932")
     except (ValueError, UnicodeDecodeError):
@@ -158,7 +158,7 @@ def _find(*arguments: AnyValue) -> int:
 
 
 def _digits(form: str) -> Callable[[AnyValue], str]:
-    return lambda value: format(whole(value) % 2**32, form)
+    return lambda value: format(rounded_to_integer(value) % 2**32, form)
 
 
 def _of_text(change: Callable[[str], str]) -> Callable[[AnyValue], str]:
@@ -181,7 +181,7 @@ def _element(take: Callable[[AnyValue], tuple[float, ...]], place: int) -> Calla
 
 
 def _figure(value: AnyValue) -> int:
-    return whole(_FIGURED(value)[-1])
+    return rounded_to_integer(_FIGURED(value)[-1])
 
 
 def joint_index(value: AnyValue) -> int:
@@ -190,7 +190,7 @@ def joint_index(value: AnyValue) -> int:
     Raises:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is not 1 to 8.
     """
-    joint = whole(value)
+    joint = rounded_to_integer(value)
     if 1 <= joint <= values.J_LENGTH:
         return joint - 1
     raise out_of_range(tr("joint {joint} is not in 1 to 8", joint=joint))
@@ -213,7 +213,7 @@ def _make(kind: str, least: int, *, fig: bool) -> Function:
     def run(*elements: AnyValue) -> tuple[float, ...]:
         given = [float(number(element)) for element in elements]
         if fig and len(given) == length:
-            given[-1] = float(whole(given[-1]))
+            given[-1] = float(rounded_to_integer(given[-1]))
         return tuple(given + rest[len(given) :])
 
     return Function(kind, least, length, run)
@@ -233,14 +233,14 @@ POSES: Final[Mapping[str, Function]] = {
 
 def _current(kind: str, *, dest: bool) -> Callable[..., AnyValue]:
     if kind == "FIG":
-        return lambda frame: whole(frame[0].current("FIG", dest))
+        return lambda frame: rounded_to_integer(frame[0].current("FIG", dest))
     return lambda frame: tuple(frame[0].current(kind, dest))
 
 
 def _convert(name: str, *takes: Callable[[AnyValue], AnyValue]) -> Callable[..., AnyValue]:
     def run(frame: list[Any], *arguments: AnyValue) -> AnyValue:
         result = frame[0].convert(name, tuple(take(value) for take, value in zip(takes, arguments, strict=False)))
-        return tuple(result) if isinstance(result, tuple) else whole(result)
+        return tuple(result) if isinstance(result, tuple) else rounded_to_integer(result)
 
     return run
 
@@ -254,7 +254,7 @@ def _random(frame: list[Any]) -> float:
 
 
 def _tool(value: AnyValue) -> AnyValue:
-    return value if isinstance(value, tuple) and len(value) == values.P_LENGTH else whole(value)
+    return value if isinstance(value, tuple) and len(value) == values.P_LENGTH else rounded_to_integer(value)
 
 
 def _table() -> Mapping[str, Function]:

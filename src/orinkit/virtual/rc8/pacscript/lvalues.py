@@ -12,7 +12,7 @@ from orinkit.virtual.rc8.pacscript.expression_compiler import ExpressionCompiler
 from orinkit.virtual.rc8.pacscript.keywords import POINT_KINDS
 from orinkit.virtual.rc8.pacscript.scope import BY_CLASS, TypeOf, global_class, split_number, unknown
 from orinkit.virtual.rc8.pacscript.tree import Apply, Expression, GlobalRef, Name, Target
-from orinkit.virtual.rc8.pacscript.values import AnyValue, truth, whole
+from orinkit.virtual.rc8.pacscript.values import AnyValue, rounded_to_integer, truth
 
 Store: TypeAlias = Callable[[Frame, AnyValue], None]
 """Stores a value."""
@@ -86,7 +86,7 @@ def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf
     if found is None or found[0] in POINT_KINDS:
         return None
     kind, index = found
-    return BY_CLASS[kind], lambda f: (_Globals(f[WORLD], kind), whole(index(f)))
+    return BY_CLASS[kind], lambda f: (_Globals(f[WORLD], kind), rounded_to_integer(index(f)))
 
 
 def _local(expressions: ExpressionCompiler, target: Target, *, strict: bool = True) -> tuple[TypeOf, Refer] | None:
@@ -139,7 +139,7 @@ def _store_point(kind: str, index: Callable[[Frame], int]) -> Store:
         f[0].write_io(kind, index(f), 1 if truth(value) else 0)
 
     def put(f: Frame, value: AnyValue) -> None:
-        f[0].write_io(kind, index(f), whole(value))
+        f[0].write_io(kind, index(f), rounded_to_integer(value))
 
     return put_bit if kind == "IO" else put
 
@@ -148,7 +148,7 @@ def _global_of(expressions: ExpressionCompiler, target: Target) -> tuple[str, Ca
     if isinstance(target, GlobalRef):
         kind = global_class(target.name)
         value = expressions.value(target.index)
-        return kind, lambda f: whole(value(f))
+        return kind, lambda f: rounded_to_integer(value(f))
     numbered = split_number(target.key) if isinstance(target, Name) else None
     if numbered is None:
         return None

@@ -106,7 +106,7 @@ class Machine:
             self._poll()
         elif self._state is MachineState.RUNNING:
             self._execute(1)
-        starts = self.program.linked.starts
+        starts = self.program.linked.starts_statement
         while self._state is MachineState.RUNNING and not starts[self._pc]:
             self._execute(1)
 

@@ -16,7 +16,7 @@ from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported, ou
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.functions import joint_index
 from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, JointValue, Motion, Name, PassMarkNode, Place
-from orinkit.virtual.rc8.pacscript.values import AnyValue, number, whole
+from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer
 
 _INTERPOLATIONS: Final = {"p": 1, "ptp": 1, "l": 2, "c": 3, "s": 4}
 _POSES_ON_ARC: Final = 2
@@ -143,7 +143,7 @@ def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
     waiting(
         expressions,
         lambda f: f[WORLD].move(
-            _INTERPOLATIONS["s"], (Target("", (float(whole(path(f))),), mark(f)),), options.build(f)
+            _INTERPOLATIONS["s"], (Target("", (float(rounded_to_integer(path(f))),), mark(f)),), options.build(f)
         ),
     )
 
@@ -337,7 +337,7 @@ def _time(value: AnyValue) -> float:
 
 
 def _pose_option(value: AnyValue) -> int:
-    value = whole(value)
+    value = rounded_to_integer(value)
     if value in (1, 2):
         return int(value)
     raise out_of_range(tr("Pose must be 1 or 2, not {value}", value=value))

@@ -48,7 +48,7 @@ class TypeOf:
 _TYPES: Final[Mapping[str, TypeOf]] = {
     kind.name: kind
     for kind in (
-        TypeOf("integer", 0, values.whole),
+        TypeOf("integer", 0, values.rounded_to_integer),
         TypeOf("single", 0.0, values.single),
         TypeOf("double", 0.0, values.double),
         TypeOf("string", "", values.string),
@@ -133,7 +133,7 @@ class Scope:
         self.routine: Routine | None = None
 
     @property
-    def inside(self) -> Routine:
+    def current_routine(self) -> Routine:
         """The Sub or Function that is being compiled."""
         assert self.routine is not None
         return self.routine
@@ -182,10 +182,10 @@ class Scope:
             CompileError: If the name is already declared or not allowed.
         """
         self.check_name(name)
-        inside = self.routine
-        taken = inside is not None and (name.key in inside.variables or name.key in inside.constants)
+        routine = self.routine
+        taken = routine is not None and (name.key in routine.variables or name.key in routine.constants)
         self._reject_duplicate(name, taken or name.key in self.routines or name.key in self.shared)
-        (self.shared if inside is None else inside.constants)[name.key] = value
+        (self.shared if routine is None else routine.constants)[name.key] = value
 
     def variable(self, key: str) -> Variable | None:
         """Return a local variable, or None if no variable has this name."""

@@ -66,7 +66,7 @@ def number(value: AnyValue) -> int | float:
     raise mismatch(tr("expected a number, got {given}", given=describe(value)))
 
 
-def whole(value: AnyValue) -> int:
+def rounded_to_integer(value: AnyValue) -> int:
     """Return a number rounded to a whole number of 32 bits; one half is rounded up.
 
     Raises:
@@ -223,9 +223,9 @@ def divide_whole(left: AnyValue, right: AnyValue) -> int:
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
     """
-    dividend, divisor = whole(left), _divisor(whole(right))
+    dividend, divisor = rounded_to_integer(left), _divisor(rounded_to_integer(right))
     quotient = int(abs(dividend) // abs(divisor))
-    return whole(quotient if (dividend < 0) == (divisor < 0) else -quotient)
+    return rounded_to_integer(quotient if (dividend < 0) == (divisor < 0) else -quotient)
 
 
 def remainder(left: AnyValue, right: AnyValue) -> int:
@@ -234,8 +234,8 @@ def remainder(left: AnyValue, right: AnyValue) -> int:
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
     """
-    dividend = whole(left)
-    result = abs(dividend) % abs(_divisor(whole(right)))
+    dividend = rounded_to_integer(left)
+    result = abs(dividend) % abs(_divisor(rounded_to_integer(right)))
     return int(-result if dividend < 0 else result)
 
 
@@ -262,7 +262,7 @@ def negate(value: AnyValue) -> AnyValue:
     """
     if isinstance(value, tuple) and len(value) == V_LENGTH:
         return tuple(-element for element in value)
-    return whole(-value) if type(value) is int else -number(value)
+    return rounded_to_integer(-value) if type(value) is int else -number(value)
 
 
 def join(left: AnyValue, right: AnyValue) -> str:
@@ -282,7 +282,7 @@ def shift(value: AnyValue, count: AnyValue) -> int:
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
     """
-    bits, by = whole(value), whole(count)
+    bits, by = rounded_to_integer(value), rounded_to_integer(count)
     if not -32 < by < 32:
         raise out_of_range(tr("the shift count {by} is not in -31 to 31", by=by))
     moved = bits << by if by >= 0 else bits >> -by
