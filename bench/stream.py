@@ -362,7 +362,7 @@ def _follow_targets(url: str, end: float, delays: Delays) -> None:
                     number += 1
                     stream.target = orinkit.J(*point(number))
                     time.sleep(0.005 + 0.011 * (number * 0.618 % 1))  # targets are set at varying times within a cycle
-                    for sample in stream.samples():
+                    for sample in stream.new_samples():
                         if sample.delay is not None:
                             delays.all.append(sample.delay)
                             delays.added.append(sample.sent - max(sample.sent - sample.delay, answered))

@@ -119,7 +119,7 @@ def test_a_busy_controller_is_reported_at_the_deadline() -> None:
     timed.now += 3.0
     data, _ = operation.send(None)
     serial = int.from_bytes(data[5:7], "little")
-    operation.send(timed.packet(serial, VE026A.busy))
+    operation.send(timed.packet(serial, VE026A.busy_code))
     timed.now += 1.0
     with pytest.raises(CallError):
         operation.send(None)

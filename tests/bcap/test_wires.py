@@ -224,7 +224,7 @@ def test_noise_that_is_slow_to_search_is_discarded():
 
 def test_dialects():
     assert DIALECTS["ve026a"] is VE026A
-    assert VE026A.codes[hresult.E_BUSY_PROC] == hresult.E_ROBOTISBUSY
+    assert VE026A.code_replacements[hresult.E_BUSY_PROC] == hresult.E_ROBOTISBUSY
 
 
 @pytest.mark.parametrize(("vt", "value"), [(VarType.ERROR, 0x600B), (VarType.ERROR | ARRAY, [1, 2, 0xFFFF])])

@@ -25,7 +25,7 @@ from support.waiting import until
 
 @pytest.mark.parametrize("silent", [False, True])
 def test_forgotten(both: Both, monkeypatch: pytest.MonkeyPatch, silent: bool) -> None:
-    wire = replace(DATAGRAM, memory=0.1) if silent else DATAGRAM
+    wire = replace(DATAGRAM, session_timeout=0.1) if silent else DATAGRAM
     with orinkit.serve(Recorder(), "udp://127.0.0.1:0") as server:
         address = parse_address(server.url)
         link: Any = both.run((links if both.loop is None else aio_links).open_link(address, LinkOptions(10.0)))

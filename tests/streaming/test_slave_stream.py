@@ -230,9 +230,9 @@ def test_what_was_pushed_is_no_hindrance_for_what_follows(session: Session, arm:
 
 def test_samples_are_given_once(session: Session, arm: Arm) -> None:
     def body(stream: Any) -> None:
-        first = stream.samples()
+        first = stream.new_samples()
         until(lambda: stream.latest.number > first[-1].number + 20)
-        second = stream.samples()
+        second = stream.new_samples()
         assert [each.number for each in [*first, *second]] == list(range(len(first) + len(second)))
         assert all(each.sent < each.replied for each in second)
 

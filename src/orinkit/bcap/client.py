@@ -221,7 +221,7 @@ class BcapConversation:
                 elif code == _EXECUTING:
                     executing, left = True, tries
                     idle += 1
-                elif len(requests) > 1 and code == self._dialect.busy != 0:
+                elif len(requests) > 1 and code == self._dialect.busy_code != 0:
                     busy = error_for(code, "", function.name, arguments)
                 elif code >= _FAILED:
                     raise error_for(code, "", function.name, arguments)

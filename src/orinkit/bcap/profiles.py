@@ -113,11 +113,11 @@ class BcapProfile(TransportProfile):
 STREAM: Final = BcapProfile("tcp", framer=packet.Framer, server_framer=packet.Framer)
 DATAGRAM: Final = BcapProfile(
     "udp", framer=DatagramFramer, server_framer=DatagramFramer,
-    lossy=True, memory=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
+    lossy=True, session_timeout=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
 )  # fmt: skip
 LINE: Final = BcapProfile(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True),
-    crc=True, lossy=True, shared=True, watched=False, packet=65536, timeout=0.5,
+    crc=True, lossy=True, shared=True, uses_watchdog=False, packet=65536, timeout=0.5,
 )  # fmt: skip
 """Time-outs of 500 ms: RC8 table 5-1."""
 

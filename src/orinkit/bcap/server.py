@@ -314,10 +314,10 @@ class ServerConversation:
         """Return the call of a decoded request, or its refusal."""
         if isinstance(arguments, ProtocolError):
             error = arguments
-            if self._dialect.drops_client and error.code == hresult.E_INVALIDRCVPACKET:
+            if self._dialect.closes_on_malformed_packet and error.code == hresult.E_INVALIDRCVPACKET:
                 self._next = EndSession(str(error)) if self._profile.lossy else Close(str(error))
             return Send(self._reply(error.code))
-        if function_id == _SERVICE_START and self._dialect.takes_options:
+        if function_id == _SERVICE_START and self._dialect.takes_start_options:
             try:
                 self._set_options(arguments)
             except CallError as error:
@@ -371,7 +371,9 @@ class ServerConversation:
 
     def _reply_with(self, code: int, result: Encoded) -> bytes | bytearray:
         if result.room is not None:
-            return packet.pack_around(result.room, self._serial, self._dialect.codes.get(code, code), 1, self._echoed)
+            return packet.pack_around(
+                result.room, self._serial, self._dialect.code_replacements.get(code, code), 1, self._echoed
+            )
         return self._reply(code, 1, result.body) if result.code is None else self._reply(result.code)
 
     def _reply(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
@@ -382,7 +384,7 @@ class ServerConversation:
 
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:
         dialect = self._dialect
-        code = dialect.codes.get(code, code)
+        code = dialect.code_replacements.get(code, code)
         return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._profile.crc)
 
     def abandon(self) -> None:

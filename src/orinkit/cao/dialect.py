@@ -16,36 +16,36 @@ class Dialect:
     Attributes:
         name: name of the dialect, ``"rc8"``.
         echoes_reserved: whether a reply repeats the reserved field of its request; otherwise the field is 0.
-        empty_result: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise it has no
+        replies_vt_empty: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise it has no
             argument.
         vt_error_size: size of a VT_ERROR, bytes.
-        drops_client: whether the server disconnects a client after replying E_INVALIDRCVPACKET to a malformed packet.
-        takes_options: whether Service_Start may have an argument.
-        codes: return codes that the dialect does not have, and their replacements.
+        closes_on_malformed_packet: whether the server disconnects a client after replying E_INVALIDRCVPACKET to a malformed packet.
+        takes_start_options: whether Service_Start may have an argument.
+        code_replacements: return codes that the dialect does not have, and their replacements.
         takes_arm: whether TakeArm, GiveArm and Halt exist; otherwise only slave mode moves the arm.
         short_numbers: whether the state of Motor and the code of ClearError are a single VT_I2.
         slave_formats: whether slvSendFormat and slvRecvFormat exist; otherwise slvMove accepts and returns joints only.
         slave_mode: the slave mode that is used by default: 0, 1 or 2.
-        busy: return code for a repeated request if the first attempt is still executing (VE026A table 3-5: "wait for a
+        busy_code: return code for a repeated request if the first attempt is still executing (VE026A table 3-5: "wait for a
             while"); 0 if the controller sends S_EXECUTING instead.
-        patience: time-outs of long-running commands, s, by the names of the commands in lower case.
-        variables: commands that the dialect does not have, and the variable of the robot that replaces each of them.
+        command_timeouts: time-outs of long-running commands, s, by the names of the commands in lower case.
+        command_variables: commands that the dialect does not have, and the variable of the robot that replaces each of them.
     """
 
     name: str
     echoes_reserved: bool = False
-    empty_result: bool = True
+    replies_vt_empty: bool = True
     vt_error_size: int = 4
-    drops_client: bool = False
-    takes_options: bool = True
-    codes: Mapping[int, int] = field(default_factory=dict)
+    closes_on_malformed_packet: bool = False
+    takes_start_options: bool = True
+    code_replacements: Mapping[int, int] = field(default_factory=dict)
     takes_arm: bool = True
     short_numbers: bool = False
     slave_formats: bool = True
     slave_mode: int = 2
-    busy: int = 0
-    patience: Mapping[str, float] = field(default_factory=dict)
-    variables: Mapping[str, str] = field(default_factory=dict)
+    busy_code: int = 0
+    command_timeouts: Mapping[str, float] = field(default_factory=dict)
+    command_variables: Mapping[str, str] = field(default_factory=dict)
 
 
 RC8: Final = Dialect("rc8")
@@ -54,11 +54,11 @@ RC8: Final = Dialect("rc8")
 VE026A: Final = Dialect(
     "ve026a",
     echoes_reserved=True,
-    empty_result=False,
+    replies_vt_empty=False,
     vt_error_size=2,
-    drops_client=True,
-    takes_options=False,
-    codes={  # table 3-5 has none of the codes on the left
+    closes_on_malformed_packet=True,
+    takes_start_options=False,
+    code_replacements={  # table 3-5 has none of the codes on the left
         hresult.E_BUSY_PROC: hresult.E_ROBOTISBUSY,
         hresult.E_TIMEOUT: hresult.E_ABORT,
         hresult.E_MAX_CONNECT: hresult.E_ACCESSDENIED,
@@ -71,13 +71,13 @@ VE026A: Final = Dialect(
     short_numbers=True,
     slave_formats=False,
     slave_mode=1,  # mode 0 (slvChangeMode 2) requires a set-point every 8 ms, for which 38,400 bit/s is too slow
-    busy=hresult.E_ROBOTISBUSY,
-    patience={
+    busy_code=hresult.E_ROBOTISBUSY,
+    command_timeouts={
         "motor": 6.0,
         "clearerror": 3.0,
         "slvchangemode": 2.0,
     },  # the commands take about 3, 1 and 0.5 s (VE026A 5.2.4, 5.3.4, 2.2.1)
-    variables={"CurJnt": "@CURRENT_ANGLE"},
+    command_variables={"CurJnt": "@CURRENT_ANGLE"},
 )
 """The arm VE026A (b-CAP document for VE026A: figures of 3.1, tables 3-1 and 3-5)."""
 

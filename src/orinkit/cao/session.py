@@ -298,7 +298,7 @@ class Session:
 
     def _omits_result(self, function: Function[..., Any]) -> bool:
         """Return True if a reply without a result has no argument; otherwise, it has the argument VT_EMPTY."""
-        return function.method == "execute" and not self.host.dialect.empty_result
+        return function.method == "execute" and not self.host.dialect.replies_vt_empty
 
     def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
         """Return the reply with the existing object of that name if the option @IfNotMember is given.

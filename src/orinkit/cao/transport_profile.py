@@ -16,8 +16,8 @@ class TransportProfile:
         lossy: whether packets may be lost.
         shared: whether successive clients use the same line. The end of one client is then detected only when the next
             one begins.
-        memory: seconds of silence after which a controller ends a session; 0 if it detects the end of the connection.
-        watched: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the reply to
+        session_timeout: seconds of silence after which a controller ends a session; 0 if it detects the end of the connection.
+        uses_watchdog: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the reply to
             a repeated request, or the connection itself, shows that the call is executing.
         packet: limit on the size of a packet, bytes. UDP: 488 bytes plus header and EOT (RC8 table 5-1).
         timeout: seconds that a client waits for a reply to each attempt.
@@ -26,7 +26,7 @@ class TransportProfile:
     name: str
     lossy: bool = False
     shared: bool = False
-    memory: float = 0.0
-    watched: bool = True
+    session_timeout: float = 0.0
+    uses_watchdog: bool = True
     packet: int = DEFAULT_LIMITS.packet
     timeout: float = 3.0

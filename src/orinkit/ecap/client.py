@@ -24,7 +24,7 @@ from orinkit.values.variant import Variant, VarType
 
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
-HTTP: Final = TransportProfile("http", memory=60.0, watched=False)
+HTTP: Final = TransportProfile("http", session_timeout=60.0, uses_watchdog=False)
 """e-CAP over HTTP. A server ends a session after a configurable idle time; the default of orinkit is 60 s."""
 
 _FAILED: Final = 0x8000_0000

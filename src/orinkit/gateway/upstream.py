@@ -316,10 +316,10 @@ class UpstreamConnection:
         client = self._client
         if client is None:
             raise ConnectionClosed(self.url)
-        patience = client.patience(arguments[0]) if function.method == "execute" and arguments else None
+        timeout = client.command_timeout(arguments[0]) if function.method == "execute" and arguments else None
         self._executing = True  # if this task is cancelled, it remains True: the controller still executes the call
         try:
-            reply = await client.request(function, handle, *arguments, timeout=patience, exact=True)
+            reply = await client.request(function, handle, *arguments, timeout=timeout, exact=True)
         except CallError as error:
             self._note_reply()
             if error.code == hresult.E_HANDLE and await self._is_forgotten(client):
@@ -345,7 +345,7 @@ class UpstreamConnection:
 
         On transports without connections, only an error for a valid handle shows this.
         """
-        if not (client.profile.memory or client.profile.shared):
+        if not (client.profile.session_timeout or client.profile.shared):
             return False
         try:
             await client.call(f.controller_get_name, self.handle)
@@ -434,7 +434,7 @@ class UpstreamConnection:
 
     def _start_keep_alive(self, client: AsyncClient) -> None:
         wanted = self._upstream.keep_alive
-        interval = client.profile.memory / _SIGNS if wanted is None else wanted
+        interval = client.profile.session_timeout / _SIGNS if wanted is None else wanted
         if interval:
             self._keep_alive_timer = self._loop.call_later(interval, self._check_idle, interval)
 

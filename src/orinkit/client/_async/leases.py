@@ -109,11 +109,11 @@ class AsyncLease(ABC):
     def _max_busy_time(self) -> float:
         """Return the maximum time in s for which an earlier call may still be executing."""
         client = self._robot.client
-        return max(client.timeout, *client.dialect.patience.values(), 0.0)
+        return max(client.timeout, *client.dialect.command_timeouts.values(), 0.0)
 
     def _is_busy(self, problem: OrinError) -> bool:
         """Return True if the error means that the controller is executing an earlier call."""
-        busy = self._robot.client.dialect.busy
+        busy = self._robot.client.dialect.busy_code
         return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 
     @abstractmethod

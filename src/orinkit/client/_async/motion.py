@@ -215,7 +215,7 @@ class AsyncArmBase(AsyncObjectContainer):
         return self._parent if isinstance(self._parent, AsyncObjectContainer) else self
 
     async def _ask(self, name: str, parameter: Value = None) -> Any:
-        variable = self.client.dialect.variables.get(name)
+        variable = self.client.dialect.command_variables.get(name)
         if variable is not None:
             return await self._read(variable)
         return await self._call(f.robot_execute, name, parameter)

@@ -127,7 +127,7 @@ class AsyncRobot(AsyncArmBase):
     async def move(self, interpolation: int, pose: Value, option: str = "") -> None: ...
     @overload
     async def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> AsyncMotion: ...
-    @common.with_options
+    @common.document_options
     async def move(self, *arguments: Any, **named: Any) -> AsyncMotion | None:  # noqa: D417 - named by the overloads
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
@@ -160,12 +160,12 @@ class AsyncRobot(AsyncArmBase):
             return None
         return await self._move_to(common.PTP, *arguments, **named)
 
-    @common.with_options
+    @common.document_options
     async def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> AsyncMotion:
         """Move the tool to a pose in a straight line."""
         return await self._move_to(common.LINE, pose, mark, **options)
 
-    @common.with_options
+    @common.document_options
     async def move_c(
         self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
@@ -173,7 +173,7 @@ class AsyncRobot(AsyncArmBase):
         segment = MotionSegment(common.literal_end(end))
         return await self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 
-    @common.with_options
+    @common.document_options
     async def move_s(
         self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
@@ -186,7 +186,7 @@ class AsyncRobot(AsyncArmBase):
         """
         return await self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
-    @common.with_options
+    @common.document_options
     async def approach(
         self,
         pose: PoseLike,
@@ -203,7 +203,7 @@ class AsyncRobot(AsyncArmBase):
         comp = common.LINE if line else common.PTP
         return await self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
-    @common.with_options
+    @common.document_options
     async def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
@@ -225,7 +225,7 @@ class AsyncRobot(AsyncArmBase):
         absolute: bool = False,
         **options: Unpack[MoveOptions],
     ) -> AsyncMotion: ...
-    @common.with_options
+    @common.document_options
     async def drive(self, *arguments: Any, **named: Any) -> AsyncMotion | None:  # noqa: D417 - named by the overloads
         """Move axes by relative values: ``drive({1: 10, 2: -5})``. With ``absolute``, move them to absolute values.
 

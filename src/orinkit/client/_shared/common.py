@@ -139,7 +139,7 @@ def service_option(option: str | None, profile: TransportProfile, dialect: Diale
     """
     if option is not None:
         return option or None
-    if not profile.watched or not dialect.takes_options:
+    if not profile.uses_watchdog or not dialect.takes_start_options:
         return None
     interval = min(_DEFAULT_WDT, timeout / 2)
     return f"WDT={round(interval * 1000)}" if interval > _MIN_WDT + 0.001 else None
@@ -155,7 +155,7 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
     if seconds is None:
         return
     check_range("alive", seconds, _MIN_ALIVE, _MAX_ALIVE, "s")
-    if not dialect.takes_options:
+    if not dialect.takes_start_options:
         raise InvalidValue(
             tr("alive= is not supported by dialect {name}: its Service_Start has no options", name=dialect.name)
         )
@@ -221,7 +221,7 @@ def is_ve026a(text: object) -> bool:
 
 def expired_handle_hint(profile: TransportProfile) -> str:
     """Return the hint for an expired handle after a long idle period."""
-    name, seconds = profile.name.upper(), profile.memory
+    name, seconds = profile.name.upper(), profile.session_timeout
     return tr(
         "over {name}, a controller releases a client and all its objects after {seconds:g} s without a call. "
         "Connect again; then make calls regularly, or use TCP",

@@ -49,7 +49,7 @@ def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress,
     return address, profile, max(seconds * times, _MIN_OPEN_TIMEOUT) if profile.lossy else seconds
 
 
-def closing_deadline(timeout: float, tries: int, profile: TransportProfile) -> float:
+def connection_deadline(timeout: float, tries: int, profile: TransportProfile) -> float:
     """Return the default deadline in s for connecting and for closing."""
     return max(3 * timeout * (tries if profile.lossy else 1), _MIN_DEADLINE)
 

@@ -258,15 +258,15 @@ def _if_packet_lost(profile: TransportProfile) -> str:
     """Return, as a text in brackets, when the arm stops if the controller is not notified of the client's end."""
     if profile.shared:
         return tr(" (if the closing packet is lost, the arm stops only when the next client connects)")
-    if profile.memory and not profile.lossy:
+    if profile.session_timeout and not profile.lossy:
         return tr(
             " (if the server is not notified, the arm stops only after at least {seconds:g} s without a request)",
-            seconds=profile.memory,
+            seconds=profile.session_timeout,
         )
-    if profile.memory:
+    if profile.session_timeout:
         return tr(
             " (if the closing packet is lost, the arm stops only after at least {seconds:g} s without a request)",
-            seconds=profile.memory,
+            seconds=profile.session_timeout,
         )
     return ""
 
@@ -278,11 +278,11 @@ def _lost_note(profile: TransportProfile) -> str:
             "moving, and its semaphore stays taken, until the next client connects. Press the emergency stop if the arm "
             "must stop now"
         )
-    if profile.memory:
+    if profile.session_timeout:
         return tr(
             "orinkit: the connection is lost; the controller detects this after {seconds:g} s or more without a request, "
             "then stops the arm and releases its semaphore; the motor may still be on",
-            seconds=profile.memory,
+            seconds=profile.session_timeout,
         )
     return tr(
         "orinkit: the connection is lost; the controller stops the arm and releases its semaphore; the motor may still "

@@ -61,7 +61,7 @@ class _Default:
         return "..."
 
 
-def with_options(function: F) -> F:
+def document_options(function: F) -> F:
     """Set the signature that ``help()`` shows for a function: its last overload, with all options of a motion."""
     *_, shown = get_overloads(function) or [function]
     signature = inspect.signature(shown)

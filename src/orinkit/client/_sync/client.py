@@ -28,7 +28,7 @@ from orinkit.client._shared.common import (
 from orinkit.client._shared.endpoint import (
     access_to,
     another,
-    closing_deadline,
+    connection_deadline,
     conversation,
     enable_concurrent_send,
     link_for_closing,
@@ -108,9 +108,9 @@ class Client(Closing):
         self._second: Client | None = None  # sends signs of life during calls if this link cannot
         self._controller = 0
         # on these transports, the server cannot detect the end of a client without signs of life
-        self._sends_signs = bool(profile.memory or profile.shared)
-        self._memory = (
-            Deadline(profile.memory) if profile.memory else None
+        self._sends_signs = bool(profile.session_timeout or profile.shared)
+        self._session_deadline = (
+            Deadline(profile.session_timeout) if profile.session_timeout else None
         )  # passes when the controller may have ended the session of this client
 
     @property
@@ -153,7 +153,7 @@ class Client(Closing):
         self._conversation.dialect = dialect
 
     @property
-    def echoes(self) -> bool:
+    def echoes_reserved(self) -> bool:
         """True if the last reply repeated the reserved field of its request, as a VE026A does (UDP, serial lines)."""
         return self._conversation.echoes_reserved
 
@@ -256,9 +256,9 @@ class Client(Closing):
         """Set a common deadline in s for all further calls; ``None`` removes it."""
         self._end = None if seconds is None else Deadline(seconds)
 
-    def usual_deadline(self) -> float:
+    def connection_deadline(self) -> float:
         """Return the default deadline in s for connecting and for closing."""
-        return closing_deadline(self._timeout, self._tries, self.profile)
+        return connection_deadline(self._timeout, self._tries, self.profile)
 
     def _execute(
         self,
@@ -337,7 +337,7 @@ class Client(Closing):
 
     def _execute_remembered(self, call: CallRequest) -> tuple[int, Any]:
         """Execute a call; add a hint to E_HANDLE if the session may have ended after a long idle period."""
-        forgotten = self._memory is not None and self._memory.passed
+        forgotten = self._session_deadline is not None and self._session_deadline.passed
         try:
             return self._execute_now(call)
         except CallError as error:
@@ -345,8 +345,8 @@ class Client(Closing):
                 error.detail = expired_handle_hint(self.profile)
             raise
         finally:
-            if self._memory is not None:
-                self._memory = Deadline(self.profile.memory)
+            if self._session_deadline is not None:
+                self._session_deadline = Deadline(self.profile.session_timeout)
 
     def _execute_now(self, call: CallRequest) -> tuple[int, Any]:
         try:
@@ -367,9 +367,9 @@ class Client(Closing):
                 self._link.close()
             raise
 
-    def patience(self, command: str) -> float | None:
+    def command_timeout(self, command: str) -> float | None:
         """Return the time-out of each attempt, in s, for a command that takes long; ``None`` for any other command."""
-        longest = self.dialect.patience.get(str(command).strip().lower())
+        longest = self.dialect.command_timeouts.get(str(command).strip().lower())
         if longest is None:
             return None
         return max(self._timeout, longest / self._tries if self.profile.lossy else longest)

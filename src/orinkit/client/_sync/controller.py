@@ -516,7 +516,7 @@ class Controller(ObjectContainer):
         if not self._open:
             return
         limit = check_deadline(deadline)
-        self.client.set_overall_deadline(self.client.usual_deadline() if limit is None else limit)
+        self.client.set_overall_deadline(self.client.connection_deadline() if limit is None else limit)
         try:
             if self._release():
                 self.client.call(f.service_stop)
@@ -613,7 +613,7 @@ def connect(
         deadline=deadline,
     )  # fmt: skip
     try:
-        client.set_overall_deadline(client.usual_deadline() if deadline is None else end.left)
+        client.set_overall_deadline(client.connection_deadline() if deadline is None else end.left)
         client.dialect = known or client.dialect
         tries_are_signs = alive is not None and client.profile.lossy  # S_EXECUTING would postpone the next attempt
         if tries_are_signs:
@@ -622,7 +622,7 @@ def connect(
         client.call(f.service_start, with_alive(wanted, alive))
         handle = client.call(f.controller_connect, name, provider, machine, option)
         controller = Controller(client, handle, name or provider)
-        if known is None and (client.profile.shared or client.echoes) and is_ve026a(_version(controller)):
+        if known is None and (client.profile.shared or client.echoes_reserved) and is_ve026a(_version(controller)):
             client.dialect = VE026A
         if alive is not None:
             client.start_keep_alive(alive, handle)

@@ -211,7 +211,7 @@ class ArmBase(ObjectContainer):
         return self._parent if isinstance(self._parent, ObjectContainer) else self
 
     def _ask(self, name: str, parameter: Value = None) -> Any:
-        variable = self.client.dialect.variables.get(name)
+        variable = self.client.dialect.command_variables.get(name)
         if variable is not None:
             return self._read(variable)
         return self._call(f.robot_execute, name, parameter)

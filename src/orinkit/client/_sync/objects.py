@@ -262,7 +262,7 @@ class ObjectContainer(NamedObject):
     def execute(self, command: str, parameter: Value = None) -> Any:
         """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
         assert self.functions.execute is not None
-        seconds = self.client.patience(command)
+        seconds = self.client.command_timeout(command)
         if seconds is None:
             return self._call(self.functions.execute, command, parameter)
         self._require_open()

@@ -127,7 +127,7 @@ class Robot(ArmBase):
     def move(self, interpolation: int, pose: Value, option: str = "") -> None: ...
     @overload
     def move(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion: ...
-    @common.with_options
+    @common.document_options
     def move(self, *arguments: Any, **named: Any) -> Motion | None:  # noqa: D417 - named by the overloads
         """Move to a pose, point to point: ``move(J(45, 30, 120, 0, -60, 0), "@E", speed=20)``.
 
@@ -160,18 +160,18 @@ class Robot(ArmBase):
             return None
         return self._move_to(common.PTP, *arguments, **named)
 
-    @common.with_options
+    @common.document_options
     def move_l(self, pose: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool to a pose in a straight line."""
         return self._move_to(common.LINE, pose, mark, **options)
 
-    @common.with_options
+    @common.document_options
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
         """Move the tool along an arc through ``via`` to ``end``."""
         segment = MotionSegment(common.literal_end(end))
         return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 
-    @common.with_options
+    @common.document_options
     def move_s(
         self, path: int | Sequence[PoseLike], mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> Motion:
@@ -184,7 +184,7 @@ class Robot(ArmBase):
         """
         return self._interpolate(common.CURVE, common.curve_text(path, mark), options, MotionSegment())
 
-    @common.with_options
+    @common.document_options
     def approach(
         self,
         pose: PoseLike,
@@ -201,7 +201,7 @@ class Robot(ArmBase):
         comp = common.LINE if line else common.PTP
         return self._extended("Approach", [comp, pose_text(pose), common.distance_text(distance, mark)], options)
 
-    @common.with_options
+    @common.document_options
     def depart(
         self, distance: float, mark: str | PassMark = "", *, line: bool = False, **options: Unpack[MoveOptions]
     ) -> Motion:
@@ -223,7 +223,7 @@ class Robot(ArmBase):
         absolute: bool = False,
         **options: Unpack[MoveOptions],
     ) -> Motion: ...
-    @common.with_options
+    @common.document_options
     def drive(self, *arguments: Any, **named: Any) -> Motion | None:  # noqa: D417 - named by the overloads
         """Move axes by relative values: ``drive({1: 10, 2: -5})``. With ``absolute``, move them to absolute values.
 

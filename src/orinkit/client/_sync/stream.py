@@ -292,7 +292,7 @@ class Stream(SlaveMode):
         if self._streaming is streaming:
             self._alive()
 
-    def samples(self) -> list[Sample]:
+    def new_samples(self) -> list[Sample]:
         """Return the samples since the last call, or since the beginning of the block, without waiting."""
         streaming = self._alive()
         if self._reader is None or self._reader.shared is not streaming.shared:

@@ -70,8 +70,8 @@ class App:
         self._access = AccessCheck(options, secure=secure)
         self._secure = secure
         self._cookie = b""
-        self._takes_options = context.host.dialect.takes_options
-        self._codes = context.host.dialect.codes
+        self._takes_start_options = context.host.dialect.takes_start_options
+        self._code_replacements = context.host.dialect.code_replacements
 
     def listens_at(self, port: int) -> None:
         """Set the port of the listener.
@@ -247,7 +247,7 @@ class App:
 
     def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:
-            options = read_options(request.arguments) if self._takes_options else ServiceOptions()
+            options = read_options(request.arguments) if self._takes_start_options else ServiceOptions()
         except CallError as error:
             return CallReply(error.code, detail=error.detail)
         session.set_options(options)
@@ -272,13 +272,13 @@ class App:
         return reply
 
     async def _answer(self, exchange: Exchange, reply: CallReply) -> None:
-        code, result = self._codes.get(reply.code, reply.code), reply.result
+        code, result = self._code_replacements.get(reply.code, reply.code), reply.result
         if (
             result is not None
             and isinstance(result.value, bytes)
             and 2 * len(result.value) > self._context.limits.packet
         ):
-            code, result = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
+            code, result = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
         try:
             if result is not None and is_large(result):
                 body = await self._context.worker.run(partial(write_reply, code, result))
@@ -289,7 +289,7 @@ class App:
             code = hresult.E_FAIL
             body = write_reply(code, None)
         if len(body) > self._context.limits.packet:
-            code = self._codes.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
+            code = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
             body = write_reply(code, None)
         await exchange.answer(body, code, reply.detail)
 
