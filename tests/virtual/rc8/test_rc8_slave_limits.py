@@ -58,7 +58,7 @@ def test_the_velocity_of_each_axis(setting, axis, sign):
     most = VS050.axes[axis].velocity * PARTS[setting][0] * PERIOD * sign
     for part, code in ((1 - 1e-7, None), (1 + 5e-7, None), (1 + 2e-6, 0x84204051 + axis), (5, 0x84204051 + axis)):
         place = most * part
-        fault = limits(setting).fault(along(axis, -place), ZERO, along(axis, place), lenient=False)
+        fault = limits(setting).violation(along(axis, -place), ZERO, along(axis, place), lenient=False)
         assert (fault and fault.code) == code
 
 
@@ -68,36 +68,36 @@ def test_the_velocity_of_each_axis(setting, axis, sign):
 def test_the_acceleration_of_each_axis(setting, axis, sign):
     most = VS050.axes[axis].acceleration * PARTS[setting][1] * PERIOD**2 * sign
     for part, code in ((1 - 1e-7, None), (1 + 5e-7, None), (1 + 2e-6, 0x84204041 + axis)):
-        fault = limits(setting).fault(ZERO, ZERO, along(axis, most * part), lenient=False)
+        fault = limits(setting).violation(ZERO, ZERO, along(axis, most * part), lenient=False)
         assert (fault and fault.code) == code
-        slowing = limits(setting).fault(along(axis, -most * part), ZERO, ZERO, lenient=False)
+        slowing = limits(setting).violation(along(axis, -most * part), ZERO, ZERO, lenient=False)
         assert (slowing and slowing.code) == code
 
 
 def test_velocity_comes_first_and_the_lowest_axis():
     check = limits(2)
     far = (0.0, 9.0, 0.0, 9.0, 0.0, 0.0)
-    assert check.fault(ZERO, ZERO, far, lenient=False).code == hresult.SENT_SPEED_OVER_AXIS1 + 1
+    assert check.violation(ZERO, ZERO, far, lenient=False).code == hresult.SENT_SPEED_OVER_AXIS1 + 1
     some = (0.0, 0.0, 0.5, 0.0, 9.0, 0.5)  # axes 3 and 6 only accelerate
-    assert check.fault(ZERO, ZERO, some, lenient=False).code == hresult.SENT_SPEED_OVER_AXIS1 + 4
+    assert check.violation(ZERO, ZERO, some, lenient=False).code == hresult.SENT_SPEED_OVER_AXIS1 + 4
     some = (0.0, 0.0, 0.5, 0.0, 0.0, 0.5)
-    assert check.fault(ZERO, ZERO, some, lenient=False).code == hresult.COMMAND_ACCELERATION_OVER_AXIS1 + 2
+    assert check.violation(ZERO, ZERO, some, lenient=False).code == hresult.COMMAND_ACCELERATION_OVER_AXIS1 + 2
 
 
 def test_a_late_server_is_lenient():
     axis = VS050.axes[0]
     place = axis.velocity * LENIENCY * PERIOD
-    assert limits(2).fault(along(0, -place), ZERO, along(0, place), lenient=True) is None
-    assert limits(2).fault(along(0, -place), ZERO, along(0, place * 1.001), lenient=True).code == 0x84204051
+    assert limits(2).violation(along(0, -place), ZERO, along(0, place), lenient=True) is None
+    assert limits(2).violation(along(0, -place), ZERO, along(0, place * 1.001), lenient=True).code == 0x84204051
     bend = axis.acceleration * LENIENCY * PERIOD**2
-    assert limits(2).fault(ZERO, ZERO, along(0, bend), lenient=True) is None
-    assert limits(2).fault(ZERO, ZERO, along(0, bend * 1.001), lenient=True).code == 0x84204041
+    assert limits(2).violation(ZERO, ZERO, along(0, bend), lenient=True) is None
+    assert limits(2).violation(ZERO, ZERO, along(0, bend * 1.001), lenient=True).code == 0x84204041
 
 
 @pytest.mark.parametrize("bad", [float("nan"), 1e308, -1e308])
 def test_unusable_numbers_raise_no_exception(bad):
     """slvMove and the soft limits refuse these values before; nevertheless they must not raise here."""
-    fault = limits(0).fault(ZERO, ZERO, along(3, bad), lenient=False)
+    fault = limits(0).violation(ZERO, ZERO, along(3, bad), lenient=False)
     assert fault is None or fault.code == hresult.SENT_SPEED_OVER_AXIS1 + 3
 
 

@@ -217,9 +217,9 @@ class Tasks:
             exists = False
         if not exists:
             raise not_found(name)
-        return self.named(self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+        return self.get_or_create(self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
 
-    def named(self, path: str) -> Task:
+    def get_or_create(self, path: str) -> Task:
         """Return the task of a path, even if the program does not exist."""
         key = path.lower()
         task = self._tasks.get(key)

@@ -203,7 +203,7 @@ def _define(name: str, tool: bool) -> Callable[[ClientContext, Variant], None]:
         require(name, arm, caller)
         given = _at_least(parameter, 2)
         target = parameters.position(parameters.pose(given[1]))
-        kind, values = arm.space.numbers(target, arm.servo.command)
+        kind, values = arm.space.resolve(target, arm.servo.command)
         if kind != "P":
             raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is required"))
         (arm.space.tools if tool else arm.space.works).define(conversion.whole(given[0]), values)
@@ -283,10 +283,10 @@ def _pose_commands() -> list[RobotCommand]:
         ("Dest", state_report.destination),
     ):
         for suffix, read in queries.POSES.items():
-            made.append(RobotCommand(f"{prefix}{suffix}", _query(queries.pose(source, read))))
+            made.append(RobotCommand(f"{prefix}{suffix}", _query(queries.pose_command(source, read))))
             if source is not state_report.destination:
-                made.append(RobotCommand(f"{prefix}{suffix}Ex", _query(queries.stamped_pose(source, read))))
-        made.append(RobotCommand(f"{prefix}Fig", _query(queries.figure(source))))
+                made.append(RobotCommand(f"{prefix}{suffix}Ex", _query(queries.stamped_pose_command(source, read))))
+        made.append(RobotCommand(f"{prefix}Fig", _query(queries.figure_command(source))))
     return made
 
 

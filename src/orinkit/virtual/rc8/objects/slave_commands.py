@@ -23,7 +23,7 @@ from orinkit.virtual.engine.set_point_buffer import PlannedSetPoint
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.slave_feedback import reply_of, require_sources
+from orinkit.virtual.rc8.robot.slave_feedback import reply_of, require_supported
 from orinkit.virtual.rc8.robot.slave_mode import io
 from orinkit.virtual.rc8.robot.slave_mode.set_point import joints_of
 from orinkit.virtual.rc8.robot.target import Joints
@@ -80,7 +80,7 @@ def set_receive_format(caller: ClientContext, parameter: Variant) -> None:
     """
     require("slvRecvFormat", caller.state.arm, caller)
     wanted = read_receive_parameter(parameter)
-    require_sources(wanted)
+    require_supported(wanted)
     io.require_received(caller.state.variables, wanted)
     caller.formats.receive = wanted
 

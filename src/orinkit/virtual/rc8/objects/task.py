@@ -32,7 +32,7 @@ class RC8Task(TaskObject):
 
     @property
     def _task(self) -> Task:
-        return self._state.tasks.named(self._path)
+        return self._state.tasks.get_or_create(self._path)
 
     def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - there are no options
         """Start the task, or continue it if it is suspended (RC8 3.2.2).

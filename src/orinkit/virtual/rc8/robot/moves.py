@@ -186,7 +186,7 @@ class Moves:
         """Return the point of a pose or of a vector, in the base frame, mm.
 
         Raises:
-            CallError: As for :meth:`FrameContext.numbers`.
+            CallError: As for :meth:`FrameContext.resolve`.
         """
         if target.kind == "V":
             values = target.value
@@ -195,7 +195,7 @@ class Moves:
             check_reach(*values)
             return np.asarray((self._space.works.matrix() @ np.array([*values, 1.0]))[:3])
         start = self._arm.queue.end_joints
-        kind, values = self._space.numbers(target, start)
+        kind, values = self._space.resolve(target, start)
         frame = (
             self._space.tcp(self._space.joints(target, start))
             if kind == "J"
@@ -214,7 +214,7 @@ class Moves:
         path = self._paths.setdefault(_path(number), [])
         if len(path) >= _LONGEST_PATH:
             raise error_for(hresult.E_OUTOFMEMORY, tr("a path holds at most {most} points", most=_LONGEST_PATH))
-        kind, values = self._space.numbers(target, self._arm.queue.end_joints)
+        kind, values = self._space.resolve(target, self._arm.queue.end_joints)
         path.append(Target(kind, values))
 
     def clear_path(self, number: int) -> None:

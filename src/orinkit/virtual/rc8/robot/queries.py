@@ -39,22 +39,22 @@ POSES: Final[Mapping[str, Callable[[ArmPosition], Numbers]]] = {
 """The suffixes of commands such as CurPos, HighCurJnt and DestTrn, each with the function that reads the pose."""
 
 
-def pose(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
+def pose_command(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
     """Return a command that returns a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
 
 
-def stamped_pose(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
+def stamped_pose_command(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
     """Return a command that returns the time since power-on, ms, and a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, state_report.stamped(arm.seconds(), read(source(arm))))
 
 
-def figure(source: Callable[[RC8Arm], ArmPosition]) -> Answer:
+def figure_command(source: Callable[[RC8Arm], ArmPosition]) -> Answer:
     """Return a command that returns a figure."""
     return lambda arm, _: Variant(VarType.I4, source(arm).figure())
 
 
-def convert(given: Kind, wanted: Kind) -> Answer:
+def conversion_command(given: Kind, wanted: Kind) -> Answer:
     """Return a command that converts a pose of one type to another: J2P, P2J ..."""
 
     def run(arm: RC8Arm, parameter: Variant) -> Variant:
@@ -86,7 +86,7 @@ def _named(parameter: Variant, kind: Kind) -> Target:
 
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
     """Convert a P to a T, or a T to a P, in the same frame, even if the pose is out of reach; keep the given figure."""
-    kind, values = arm.space.numbers(target, arm.servo.command)
+    kind, values = arm.space.resolve(target, arm.servo.command)
     frame = arm.space.frame_in_base(kind, values, 0)
     result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
     return [*map(float, result), float(figure_of(kind, values))]
@@ -110,13 +110,13 @@ def dev_hand(arm: RC8Arm, parameter: Variant) -> Variant:
 def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
     """Return two poses as frames in the work frame, and the figure of the first."""
     base, offset = parameters.poses(parameter, 2)
-    kind, values = arm.space.numbers(base, arm.servo.command)
+    kind, values = arm.space.resolve(base, arm.servo.command)
     if kind == "J":
         joints = arm.space.joints(base, arm.servo.command)
         first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.kinematics.figure(joints))
     else:
         first, fig = arm.space.frame_in_base(kind, values, 0), float(figure_of(kind, values))
-    kind, values = arm.space.numbers(parameters.position(offset), arm.servo.command)
+    kind, values = arm.space.resolve(parameters.position(offset), arm.servo.command)
     if kind == "J":
         raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("the offset must be of type P or T"))
     return first, arm.space.frame_in_base(kind, values, 0), fig
@@ -175,7 +175,7 @@ def _tip_speed(arm: RC8Arm) -> float:
 
 _KINDS: Final[tuple[Kind, ...]] = ("P", "J", "T")
 CALCULATIONS: Final[Mapping[str, Answer]] = {
-    **{f"{a}2{b}": convert(a, b) for a in _KINDS for b in _KINDS if a != b},
+    **{f"{a}2{b}": conversion_command(a, b) for a in _KINDS for b in _KINDS if a != b},
     "Dev": dev,
     "DevH": dev_hand,
     "OutRange": out_range,

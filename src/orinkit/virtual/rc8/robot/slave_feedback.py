@@ -54,7 +54,7 @@ def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, wind
     return build_reply(receive, SlaveReply.of({row.name: SOURCES[row.name](sources) for row in rows}))
 
 
-def require_sources(receive: ReceiveFormat) -> None:
+def require_supported(receive: ReceiveFormat) -> None:
     """Raise an exception if this controller cannot provide every field of a receive format.
 
     Raises:

@@ -36,13 +36,13 @@ class Goal(NamedTuple):
         tcp: Tool frame in the base frame.
         figure: Figure of the pose; negative if the arm chooses it.
         extra: Joints from the seventh on.
-        straight: True for a J whose joint 5 is 0, so that FLIP and NONFLIP are the same.
+        wrist_straight: True for a J whose joint 5 is 0, so that FLIP and NONFLIP are the same.
     """
 
     tcp: Matrix
     figure: int
     extra: Joints
-    straight: bool = False
+    wrist_straight: bool = False
 
 
 class FrameContext:
@@ -85,7 +85,7 @@ class FrameContext:
 
     # --- from a pose to joints ----------------------------------------------------------------------------------
 
-    def numbers(self, target: Target, start: Joints) -> tuple[Kind, tuple[float, ...]]:
+    def resolve(self, target: Target, start: Joints) -> tuple[Kind, tuple[float, ...]]:
         """Return type and values of a pose; if it refers to a variable, return the current values of the variable.
 
         Raises:
@@ -132,9 +132,9 @@ class FrameContext:
             work: Number of the work frame of the pose, -1 for the current one.
 
         Raises:
-            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; otherwise as for :meth:`numbers`.
+            CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE; otherwise as for :meth:`resolve`.
         """
-        kind, values = self.numbers(target, start)
+        kind, values = self.resolve(target, start)
         if kind == "J":
             count = len(self.model.axes)
             ends = (*values[:count], *start[len(values) :])
@@ -149,9 +149,9 @@ class FrameContext:
         """Return the tool frame and the extended joints of a pose.
 
         Raises:
-            CallError: As for :meth:`numbers` and :meth:`with_extra`.
+            CallError: As for :meth:`resolve` and :meth:`with_extra`.
         """
-        kind, values = self.numbers(target, start)
+        kind, values = self.resolve(target, start)
         if kind == "J":
             joints = self.joints(target, start)
             figure = self.kinematics.figure(joints)
@@ -176,7 +176,7 @@ class FrameContext:
             CallError: FIGURE_MISMATCH if the figures differ.
         """
         present = self.kinematics.figure(start)
-        kept = POSTURE & ~NONFLIP if goal.straight or is_wrist_straight(start) else POSTURE
+        kept = POSTURE & ~NONFLIP if goal.wrist_straight or is_wrist_straight(start) else POSTURE
         if goal.figure >= 0 and goal.figure & kept != present & kept:
             raise error_for(
                 hresult.FIGURE_MISMATCH,

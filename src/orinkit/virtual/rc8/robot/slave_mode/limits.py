@@ -32,7 +32,7 @@ class SlaveLimits:
         self._switches = switches
         self._speeds = speeds
 
-    def fault(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
+    def violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
         """Return the first limit that a command violates, or None.
 
         The velocities of all axes are checked before the accelerations; axes are checked in the order of their numbers.

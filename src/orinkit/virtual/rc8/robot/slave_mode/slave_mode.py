@@ -207,7 +207,7 @@ class RC8SlaveMode(SetPointBuffer):
 
     def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
         """Return the first limit that a command violates, see :class:`SlaveLimits`."""
-        return self._limits.fault(before, now, wanted, lenient=lenient)
+        return self._limits.violation(before, now, wanted, lenient=lenient)
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
@@ -226,7 +226,7 @@ class RC8SlaveMode(SetPointBuffer):
         queue = self._arm.queue
         return (
             joints == queue.joints
-            and self._limits.fault(queue.previous_joints, joints, joints, lenient=False) is not None
+            and self._limits.violation(queue.previous_joints, joints, joints, lenient=False) is not None
         )
 
     def _turn_off(self) -> list[Deferred[Value]]:
