@@ -26,7 +26,7 @@ from orinkit.virtual.ve026a.codes import (
     ROBOT_RUNNING,
     SET_POINT_MISSED,
     TOO_FAST_AXIS1,
-    refusal,
+    device_error,
 )
 from support.ve_cell import ASYNC, HOME, R4, SYNC, Person, VeCell, ramp, turned
 
@@ -143,7 +143,7 @@ def test_its_own_codes_are_in_the_range_for_them_and_have_texts(code):
     assert code.value not in hresult.CODES
     assert code.message.isascii()
     assert JAPANESE.search(i18n.translate("ja", code.message))
-    error = refusal(code.value, "detail")
+    error = device_error(code.value, "detail")
     assert isinstance(error, UserDefinedError)
     assert code.text in error.detail
 

@@ -23,7 +23,7 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.queue import MotionQueue
 from orinkit.virtual.engine.servo import Servo
 from orinkit.virtual.ve026a.arm_owner import Operator
-from orinkit.virtual.ve026a.codes import EMERGENCY_STOP, OUT_OF_RANGE_AXIS1, ROBOT_RUNNING, refusal
+from orinkit.virtual.ve026a.codes import EMERGENCY_STOP, OUT_OF_RANGE_AXIS1, ROBOT_RUNNING, device_error
 from orinkit.virtual.ve026a.parameters import OFF, VALUES
 from orinkit.virtual.ve026a.slave import VE026ASlaveMode
 
@@ -36,7 +36,7 @@ _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 _R4: Final = struct.Struct(f"<{VALUES}f")
 
 
-class OperationKind(Enum):
+class TimedOperation(Enum):
     """Operations of the controller that take time."""
 
     MOTOR_ON = "motor on"
@@ -48,7 +48,7 @@ class OperationKind(Enum):
 class _Operation:
     """An operation in progress: its kind, the remaining cycles, the deferred result."""
 
-    work: OperationKind
+    work: TimedOperation
     cycles: int
     done: Deferred[None] = field(default_factory=Deferred)
 
@@ -96,9 +96,9 @@ class VE026AArm:
         self.motor_on = self.emergency = False
         self._cycles = cycles
         self._seconds = {
-            OperationKind.MOTOR_ON: motor_seconds,
-            OperationKind.MOTOR_OFF: motor_seconds,
-            OperationKind.CLEAR_ERROR: clear_seconds,
+            TimedOperation.MOTOR_ON: motor_seconds,
+            TimedOperation.MOTOR_OFF: motor_seconds,
+            TimedOperation.CLEAR_ERROR: clear_seconds,
         }
         self._operation: _Operation | None = None
         self._change: _Change | None = None
@@ -144,7 +144,7 @@ class VE026AArm:
             return None
         if not on:
             self.stop(hresult.E_ABORT)
-        return self._begin(OperationKind.MOTOR_ON if on else OperationKind.MOTOR_OFF)
+        return self._begin(TimedOperation.MOTOR_ON if on else TimedOperation.MOTOR_OFF)
 
     def clear_error(self, operator: Operator) -> Deferred[None]:
         """Begin to clear the error.
@@ -159,7 +159,7 @@ class VE026AArm:
         self._require(operator)
         if self.slave.on or self._change is not None:
             raise _busy(tr("slave mode is on"))
-        return self._begin(OperationKind.CLEAR_ERROR)
+        return self._begin(TimedOperation.CLEAR_ERROR)
 
     def change_mode(self, operator: Operator, mode: int) -> Deferred[None] | None:
         """Enter or leave slave mode.
@@ -219,7 +219,7 @@ class VE026AArm:
             given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
             detail = tr("{given} deg, the range is {lower} to {upper} deg", given=given, lower=lower, upper=upper)
             self.fail(OUT_OF_RANGE_AXIS1 + index, detail)
-            raise refusal(OUT_OF_RANGE_AXIS1 + index, detail)
+            raise device_error(OUT_OF_RANGE_AXIS1 + index, detail)
         return self.slave.put(joints)
 
     def forget(self, operator: Operator) -> None:
@@ -243,7 +243,7 @@ class VE026AArm:
         """Enter the error state, unless already in it; brake and leave slave mode."""
         if self.error == hresult.S_OK:
             self.error = code
-            logger.warning("%s", refusal(code, detail))
+            logger.warning("%s", device_error(code, detail))
         self._fail_change(code)
         self.stop(code)
 
@@ -251,9 +251,9 @@ class VE026AArm:
         """Press the emergency stop: the arm brakes, and the motor is switched off at standstill."""
         self.emergency = True
         self.fail(EMERGENCY_STOP)
-        if self._operation is not None and self._operation.work is OperationKind.MOTOR_ON:
+        if self._operation is not None and self._operation.work is TimedOperation.MOTOR_ON:
             operation, self._operation = self._operation, None
-            operation.done.set_exception(refusal(EMERGENCY_STOP))
+            operation.done.set_exception(device_error(EMERGENCY_STOP))
         self._motor_off_pending = True
         if self.standing:
             self._apply_motor_off()
@@ -295,19 +295,19 @@ class VE026AArm:
         operation = self._operation
         if operation is None:
             return
-        if operation.work is OperationKind.MOTOR_OFF:
+        if operation.work is TimedOperation.MOTOR_OFF:
             self.motor_on = False
         operation.cycles -= 1
         if operation.cycles > 0:
             return
         self._operation = None
-        if operation.work is OperationKind.CLEAR_ERROR and self.emergency:
+        if operation.work is TimedOperation.CLEAR_ERROR and self.emergency:
             self.error = EMERGENCY_STOP
-            operation.done.set_exception(refusal(EMERGENCY_STOP, tr("it is still pressed. Try: release it first")))
+            operation.done.set_exception(device_error(EMERGENCY_STOP, tr("it is still pressed. Try: release it first")))
             return
-        if operation.work is OperationKind.CLEAR_ERROR:
+        if operation.work is TimedOperation.CLEAR_ERROR:
             self.error = hresult.S_OK
-        elif operation.work is OperationKind.MOTOR_ON:
+        elif operation.work is TimedOperation.MOTOR_ON:
             self.motor_on = True
         operation.done.set_result()
 
@@ -359,7 +359,7 @@ class VE026AArm:
         if self._operation is not None:
             raise _busy(tr("Motor or ClearError is in progress"))
         if no_error and self.error != hresult.S_OK:
-            raise refusal(self.error, tr("the error has not been cleared. Try: ClearError"))
+            raise device_error(self.error, tr("the error has not been cleared. Try: ClearError"))
 
     @property
     def _owner(self) -> Operator | None:
@@ -371,7 +371,7 @@ class VE026AArm:
             self._fail_change(hresult.E_ABORT)
             self.stop(hresult.E_ABORT)
 
-    def _begin(self, work: OperationKind) -> Deferred[None]:
+    def _begin(self, work: TimedOperation) -> Deferred[None]:
         self._operation = operation = _Operation(work, math.ceil(self._seconds[work] / PERIOD - 1e-9))
         self._cycles.wake()
         return operation.done
@@ -383,7 +383,7 @@ class VE026AArm:
     def _fail_change(self, code: int) -> None:
         change, self._change = self._change, None
         if change is not None:
-            change.done.set_exception(refusal(code))
+            change.done.set_exception(device_error(code))
 
 
 def _busy(detail: str = "") -> CallError:

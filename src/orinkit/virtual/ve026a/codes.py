@@ -59,7 +59,7 @@ CODES: Final = {code.value: code for code in _ROWS}
 """The device-specific codes by value."""
 
 
-def refusal(code: int, detail: str = "") -> CallError:
+def device_error(code: int, detail: str = "") -> CallError:
     """Return the exception for a code; for a device-specific code its text is included."""
     known = CODES.get(code)
     return error_for(code, ": ".join(filter(None, (known.text if known else "", detail))))

@@ -44,7 +44,7 @@ HANDLES: Final[dict[tuple[str, str], int]] = {
 the document."""
 
 
-def plain_name(name: str) -> str:
+def name_key(name: str) -> str:
     """Return the name of a variable or command, normalized for comparison."""
     return name.strip().upper()
 
@@ -98,7 +98,7 @@ class VE026ARobot(_OfClient, RobotObject):
         Raises:
             CallError: E_INVALIDCOMMAND if there is no such command; an error of the command.
         """
-        known = _ROBOT_COMMANDS.get(plain_name(command))
+        known = _ROBOT_COMMANDS.get(name_key(command))
         if known is None:
             raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
         return known(self._arm, self._operator, parameter)
@@ -132,7 +132,7 @@ class VE026AController(_OfClient, ControllerObject):
             CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter
                 is not an error code; an error of the arm.
         """
-        if plain_name(command) != "CLEARERROR":
+        if name_key(command) != "CLEARERROR":
             raise error_for(hresult.E_INVALIDCOMMAND, f"{command:.40}")
         parameters.error_code(parameter)
         return self._arm.clear_error(self._operator)
@@ -152,10 +152,10 @@ class VE026AController(_OfClient, ControllerObject):
 
 
 def _variable(arm: VE026AArm, variables: Mapping[str, Callable[[VE026AArm], Value]], name: str) -> VariableObject:
-    read = variables.get(plain_name(name))
+    read = variables.get(name_key(name))
     if read is None:
         raise error_for(hresult.E_INVALIDARG, f"{name:.40} ({', '.join(variables)})")
-    return VE026AVariable(arm, plain_name(name), read)
+    return VE026AVariable(arm, name_key(name), read)
 
 
 def _motor(arm: VE026AArm, operator: Operator, parameter: Variant) -> Any:

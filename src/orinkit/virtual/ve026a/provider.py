@@ -18,7 +18,7 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.ve026a.arm import VE026AArm
 from orinkit.virtual.ve026a.arm_owner import Operator
 from orinkit.virtual.ve026a.codes import AXES, CODES
-from orinkit.virtual.ve026a.objects import HANDLES, VE026AController, plain_name
+from orinkit.virtual.ve026a.objects import HANDLES, VE026AController, name_key
 
 _LONGEST: Final = 3600.0
 
@@ -87,7 +87,7 @@ class VirtualVE026A(Provider):
             interface: ``"Controller"``, ``"Robot"`` or ``"Variable"``.
             name: Name of a variable; ignored for the other interfaces.
         """
-        return HANDLES[interface, plain_name(name) if interface == "Variable" else ""]
+        return HANDLES[interface, name_key(name) if interface == "Variable" else ""]
 
     def close(self) -> None:
         """Switch the controller off: the arm stops where it is, and the motor is off. May be called repeatedly."""

@@ -34,7 +34,7 @@ from orinkit.virtual.engine.set_point_buffer import (
     SlaveFault,
 )
 from orinkit.virtual.ve026a.arm_owner import Operator
-from orinkit.virtual.ve026a.codes import SET_POINT_MISSED, TOO_FAST_AXIS1, refusal
+from orinkit.virtual.ve026a.codes import SET_POINT_MISSED, TOO_FAST_AXIS1, device_error
 from orinkit.virtual.ve026a.parameters import ASYNCHRONOUS, OFF, SYNCHRONOUS
 
 logger = logging.getLogger("orinkit.ve026a")
@@ -135,7 +135,7 @@ class VE026ASlaveMode(SetPointBuffer):
             logger.warning("%s", late_stream_message(late, strict=self._strict))
         self.mode, self.owner, self._started = OFF, None, False
         for reply in self._close():
-            reply.set_exception(refusal(code))
+            reply.set_exception(device_error(code))
 
     def fail(self, code: int, detail: str = "") -> None:
         """Enter an error state: brake and leave slave mode."""
