@@ -20,7 +20,7 @@ def result_of(work: Any) -> Awaitable[Any]:
     if type(work) is BlockingCall:
         return in_thread(work.run)
     if type(work) is Deferred:
-        return later(work)
+        return wait_deferred(work)
     awaitable: Awaitable[Any] = work
     return awaitable
 
@@ -60,7 +60,7 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     raise value
 
 
-async def later(deferred: Deferred[Any]) -> Any:
+async def wait_deferred(deferred: Deferred[Any]) -> Any:
     """Wait for a deferred result; return it, or raise the exception of the call."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()

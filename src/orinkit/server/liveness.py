@@ -36,11 +36,11 @@ class MonitoredClient(Protocol):
         """True if a call is in progress."""
 
     @property
-    def client_silence_limit(self) -> float | None:
+    def requested_silence_limit(self) -> float | None:
         """The client's own limit (``Alive``), s; ``None`` if the client has not set it."""
 
     @property
-    def server_silence_limit(self) -> float | None:
+    def default_silence_limit(self) -> float | None:
         """The server's limit, s; ``None`` if there is no limit."""
 
     @property
@@ -67,7 +67,7 @@ class LivenessMonitor:
 
     def start(self) -> None:
         """Begin to monitor the client; called with every request. Monitoring ends if it is silent and nothing moves."""
-        client_limit = self._client.client_silence_limit
+        client_limit = self._client.requested_silence_limit
         if self._timer is None:
             self._check()
         elif client_limit is not None and self._timer.when() > self._loop.time() + client_limit:
@@ -101,7 +101,7 @@ class LivenessMonitor:
             The time of the next check; ``None`` if no check is necessary before the next request.
         """
         client = self._client
-        server_limit = client.server_silence_limit
+        server_limit = client.default_silence_limit
         if server_limit is None:
             return None
         until = (
@@ -117,7 +117,7 @@ class LivenessMonitor:
     def _check_client_limit(self, session: Session, now: float) -> float | None:
         """Apply the client's own limit; return the time of the next check, or ``None`` if the client has no limit."""
         client = self._client
-        client_limit = client.client_silence_limit
+        client_limit = client.requested_silence_limit
         if client_limit is None:
             return None
         heard = client.last_request_at

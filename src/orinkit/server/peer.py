@@ -123,7 +123,7 @@ class Peer(ABC):
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
-    server_silence_limit: float | None = None
+    default_silence_limit: float | None = None
 
     @property
     def last_request_at(self) -> float:
@@ -141,7 +141,7 @@ class Peer(ABC):
         return self._conversation.busy
 
     @property
-    def client_silence_limit(self) -> float | None:
+    def requested_silence_limit(self) -> float | None:
         """The client's own limit on silence (``Alive``), s."""
         return self._conversation.alive
 
@@ -275,7 +275,7 @@ class Peer(ABC):
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
-        if self.server_silence_limit is not None or self._conversation.alive is not None:
+        if self.default_silence_limit is not None or self._conversation.alive is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:

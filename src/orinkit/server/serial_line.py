@@ -49,7 +49,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         self._name = self._host = path
         self._lost = lost
         self._full = False
-        self.server_silence_limit = context.alive
+        self.default_silence_limit = context.alive
         self._silence: asyncio.TimerHandle | None = None
 
     # --- the transport calls these ------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ class UdpClient(ConnectionlessClient):
         self._host = str(socket_address[0])
         self._send = partial(udp_socket.send, socket_address)
         self._is_closing = udp_socket.is_closing
-        self.server_silence_limit = udp_socket.context.alive
+        self.default_silence_limit = udp_socket.context.alive
         self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes) -> None:

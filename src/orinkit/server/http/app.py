@@ -173,12 +173,12 @@ class App:
             await self._answer(exchange, reply)
         finally:
             if session is not None:
-                session.leave(broken=exchange.connection.is_closed)
+                session.end_request(broken=exchange.connection.is_closed)
         return None
 
     def _enter(self, session: HttpSession, exchange: Exchange) -> None:
         connection = exchange.connection
-        session.enter(connection)
+        session.begin_request(connection)
         connection.carried.add(session)
 
     # --- sessions ------------------------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ class App:
         if type(outcome) is CallReply:
             return outcome
         assert isinstance(outcome, Pending)
-        return await self._wait(exchange, session, session.begin(outcome))
+        return await self._wait(exchange, session, session.start_call(outcome))
 
     def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:

@@ -96,7 +96,7 @@ class HttpSession:
         plain: True if the session has been used without a cookie.
         ended: True if the session has ended.
         address_session: the session of the client's address, if the Service_Start of this session may belong to it.
-        client_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set it.
+        requested_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set it.
         last_request_at: loop time of the last request, s.
     """
 
@@ -118,7 +118,7 @@ class HttpSession:
         self._broken = False
         self._closing = False
         self.ended = False
-        self.client_silence_limit: float | None = None
+        self.requested_silence_limit: float | None = None
         self.last_request_at = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
@@ -129,7 +129,7 @@ class HttpSession:
 
     # --- requests -------------------------------------------------------------------------------------------------
 
-    def enter(self, connection: Hashable = None) -> None:
+    def begin_request(self, connection: Hashable = None) -> None:
         """Note the start of a request.
 
         Args:
@@ -173,7 +173,7 @@ class HttpSession:
         return self._waiting > 0
 
     @property
-    def server_silence_limit(self) -> float | None:
+    def default_silence_limit(self) -> float | None:
         """The server's limit on silence while motions run, s; ``None`` while the client has a persistent connection."""
         return None if self._has_persistent and not self.plain else self._context.alive
 
@@ -182,7 +182,7 @@ class HttpSession:
         logger.warning("%s: %s", self._name, reason)
         self.end(reason)
 
-    def leave(self, *, broken: bool = False) -> None:
+    def end_request(self, *, broken: bool = False) -> None:
         """Note the end of a request.
 
         Args:
@@ -223,12 +223,12 @@ class HttpSession:
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
         default = self._context.invoke_timeout
-        self.client_silence_limit = options.alive
+        self.requested_silence_limit = options.alive
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.address_session is not None:
             self.address_session.set_options(options)
 
-    def begin(self, pending: Pending) -> RunningCall:
+    def start_call(self, pending: Pending) -> RunningCall:
         """Start a long-running call. If the connection breaks, the call continues until the session ends."""
         call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
         call.task = task = self._loop.create_task(self._finish(pending, call))
@@ -386,8 +386,8 @@ class HttpSessions:
             if current is not None:
                 current.on_address_lost()
         else:
-            current.enter()
-            current.leave()
+            current.begin_request()
+            current.end_request()
             made.address_session = current
         return made
 
