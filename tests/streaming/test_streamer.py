@@ -28,7 +28,7 @@ from orinkit.streaming.process.channel import Channel
 from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.pacing import Delivery
 from orinkit.streaming.process.shared_memory import Outputs, StreamCommand, StreamMemory, _Word
-from orinkit.streaming.process.streamer import ProgramMonitor, Streamer, StreamerConnection
+from orinkit.streaming.process.streamer import ParentMonitor, Streamer, StreamerConnection
 from support.stopping import stopped
 from support.waiting import until
 
@@ -86,17 +86,17 @@ def shared() -> Iterator[StreamMemory]:
 
 
 @pytest.fixture
-def watch() -> Iterator[ProgramMonitor]:
+def watch() -> Iterator[ParentMonitor]:
     """Monitors the parent of this process, over a channel."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        yield ProgramMonitor(Channel(theirs), os.getppid())
+        yield ParentMonitor(Channel(theirs), os.getppid())
 
 
 def commands(shared: StreamMemory, script: Callable[[int], None]) -> list[tuple[float, ...]]:
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        watch = ProgramMonitor(Channel(theirs), os.getppid())
+        watch = ParentMonitor(Channel(theirs), os.getppid())
         Streamer(setup(), Controller(script), shared, watch, JointPlanner(LIMITS, PERIOD, HOME)).run()
     samples = [shared.sample(number) for number in range(shared.samples)]
     return [sample.command for sample in samples if sample is not None]
@@ -141,7 +141,7 @@ def test_a_target_before_a_halt_is_not_taken_up_again(shared: StreamMemory) -> N
     [
         (0x202, {}),
         (0x201, {"limits": PathLimits(100.0, 200.0, 300.0, 40.0, 50.0, 60.0), "start": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)}),
-        (0x102, {"window": UserWindow(128, 16), "outputs": Outputs(1, 2, (128, b"\x01\xff")), "beyond": (0.5,)}),
+        (0x102, {"window": UserWindow(128, 16), "outputs": Outputs(1, 2, (128, b"\x01\xff")), "unlimited_joints": (0.5,)}),
         (0x002, {"receive": ReceiveFormat(0x14, microseconds=False), "send": SendBits(0x20), "idle": 2.5}),
     ],
 )
@@ -158,7 +158,7 @@ def test_what_the_process_is_told_arrives(number: int, changes: dict[str, Any]) 
 class Times:
     """A clock that a test controls, and the state of the program (stopped or not)."""
 
-    def __init__(self, watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, watch: ParentMonitor, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         self.stopped = False
         monkeypatch.setattr("orinkit.streaming.process.streamer.monotonic", lambda: self.now)
@@ -166,11 +166,11 @@ class Times:
 
 
 @pytest.fixture
-def times(watch: ProgramMonitor, monkeypatch: pytest.MonkeyPatch) -> Times:
+def times(watch: ParentMonitor, monkeypatch: pytest.MonkeyPatch) -> Times:
     return Times(watch, monkeypatch)
 
 
-def test_how_long_a_program_may_be_stopped(watch: ProgramMonitor, times: Times) -> None:
+def test_how_long_a_program_may_be_stopped(watch: ParentMonitor, times: Times) -> None:
     """A program may be stopped for as long as a machine may stall, repeatedly."""
     story = [  # s that pass, whether the program is stopped then, whether it has been stopped for too long
         (1.0, False, ""),
@@ -187,21 +187,21 @@ def test_how_long_a_program_may_be_stopped(watch: ProgramMonitor, times: Times) 
     ]
     for seconds, times.stopped, reason in story:
         times.now += seconds
-        assert watch.check() == reason
+        assert watch.end_reason() == reason
 
 
-def test_it_is_looked_at_fifty_times_a_second(watch: ProgramMonitor, times: Times) -> None:
+def test_it_is_looked_at_fifty_times_a_second(watch: ParentMonitor, times: Times) -> None:
     looks: list[float] = []
     watch._is_stopped = lambda: looks.append(times.now) is not None  # type: ignore[method-assign]
     for _ in range(1000):
         times.now += 0.001
-        watch.check()
+        watch.end_reason()
     assert 45 <= len(looks) <= 50
 
 
 @pytest.mark.parametrize(("cycles", "goes_on"), [(1, True), (31, True), (40, False), (500, False)])
 def test_a_program_that_is_stopped_while_it_streams(
-    shared: StreamMemory, watch: ProgramMonitor, times: Times, cycles: int, goes_on: bool
+    shared: StreamMemory, watch: ParentMonitor, times: Times, cycles: int, goes_on: bool
 ) -> None:
     """If the program is stopped for less than 0.25 s, the arm continues to its live target; otherwise it stops."""
 
@@ -222,10 +222,10 @@ def test_a_program_that_is_stopped_while_it_streams(
     assert goes_on or controller.count < 200
 
 
-def test_the_state_of_a_process_that_is_stopped(watch: ProgramMonitor) -> None:
+def test_the_state_of_a_process_that_is_stopped(watch: ParentMonitor) -> None:
     """The state is that reported by the system."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
-        looking = ProgramMonitor(watch._channel, child.pid)
+        looking = ParentMonitor(watch._channel, child.pid)
         try:
             assert not looking._is_stopped()
             with stopped(child.pid):
@@ -234,7 +234,7 @@ def test_the_state_of_a_process_that_is_stopped(watch: ProgramMonitor) -> None:
         finally:
             child.kill()
     until(lambda: not looking._is_stopped())  # it has ended
-    assert not ProgramMonitor(watch._channel, child.pid)._is_stopped()
+    assert not ParentMonitor(watch._channel, child.pid)._is_stopped()
 
 
 # --- how late set-points were -----------------------------------------------------------------------------------------
@@ -248,14 +248,14 @@ def no_answer() -> Exception:
     return CallTimeout("Robot_Execute", 3.0, 1)
 
 
-def late(shared: StreamMemory, watch: ProgramMonitor, controller: Controller) -> None:
+def late(shared: StreamMemory, watch: ParentMonitor, controller: Controller) -> None:
     reports_lateness = controller.lateness(0) is not None
     Streamer(
         setup(), controller, shared, watch, JointPlanner(LIMITS, PERIOD, HOME), reports_lateness=reports_lateness
     ).run()
 
 
-def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ProgramMonitor) -> None:
+def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemory, watch: ParentMonitor) -> None:
     """The query is sent once, without those already reported, before the program can see that the arm stands."""
 
     def script(cycle: int) -> None:
@@ -297,7 +297,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemor
     ],
 )
 def test_a_controller_that_does_not_tell_is_asked_once(
-    shared: StreamMemory, watch: ProgramMonitor, answer: Any
+    shared: StreamMemory, watch: ParentMonitor, answer: Any
 ) -> None:
     def script(cycle: int) -> None:
         if cycle == 10:
@@ -317,7 +317,7 @@ def test_a_controller_that_does_not_tell_is_asked_once(
 
 @pytest.mark.parametrize("answer", [not_implemented, no_answer, "garbage"])
 def test_a_controller_that_stops_reporting_late_set_points(
-    shared: StreamMemory, watch: ProgramMonitor, answer: Any
+    shared: StreamMemory, watch: ParentMonitor, answer: Any
 ) -> None:
     """The stream continues, and the reports so far count."""
 

@@ -204,9 +204,9 @@ class AsyncStream(AsyncSlaveMode):
         shadow.check(values)
         shadow.track(values)
         self._pushed = shadow
-        self._outputs = self._outputs.changed(outputs)
+        self._outputs = self._outputs.updated(outputs)
         shared.put(values, outputs)
-        shared.feed_queue()
+        shared.select_queue()
 
     # --- live target --------------------------------------------------------------------------------------------
 
@@ -221,7 +221,7 @@ class AsyncStream(AsyncSlaveMode):
         values = read_point(pose, self._pose_type, self._axes)
         if self._options.on_range == "refuse":
             self._check_range(values)
-        streaming.shared.forget()
+        streaming.shared.clear_queue()
         streaming.shared.set_target(values, monotonic_ns())
         self._target = common.POSE_TYPES[self._pose_type].of(values)
         self._pushed = None
@@ -244,7 +244,7 @@ class AsyncStream(AsyncSlaveMode):
     async def stop(self) -> None:
         """Stop the arm within the limits, discard queued set-points, and hold the position; slave mode stays on."""
         shared = self._alive().shared
-        shared.forget()
+        shared.clear_queue()
         shared.hold()
         self._forget()
         shared.order(StreamCommand.HALT)
@@ -270,7 +270,7 @@ class AsyncStream(AsyncSlaveMode):
     ) -> None:
         """Change outputs that were enabled in ``slave_mode``, from the next cycle on (RC8 table 4-2)."""
         streaming = self._alive()
-        self._outputs = self._outputs.changed(self._changed(mini=mini, hand=hand, user=user))
+        self._outputs = self._outputs.updated(self._changed(mini=mini, hand=hand, user=user))
         streaming.shared.set_outputs(self._outputs)
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:

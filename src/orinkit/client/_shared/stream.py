@@ -269,7 +269,7 @@ class TrajectoryRun:
         """Start sending the queued set-points."""
         if not self._started:
             self._started = True
-            self.shared.feed_queue()
+            self.shared.select_queue()
 
     def look(self) -> None:
         """Read new samples and report the progress.
@@ -280,7 +280,7 @@ class TrajectoryRun:
         self._read()
         if self._progress is not None:
             self._progress(Progress(self.sent, self._total))
-        fed = not self._started or self.shared.feed is SetPointSource.QUEUE
+        fed = not self._started or self.shared.source is SetPointSource.QUEUE
         if not fed or self.shared.discarded_until > self._first:
             self._broken_off = True
             raise broken_off(self.sent)
@@ -288,7 +288,7 @@ class TrajectoryRun:
     def give_up(self) -> None:
         """Stop the arm after an exception, unless another call controls it now."""
         if not self._broken_off and not self.shared.closed:
-            self.shared.forget()
+            self.shared.clear_queue()
             self.shared.hold()
 
     def result(self, sent: int) -> StreamResult:

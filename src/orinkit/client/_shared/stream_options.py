@@ -129,7 +129,7 @@ def check_sendable(options: StreamOptions, outputs: Outputs) -> None:
     Raises:
         InvalidValue: If an output cannot be sent.
     """
-    pose_type, given = options.mode.kind, options.outputs.changed(outputs).present_items()
+    pose_type, given = options.mode.kind, options.outputs.updated(outputs).present_items()
     dummy = SetPoint((0.0,) * POSE_SIZES[pose_type], (), **given, window=options.window)
     encode_set_point(pose_type, dummy, options.send, options.receive)
 

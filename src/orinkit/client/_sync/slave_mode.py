@@ -89,7 +89,7 @@ class SlaveMode:
                 robot.execute("slvRecvFormat", [options.receive.number, int(options.receive.microseconds)])
                 type_name = "" if options.limits else robot.execute("GetRobotTypeName")
             self.limits = limits_for(options, type_name)
-            start, beyond = self._start()
+            start, unlimited_joints = self._start()
             self._wait_until(lambda: streaming.real_time is not None)
         except BaseException:
             self._give_up(streaming)
@@ -97,7 +97,7 @@ class SlaveMode:
         self.real_time = streaming.real_time or RealTime()
         serial = client._detach(lambda: _stop_streaming(streaming))
         try:
-            streaming.begin(self._config(start, beyond, serial))
+            streaming.begin(self._config(start, unlimited_joints, serial))
             self._wait_until(lambda: streaming.streaming and streaming.shared.samples > 0)
         except BaseException:
             self._give_up(streaming)
@@ -105,12 +105,12 @@ class SlaveMode:
         if self._recording is not None:
             self._recording.follow(streaming.shared)
 
-    def _config(self, start: tuple[float, ...], beyond: tuple[float, ...], serial: int) -> StreamerConfig:
+    def _config(self, start: tuple[float, ...], unlimited_joints: tuple[float, ...], serial: int) -> StreamerConfig:
         options = self._options
         assert self.limits is not None
         return StreamerConfig(
             self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,
-            options.window, self._outputs, options.period, self.limits, start, beyond, serial, self._robot.client.timeout,
+            options.window, self._outputs, options.period, self.limits, start, unlimited_joints, serial, self._robot.client.timeout,
             options.idle, os.getpid(), self._robot.client.dialect.name,
             self._robot.client.tries,
         )  # fmt: skip
@@ -142,7 +142,7 @@ class SlaveMode:
             streaming.poll()
             if not streaming.ended:
                 if order is StreamCommand.LEAVE:
-                    streaming.shared.forget()
+                    streaming.shared.clear_queue()
                 streaming.shared.order(order)
             while not streaming.ended:
                 sleep(common.POLL)
@@ -245,5 +245,5 @@ class SlaveMode:
 def _stop_streaming(streaming: StreamerProcess) -> None:
     """Order the streaming process to stop the arm first, because this process is closing the connection."""
     if not streaming.shared.closed:
-        streaming.shared.forget()
+        streaming.shared.clear_queue()
         streaming.shared.order(StreamCommand.GOODBYE)

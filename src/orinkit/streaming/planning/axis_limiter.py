@@ -39,12 +39,12 @@ class TargetMotion(NamedTuple):
     Attributes:
         velocity: Velocity at the set-point before the last one, per second.
         acceleration: Acceleration, per second squared.
-        jumps: Number of consecutive jumps for which this motion was kept.
+        jump_count: Number of consecutive jumps for which this motion was kept.
     """
 
     velocity: float = 0.0
     acceleration: float = 0.0
-    jumps: int = 0
+    jump_count: int = 0
 
     def relative_state(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
         """Return the state of an axis relative to the moving set-points, one period before the last set-point.
@@ -107,18 +107,18 @@ class AxisLimiter:
         self._velocity = velocity
         self._period = period
 
-    def start(self, joint: float) -> float:
+    def start_position(self, joint: float) -> float:
         """Return the position at which a stream can start if the axis stands at ``joint``.
 
         Raises:
             InvalidValue: If the axis is outside its range.
         """
-        inside = self.inside(joint)
-        if abs(inside - joint) > self.change:
+        clamped = self.clamp(joint)
+        if abs(clamped - joint) > self.change:
             raise InvalidValue(self._outside(joint))
-        return inside
+        return clamped
 
-    def inside(self, value: float) -> float:
+    def clamp(self, value: float) -> float:
         """Return the nearest position in the range."""
         return self.lower if value < self.lower else min(value, self.upper)
 
@@ -140,7 +140,7 @@ class AxisLimiter:
         step = now - before
         move = min(max(wanted - now, step - self.change, -self.most), step + self.change, self.most)
         move = min(max(move, -self._fastest(now - self.lower)), self._fastest(self.upper - now))
-        return self.inside(wanted if move == wanted - now else now + move)
+        return self.clamp(wanted if move == wanted - now else now + move)
 
     def towards(self, now: float, goal: float) -> float:
         """Return the farthest command towards a goal after which the axis can still stop at the goal."""
@@ -161,9 +161,9 @@ class AxisLimiter:
         change = step - step_before
         if abs(change) > self.max_step_change or abs(step) > self.max_step:
             held = held or TargetMotion(step_before / self._period if abs(step_before) <= self.max_step else 0.0)
-            if held.jumps < JUMPS:
-                return TargetMotion(held.velocity, 0.0, held.jumps + 1)
-            return TargetMotion(step / self._period if abs(step) <= self.max_step else 0.0, 0.0, held.jumps)
+            if held.jump_count < JUMPS:
+                return TargetMotion(held.velocity, 0.0, held.jump_count + 1)
+            return TargetMotion(step / self._period if abs(step) <= self.max_step else 0.0, 0.0, held.jump_count)
         most = PUSHED * self.acceleration
         acceleration = min(max(change / self._period**2, -most), most)
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
@@ -241,7 +241,7 @@ class AxisLimiter:
         )
 
     def _outside(self, value: float) -> str:
-        beyond = abs(value - self.inside(value))
+        beyond = abs(value - self.clamp(value))
         return tr(
             "{name}: {value:g} is {beyond:.3g} outside the range of {lower:g} to {upper:g}",
             name=self.name,

@@ -59,7 +59,7 @@ class TargetMotion3D(NamedTuple):
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
-    jumps: int = 0
+    jump_count: int = 0
 
 
 class CartesianLimiter:
@@ -132,7 +132,7 @@ class CartesianLimiter:
         self._to_rest = JerkLimitedMotion(3, period, halting=True)
 
     @property
-    def rests(self) -> bool:
+    def at_rest(self) -> bool:
         """True at standstill."""
         return self.step == self._velocity == self._accel == NOTHING
 
@@ -162,26 +162,26 @@ class CartesianLimiter:
             way: Vector to the last set-point.
             moved: Difference of the last two set-points.
         """
-        course = self._estimate_target_motion(moved)
-        self._last_target_step, self._target_motion = moved, course
-        return self.towards(way, course, anew=True)
+        target_motion = self._estimate_target_motion(moved)
+        self._last_target_step, self._target_motion = moved, target_motion
+        return self.towards(way, target_motion, anew=True)
 
-    def towards(self, way: Vector, course: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
+    def towards(self, way: Vector, target_motion: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
         """Return the next step of a smooth motion to a goal, and True if it reaches the goal.
 
         Args:
             way: Vector to the goal.
-            course: Motion of the goal; ``None`` if the goal does not move.
+            target_motion: Motion of the goal; ``None`` if the goal does not move.
             anew: True if the goal differs from that of the last step.
         """
         self._estimate_state()
-        course = course or TargetMotion3D()
+        target_motion = target_motion or TargetMotion3D()
         period = self._period
-        drift = times(plus(course.velocity, times(course.acceleration, 0.5 * period)), period)
+        drift = times(plus(target_motion.velocity, times(target_motion.acceleration, 0.5 * period)), period)
         left = _clip_norm(minus(way, drift), _FAR * self._speed)
-        velocity, accel = minus(self._velocity, course.velocity), minus(self._accel, course.acceleration)
-        pushed = norm(course.acceleration)
-        speed = max(self._speed - norm(course.velocity), SLOWEST * self._speed)
+        velocity, accel = minus(self._velocity, target_motion.velocity), minus(self._accel, target_motion.acceleration)
+        pushed = norm(target_motion.acceleration)
+        speed = max(self._speed - norm(target_motion.velocity), SLOWEST * self._speed)
         acceleration = self._acceleration - pushed
         if anew or self._halting:
             self._frame = _frame_to_goal(left, times(velocity, 1.0 / speed), times(accel, 1.0 / acceleration))
@@ -196,11 +196,11 @@ class CartesianLimiter:
             wanted = times(way, min(fastest(size, self._own_max_change) / size, 1.0) if size else 0.0)
         else:
             wanted = way if ended else plus(drift, _out_of(basis, smooth.position))
-        gained = plus(course.velocity, times(course.acceleration, period))
+        gained = plus(target_motion.velocity, times(target_motion.acceleration, period))
         step = self._advance(
             wanted,
             plus(gained, _out_of(basis, smooth.velocity)),
-            plus(course.acceleration, _out_of(basis, smooth.acceleration)),
+            plus(target_motion.acceleration, _out_of(basis, smooth.acceleration)),
             planned=ended is not None,
         )
         return step, step == way
@@ -272,9 +272,9 @@ class CartesianLimiter:
         change = minus(moved, self._last_target_step)
         if norm(change) > self._max_step_change or norm(moved) > self._max_step:
             held = self._target_motion or TargetMotion3D(self._velocity_of(self._last_target_step))
-            if held.jumps < JUMPS:
-                return TargetMotion3D(held.velocity, NOTHING, held.jumps + 1)
-            return TargetMotion3D(self._velocity_of(moved), NOTHING, held.jumps)
+            if held.jump_count < JUMPS:
+                return TargetMotion3D(held.velocity, NOTHING, held.jump_count + 1)
+            return TargetMotion3D(self._velocity_of(moved), NOTHING, held.jump_count)
         acceleration = _clip_norm(times(change, period**-2), PUSHED * self._acceleration)
         return TargetMotion3D(minus(times(moved, 1.0 / period), times(acceleration, 0.5 * period)), acceleration)
 

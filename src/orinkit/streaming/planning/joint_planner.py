@@ -59,7 +59,7 @@ class JointPlanner:
         self._axes = [AxisLimiter(f"J{number}", *row, self._period) for number, row in enumerate(rows, start=1)]
         start = self._numbers(joints)
         self.command: tuple[float, ...] = tuple(
-            axis.start(joint) for axis, joint in zip(self._axes, start, strict=True)
+            axis.start_position(joint) for axis, joint in zip(self._axes, start, strict=True)
         )
         self.at_rest = True
         self._before = self._earlier = self.command  # the commands before the last one
@@ -188,18 +188,18 @@ class JointPlanner:
         aims = self._clip_to_range(values)
         first, last = self._last_points or (aims, aims)
         held: Sequence[TargetMotion | None] = self._target_motions or [None] * len(axes)
-        courses = [
-            axis.target_motion(before, at, aim, course)
-            for axis, before, at, aim, course in zip(axes, first, last, aims, held, strict=True)
+        motions = [
+            axis.target_motion(before, at, aim, motion)
+            for axis, before, at, aim, motion in zip(axes, first, last, aims, held, strict=True)
         ]
         seen = [
-            _NOTHING if fit else course.relative_state(at - aim, v, a, period)
-            for fit, course, at, aim, v, a in zip(
-                fits, courses, now, aims, self._velocity, self._acceleration, strict=True
+            _NOTHING if fit else motion.relative_state(at - aim, v, a, period)
+            for fit, motion, at, aim, v, a in zip(
+                fits, motions, now, aims, self._velocity, self._acceleration, strict=True
             )
         ]
         smooth = self._catching_up
-        self._limit(smooth, courses)
+        self._limit(smooth, motions)
         ended = smooth.step(*zip(*seen, strict=True))
         if ended is None:
             wanted = [axis.towards(at, aim) for axis, at, aim in zip(axes, now, aims, strict=True)]
@@ -207,12 +207,12 @@ class JointPlanner:
             wanted = [aim + (x if abs(x) > SNAP else 0.0) for aim, x in zip(aims, smooth.position, strict=True)]
         self._send(
             [value if fit else x for fit, value, x in zip(fits, values, wanted, strict=True)],
-            [v + c.velocity + c.acceleration * period for v, c in zip(smooth.velocity, courses, strict=True)],
-            [a + c.acceleration for a, c in zip(smooth.acceleration, courses, strict=True)],
+            [v + c.velocity + c.acceleration * period for v, c in zip(smooth.velocity, motions, strict=True)],
+            [a + c.acceleration for a, c in zip(smooth.acceleration, motions, strict=True)],
             exact=fits,
             planned=ended is not None,
         )
-        self._last_points, self._target_motions = (last, aims), courses
+        self._last_points, self._target_motions = (last, aims), motions
         behind = [aim - at for aim, at in zip(aims, self.command, strict=True)]
         self._behind = behind if any(behind) else None
         self.at_rest = self.command == self._before == aims
@@ -228,15 +228,15 @@ class JointPlanner:
         for smooth in (self._towards, self._to_rest):
             self._limit(smooth, [TargetMotion()] * count)
 
-    def _limit(self, smooth: JerkLimitedMotion, courses: Sequence[TargetMotion]) -> None:
+    def _limit(self, smooth: JerkLimitedMotion, motions: Sequence[TargetMotion]) -> None:
         """Set limits relative to moving set-points."""
-        rows = list(zip(self._axes, courses, strict=True))
+        rows = list(zip(self._axes, motions, strict=True))
         smooth.limit(
-            [max(axis.velocity - course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
-            [max(axis.velocity + course.velocity, SLOWEST * axis.velocity) for axis, course in rows],
-            [axis.acceleration - course.acceleration for axis, course in rows],
-            [axis.acceleration + course.acceleration for axis, course in rows],
-            [catch_up_jerk(axis.jerk, abs(course.acceleration) / axis.acceleration) for axis, course in rows],
+            [max(axis.velocity - motion.velocity, SLOWEST * axis.velocity) for axis, motion in rows],
+            [max(axis.velocity + motion.velocity, SLOWEST * axis.velocity) for axis, motion in rows],
+            [axis.acceleration - motion.acceleration for axis, motion in rows],
+            [axis.acceleration + motion.acceleration for axis, motion in rows],
+            [catch_up_jerk(axis.jerk, abs(motion.acceleration) / axis.acceleration) for axis, motion in rows],
         )
 
     def _send(
@@ -286,7 +286,7 @@ class JointPlanner:
         return not any(self._velocity) and not any(self._acceleration)
 
     def _clip_to_range(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(axis.inside(value) for axis, value in zip(self._axes, values, strict=True))
+        return tuple(axis.clamp(value) for axis, value in zip(self._axes, values, strict=True))
 
     def _zeros(self) -> list[float]:
         return [0.0] * len(self._axes)

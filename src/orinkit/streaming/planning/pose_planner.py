@@ -168,7 +168,7 @@ class PosePlanner:
         step, rotation = self._tip.halt(), self._spin.halt()
         here = _Pose(self.command, self._place, self._turn)
         self._send_turned(here, plus(self._place, step), rotation, there=rotation == NOTHING)
-        self.at_rest = self.command == self._before and self._tip.rests and self._spin.rests
+        self.at_rest = self.command == self._before and self._tip.at_rest and self._spin.at_rest
         return self.command
 
     def check(self, point: Sequence[float]) -> None:

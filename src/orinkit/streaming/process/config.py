@@ -24,11 +24,11 @@ class StreamerConfig:
         period: Period of a cycle, s.
         limits: Limits of the planner.
         start: Pose at which the arm stands, with as many values as the planner has.
-        beyond: Values of the joints for which there are no limits; they are sent unchanged.
+        unlimited_joints: Values of the joints for which there are no limits; they are sent unchanged.
         serial: Serial number of the next packet.
         timeout: Time-out of a reply, s.
         idle: Time in s without a set-point in the queue after which slave mode is left; ``None`` for no limit.
-        program: Process id of the program.
+        parent_pid: Process id of the program.
         dialect: Name of the controller's dialect.
         tries: Number of times that a request is sent in total, on transports that may lose packets.
     """
@@ -43,11 +43,11 @@ class StreamerConfig:
     period: float
     limits: Limits | PathLimits
     start: tuple[float, ...]
-    beyond: tuple[float, ...]
+    unlimited_joints: tuple[float, ...]
     serial: int
     timeout: float
     idle: float | None
-    program: int
+    parent_pid: int
     dialect: str = RC8.name
     tries: int = 1
 
@@ -83,7 +83,7 @@ class StreamerConfig:
             "outputs": Outputs(**{name: _from_json(value) for name, value in message["outputs"].items()}),
             "limits": Limits(*map(tuple, limits)) if mode.kind == "J" else PathLimits(*limits),
             "start": tuple(message["start"]),
-            "beyond": tuple(message["beyond"]),
+            "unlimited_joints": tuple(message["unlimited_joints"]),
         }
         return cls(**message | parts)
 

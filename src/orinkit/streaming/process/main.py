@@ -13,7 +13,7 @@ from orinkit.streaming.process import realtime
 from orinkit.streaming.process.channel import Channel, encode_error
 from orinkit.streaming.process.config import StreamerConfig
 from orinkit.streaming.process.shared_memory import StreamMemory
-from orinkit.streaming.process.streamer import ProgramMonitor, Streamer, StreamerConnection
+from orinkit.streaming.process.streamer import ParentMonitor, Streamer, StreamerConnection
 from orinkit.transport.registry import Reference, resolve
 from orinkit.transport.runner import Link
 
@@ -45,7 +45,7 @@ def main(
         return
     setup = StreamerConfig.from_message(message)
     connection = StreamerConnection(link, setup, resolve(profile))
-    watch = ProgramMonitor(channel, setup.program)
+    watch = ParentMonitor(channel, setup.parent_pid)
     signal.signal(signal.SIGTERM, lambda *_: setattr(watch, "terminated", True))
     outcome: dict[str, Any] = {"reason": "", "error": None}
     try:
@@ -74,7 +74,7 @@ def _stream(
     setup: StreamerConfig,
     connection: StreamerConnection,
     shared: StreamMemory,
-    watch: ProgramMonitor,
+    watch: ParentMonitor,
     channel: Channel,
     outcome: dict[str, Any],
 ) -> None:

@@ -64,7 +64,7 @@ class _Word(IntEnum):
 
     ORDER = 0
     ORDER_DONE = 1
-    FEED = 2
+    SOURCE = 2
     WRITTEN = 3
     READ = 4
     DISCARDED = 5
@@ -123,7 +123,7 @@ class Outputs:
         """Return names and values, including ``None``."""
         return zip(_OUTPUT_NAMES, _values(self), strict=True)
 
-    def changed(self, other: Outputs) -> Outputs:
+    def updated(self, other: Outputs) -> Outputs:
         """Return these outputs, overridden by those of ``other`` that are not ``None``."""
         return self if other is _NO_OUTPUTS else Outputs(**{**self.present_items(), **other.present_items()})
 
@@ -229,9 +229,9 @@ class StreamMemory:
             words[at] = count
             words[_Word.WRITTEN] = count + 1
 
-    def feed_queue(self) -> None:
+    def select_queue(self) -> None:
         """Make the queue the source of set-points."""
-        self._words[_Word.FEED] = SetPointSource.QUEUE
+        self._words[_Word.SOURCE] = SetPointSource.QUEUE
 
     @property
     def discarded_until(self) -> int:
@@ -243,7 +243,7 @@ class StreamMemory:
         """The number of set-points queued so far."""
         return int(self._words[_Word.WRITTEN])
 
-    def forget(self) -> None:
+    def clear_queue(self) -> None:
         """Discard the set-points queued so far."""
         self._words[_Word.DISCARDED] = self._words[_Word.WRITTEN]
 
@@ -258,7 +258,7 @@ class StreamMemory:
             words[_Word.TARGET_LENGTH] = len(values)
             words[_Word.TARGET_TIME] = when_ns
             words[_Word.TARGET_DONE] = count
-            words[_Word.FEED] = SetPointSource.TARGET
+            words[_Word.SOURCE] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
         """Set the outputs for every set-point that does not contain outputs."""
@@ -271,7 +271,7 @@ class StreamMemory:
 
     def hold(self) -> None:
         """Remove the source of set-points: the arm stops and is held."""
-        self._words[_Word.FEED] = SetPointSource.NONE
+        self._words[_Word.SOURCE] = SetPointSource.NONE
 
     @property
     def began_ns(self) -> int:
@@ -342,14 +342,14 @@ class StreamMemory:
         """The command of the program."""
         return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
-    def has_done(self) -> None:
+    def mark_done(self) -> None:
         """Report that the last command of the program is done."""
         self._words[_Word.ORDER_DONE] = self._words[_Word.ORDER]
 
     @property
-    def feed(self) -> SetPointSource:
+    def source(self) -> SetPointSource:
         """The source of set-points."""
-        return SetPointSource(self._words[_Word.FEED])
+        return SetPointSource(self._words[_Word.SOURCE])
 
     def take(self) -> tuple[tuple[float, ...], Outputs] | None:
         """Remove the next set-point from the queue and return it; ``None`` if the queue is empty."""
@@ -366,7 +366,7 @@ class StreamMemory:
         words[_Word.READ] = count + 1
         return values, outputs
 
-    def target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
+    def newer_target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
         """Return number, time and values of the live target if it is newer than ``seen``, otherwise ``None``.
 
         Also return ``None`` while the program is writing the target.
@@ -380,7 +380,7 @@ class StreamMemory:
         when = words[_Word.TARGET_TIME]
         return (done, when, values) if words[_Word.TARGET_BEGUN] == done else None
 
-    def outputs(self, seen: int) -> tuple[int, Outputs] | None:
+    def newer_outputs(self, seen: int) -> tuple[int, Outputs] | None:
         """Return number and values of the outputs if they are newer than ``seen``, otherwise ``None``.
 
         Also return ``None`` while the program is writing the outputs.
@@ -392,7 +392,7 @@ class StreamMemory:
         outputs = Outputs(**_SENT.read(self._view, _Word.OUTPUTS, words[_Word.OUTPUTS_FLAGS]))
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
-    def note(self, *, sent: int, dry: int, rests: int) -> None:
+    def report_counts(self, *, sent: int, dry: int, rests: int) -> None:
         """Report the numbers of set-points sent, of underflows, and of equal set-points since the standstill."""
         words = self._words
         words[_Word.TAKEN], words[_Word.UNDERFLOWS], words[_Word.RESTS] = sent, dry, rests

@@ -64,12 +64,12 @@ Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated
 """
 
 
-class ProgramMonitor:
+class ParentMonitor:
     """Monitors that the program is running."""
 
     def __init__(self, channel: Channel, process: int) -> None:
         self._channel = channel
-        self._program = process
+        self._parent_pid = process
         self._next = 0.0
         self._stopped_at: float | None = None
         self.terminated = False
@@ -78,7 +78,7 @@ class ProgramMonitor:
         except OSError:  # not Linux: it is not detected if the program is stopped
             self._stat = -1
 
-    def check(self) -> Reason:
+    def end_reason(self) -> Reason:
         """Return the reason to end the stream; ``""`` to continue."""
         if self.terminated:
             return "terminated"
@@ -87,7 +87,7 @@ class ProgramMonitor:
             return ""
         self._next = now + _WATCH
         self._channel.receive(0)
-        orphan = os.getppid() != self._program  # a forked child of the program may keep the channel open
+        orphan = os.getppid() != self._parent_pid  # a forked child of the program may keep the channel open
         if orphan or not self._channel.open:
             return "gone"
         return "stopped" if self._has_stopped(now) else ""
@@ -258,7 +258,7 @@ class Streamer:
         setup: StreamerConfig,
         connection: StreamerConnection,
         shared: StreamMemory,
-        watch: ProgramMonitor,
+        watch: ParentMonitor,
         planner: Planner,
         *,
         reports_lateness: bool = False,
@@ -303,7 +303,7 @@ class Streamer:
                 if reason:
                     return reason
                 if self._shared.wanted is StreamCommand.HALT:
-                    self._shared.has_done()
+                    self._shared.mark_done()
 
     def _reason(self) -> Reason:
         order = self._shared.wanted
@@ -315,30 +315,30 @@ class Streamer:
             self._waits_since = monotonic()
         elif self._setup.idle is not None and monotonic() - self._waits_since > self._setup.idle:
             return "idle"
-        return self._watch.check()
+        return self._watch.end_reason()
 
     def _finished(self) -> bool:
         """Return True if all queued set-points were sent; a live target need not be reached."""
         shared = self._shared
-        return shared.feed is not SetPointSource.QUEUE or (not shared.queued and self._was_dry and self._aim is None)
+        return shared.source is not SetPointSource.QUEUE or (not shared.queued and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
         """Return True if set-points were sent, the arm stands, and the queue is empty."""
         shared = self._shared
-        return shared.feed is SetPointSource.QUEUE and not shared.queued and self._sent > 0 and self._rests > 0
+        return shared.source is SetPointSource.QUEUE and not shared.queued and self._sent > 0 and self._rests > 0
 
     def _command(self, reason: Reason) -> tuple[float, ...]:
         if reason or self._shared.wanted is StreamCommand.HALT:
             self._aim, self._was_dry, self._target = None, True, None
             return self._planner.stop()
-        feed = self._shared.feed
-        if feed is SetPointSource.TARGET:
+        source = self._shared.source
+        if source is SetPointSource.TARGET:
             return self._to_target()
         self._target = None
-        return self._from_queue() if feed is SetPointSource.QUEUE else self._come_to_rest()
+        return self._from_queue() if source is SetPointSource.QUEUE else self._come_to_rest()
 
     def _to_target(self) -> tuple[float, ...]:
-        newer = self._shared.target(self._target_seen)
+        newer = self._shared.newer_target(self._target_seen)
         if newer is not None:
             self._target_seen, self._delay_from, self._target = newer
         # If the program is writing a target at this moment, continue to the previous one and do not brake: the
@@ -387,7 +387,7 @@ class Streamer:
         return command
 
     def _deliver(self, command: tuple[float, ...]) -> None:
-        newer = self._shared.outputs(self._outputs_seen)
+        newer = self._shared.newer_outputs(self._outputs_seen)
         if newer is not None:
             self._outputs_seen, outputs = newer
             self._change(outputs)
@@ -399,12 +399,12 @@ class Streamer:
             self._moved = False
             self._ask_lateness()
         self._shared.add(self._sample(command, delivery))
-        self._shared.note(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
+        self._shared.report_counts(sent=self._sent, dry=self._dry, rests=self._rests if self._planner.at_rest else 0)
 
     def _change(self, outputs: Outputs) -> None:
-        changed = self._outputs.changed(outputs)
-        if changed is not self._outputs:
-            self._outputs = changed
+        updated = self._outputs.updated(outputs)
+        if updated is not self._outputs:
+            self._outputs = updated
             self._note_outputs()
 
     def _note_outputs(self) -> None:
@@ -421,11 +421,11 @@ class Streamer:
     def _parameter(self, command: tuple[float, ...]) -> Any:
         setup = self._setup
         if setup.joints_only:
-            return Variant(VarType.R4 | ARRAY, [*command, *setup.beyond])
+            return Variant(VarType.R4 | ARRAY, [*command, *setup.unlimited_joints])
         extra: tuple[tuple[int, float], ...] = ()
         if setup.mode.kind == "J":
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
-            command = (*command, *setup.beyond)
+            command = (*command, *setup.unlimited_joints)
         point = SetPoint(command, extra, **self._beside)
         return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
 

@@ -69,7 +69,7 @@ def retime(
         fault = arm.fault(result)
         if fault is None:
             return result
-        _slow_down(allowed, cells.full_rate_allowed, samples, arm.excesses(result), number)
+        _slow_down(allowed, cells.feasible_at_full_rate, samples, arm.excesses(result), number)
     raise _impossible(fault)
 
 

@@ -48,7 +48,7 @@ _INSCRIBED: Final = 1.0 / math.cos(math.pi / 12)  # makes the polygon of these d
 class CurveConstraints(Protocol):
     """The constraints that limits impose on a curve."""
 
-    def full_rate_allowed(self) -> list[bool]:
+    def feasible_at_full_rate(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
@@ -74,7 +74,7 @@ class JointConstraints:
         ]
         self._count = len(coordinates[0].b)
 
-    def full_rate_allowed(self) -> list[bool]:
+    def feasible_at_full_rate(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
         free = [True] * self._count
         for b, c, d, scale in self._joints:
@@ -129,7 +129,7 @@ class PathConstraints:
         self._speed, self._acceleration = speed, acceleration
         self._rotation, self._rotation_acceleration = rotation, rotation_acceleration
 
-    def full_rate_allowed(self) -> list[bool]:
+    def feasible_at_full_rate(self) -> list[bool]:
         """Return, for each interval between samples, True if the full rate is within the limits."""
         free = []
         for interval in range(len(self._place[0].b)):
@@ -197,17 +197,17 @@ class Cells(NamedTuple):
     """The cells of a curve.
 
     Attributes:
-        full_rate_allowed: For each interval between samples, True if the full rate is within the limits.
+        feasible_at_full_rate: For each interval between samples, True if the full rate is within the limits.
         counts: Number of cells of each interval.
     """
 
-    full_rate_allowed: Sequence[bool]
+    feasible_at_full_rate: Sequence[bool]
     counts: Sequence[int]
 
 
 def cells_of(constraints: CurveConstraints) -> Cells:
     """Divide a curve into cells; an interval that takes n periods is divided into about n cells."""
-    free = constraints.full_rate_allowed()
+    free = constraints.feasible_at_full_rate()
     last = len(free) - 1
     return Cells(
         free,
@@ -226,7 +226,7 @@ def profile_of(constraints: CurveConstraints, cells: Cells, allowed: Sequence[fl
         cells: The cells of the curve.
         allowed: For each interval between samples, the fraction of the limits that may be used.
     """
-    free = [known and part == 1.0 for known, part in zip(cells.full_rate_allowed, allowed, strict=True)]
+    free = [known and part == 1.0 for known, part in zip(cells.feasible_at_full_rate, allowed, strict=True)]
     controllable = _backward_pass(constraints, allowed, cells.counts, free)
     squares = _forward_pass(constraints, allowed, cells.counts, free, controllable)
     periods = 0.0
