@@ -14,7 +14,7 @@ import orinkit
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
-from orinkit.cli._shared.errors import unusable
+from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.files import read_token
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.client._shared.common import RC8, dialect_of
@@ -181,7 +181,7 @@ class OwnerOptions:
         named = [name for name in ("robot", "task", "extension", "file") if getattr(self, name) is not None]
         if len(named) > 1:
             options = " ".join(f"--{name}" for name in named)
-            raise unusable(tr("give only one of {options}", options=options))
+            raise usage_error(tr("give only one of {options}", options=options))
         if self.robot is not None:
             return controller.robot(self.robot)
         if self.task is not None:

@@ -23,7 +23,7 @@ class CommandError(Exception):
         self.code = code
 
 
-def unusable(text: str) -> CommandError:
+def usage_error(text: str) -> CommandError:
     """Return the exception for an invalid command line; the text is in the current language."""
     return CommandError(text, 2)
 

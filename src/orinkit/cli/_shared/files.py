@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Final
 
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core.i18n import tr
 
 _LONGEST: Final = 65536  # maximum number of bytes that are read from a token file
@@ -48,5 +48,5 @@ def read_token(path: str) -> str:
     """
     token = read("--token-file", path)[:_LONGEST].decode("utf-8", "replace").strip()
     if not token:
-        raise unusable(tr("--token-file {path}: the file does not contain a token", path=path))
+        raise usage_error(tr("--token-file {path}: the file does not contain a token", path=path))
     return token

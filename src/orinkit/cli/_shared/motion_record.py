@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import orinkit
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core.errors import InvalidValue, TransportError
 from orinkit.core.i18n import tr
 from orinkit.streaming.trajectory.csv_file import COMMAND, ENCODER, TIME, CsvRow, CsvTable, numbers, wrong
@@ -102,7 +102,7 @@ def check_directory(path: Path) -> None:
         CommandError: If the directory does not exist.
     """
     if not path.parent.is_dir():
-        raise unusable(tr("the directory {path} does not exist", path=path.parent))
+        raise usage_error(tr("the directory {path} does not exist", path=path.parent))
 
 
 def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> MotionRecording:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core import i18n
 from orinkit.core.i18n import tr, translate
 
@@ -52,7 +52,7 @@ def check_format(path: Path) -> None:
     """
     if path.suffix.lower().removeprefix(".") not in FORMATS:
         formats = ", ".join(f".{name}" for name in FORMATS)
-        raise unusable(tr("{path}: unknown picture format. Try: {formats}", path=path, formats=formats))
+        raise usage_error(tr("{path}: unknown picture format. Try: {formats}", path=path, formats=formats))
 
 
 def save(drawing: Drawing, path: Path) -> None:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.files import is_open_to_others
+from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.interrupts import termination_signals
-from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
-from orinkit.cli._shared.web import HttpServerOptions
+from orinkit.cli._shared.listen_addresses import LISTENING, ListenAddresses, listen_addresses_class
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -32,13 +32,13 @@ from orinkit.transport.address import Address, is_loopback, parse_address
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 
 if TYPE_CHECKING:
-    PlacesHere = ListenAddresses
+    ServerListenAddresses = ListenAddresses
 else:
-    PlacesHere = places_class()
+    ServerListenAddresses = listen_addresses_class()
 
 _CONTROL_CLIENTS: Final = 16
-_NOWHERE: Final = PlacesHere()
-_WEB: Final = HttpServerOptions()
+_NOWHERE: Final = ServerListenAddresses()
+_HTTP: Final = HttpServerOptions()
 
 
 @Parameter(name="*", group=LISTENING)
@@ -46,8 +46,8 @@ _WEB: Final = HttpServerOptions()
 class ServerOptions:
     """Addresses to listen on, and limits for clients."""
 
-    at: PlacesHere = _NOWHERE
-    web: HttpServerOptions = _WEB
+    listen: ServerListenAddresses = _NOWHERE
+    http: HttpServerOptions = _HTTP
     clients: Annotated[int, Parameter(converter=whole_number, help=tr("Maximum number of clients at a time."))] = (
         DEFAULT_CLIENTS
     )
@@ -92,7 +92,7 @@ def check(listening: ServerOptions) -> None:
     }
     for option, number in numbers.items():
         if number is not None and number < 1:
-            raise unusable(tr("{option} must be 1 or more, not {number}", option=option, number=number))
+            raise usage_error(tr("{option} must be 1 or more, not {number}", option=option, number=number))
     try:
         check_dead_after(listening.dead_after)
         check_alive(listening.alive)
@@ -109,13 +109,13 @@ class PendantListener:
     Attributes:
         provider: The provider to serve.
         url: Address of the listener, checked by :func:`check_control`.
-        offered: Function that returns a context manager for a port. The context manager makes the secret available to
-            commands of the same account, and yields the lines to print about the secret.
+        publish_secret: Function that returns a context manager for a port. The context manager makes the secret
+            available to commands of the same account, and yields the lines to print about the secret.
     """
 
     provider: Provider
     url: str
-    offered: Callable[[int], AbstractContextManager[Sequence[str]]]
+    publish_secret: Callable[[int], AbstractContextManager[Sequence[str]]]
 
 
 def check_control(url: str) -> None:
@@ -127,7 +127,7 @@ def check_control(url: str) -> None:
     """
     address = parse_address(url)
     if not isinstance(address, Address) or address.scheme != "tcp" or not is_loopback(address.host):
-        raise unusable(
+        raise usage_error(
             tr(
                 "--control {url}: only loopback addresses are allowed. Try: 127.0.0.1:5008 or [::1]:5008",
                 url=url,
@@ -189,7 +189,7 @@ async def _serve(
                     control.provider, control.url, clients=_CONTROL_CLIENTS, per_address=_CONTROL_CLIENTS
                 )
                 await servers.enter_async_context(second)
-                said = servers.enter_context(control.offered(_port(second.url)))
+                said = servers.enter_context(control.publish_secret(_port(second.url)))
                 ready += [f"ready control {second.url}", *said]
             gc.collect()
             gc.freeze()  # a full collection over all modules takes 40 ms, which would delay the motion cycle
@@ -223,12 +223,12 @@ def _urls(listening: ServerOptions) -> list[str]:
         CommandError: If an address belongs to another transport than its option.
         InvalidAddress: If an address is not valid.
     """
-    secure = listening.web.secure
-    return [offer.url(place, secure=secure) for offer, place in listening.at.given()] or [DEFAULT_URL]
+    secure = listening.http.secure
+    return [transport.url(address, secure=secure) for transport, address in listening.listen.items()] or [DEFAULT_URL]
 
 
 def _http_options(listening: ServerOptions) -> HttpOptions:
-    return listening.web.options(served=any(offer.http for offer, _ in listening.at.given()))
+    return listening.http.options(served=any(transport.http for transport, _ in listening.listen.items()))
 
 
 def _port(url: str) -> int:
@@ -238,18 +238,20 @@ def _port(url: str) -> int:
 
 def _warnings(listening: ServerOptions) -> Iterator[str]:
     """Yield a warning for each way in which unauthorized clients could use the device."""
-    web = listening.web
-    for offer, place in listening.at.given():
-        host = getattr(parse_address(offer.url(place, secure=web.secure)), "host", "")
-        if host and not is_loopback(host) and not (offer.http and web.token_file is not None):
-            yield _warning(place, tr("--token-file is not set") if offer.http else tr("b-CAP has no authentication"))
-    if web.token_file is not None and is_open_to_others(web.token_file):
+    access = listening.http
+    for transport, address in listening.listen.items():
+        host = getattr(parse_address(transport.url(address, secure=access.secure)), "host", "")
+        if host and not is_loopback(host) and not (transport.http and access.token_file is not None):
+            yield _warning(
+                address, tr("--token-file is not set") if transport.http else tr("b-CAP has no authentication")
+            )
+    if access.token_file is not None and is_open_to_others(access.token_file):
         yield tr(
             "orinkit: warning: --token-file {path}: other accounts can read or change the file. Try: chmod 600 {path}",
-            path=web.token_file,
+            path=access.token_file,
         )
-    beside = dict.fromkeys(f"--{offer.scheme}" for offer, _ in listening.at.given() if not offer.http)
-    if web.token_file is not None and beside:
+    beside = dict.fromkeys(f"--{transport.scheme}" for transport, _ in listening.listen.items() if not transport.http)
+    if access.token_file is not None and beside:
         options = ", ".join(beside)
         yield tr(
             "orinkit: warning: --token-file protects --http only; b-CAP has no token: any client that "

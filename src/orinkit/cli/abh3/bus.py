@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 import cyclopts
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import unusable, whole_number
+from orinkit.cli._shared.errors import usage_error, whole_number
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress, parse_address
 
@@ -99,7 +99,7 @@ class BusOptions:
         interface = INTERFACE if self.interface is None else self.interface
         channel = self.channel if self.channel is not None else CHANNEL if interface == INTERFACE else None
         if channel is None:
-            raise unusable(
+            raise usage_error(
                 tr("--interface {interface} requires --channel", interface=interface),
             )
         return _can_address(str(CanAddress(interface, channel, self.bitrate)))
@@ -108,7 +108,7 @@ class BusOptions:
         given = {"--interface": self.interface, "--channel": self.channel, "--bitrate": self.bitrate}
         twice = ", ".join(name for name, value in given.items() if value is not None)
         if twice:
-            raise unusable(
+            raise usage_error(
                 tr(
                     "{url}: {options} cannot be combined with a bus URL. Try: {example}?bitrate=500000",
                     url=url,
@@ -122,10 +122,10 @@ class BusOptions:
 def _can_address(url: str) -> CanAddress:
     suggestion = _suggestion(url)
     if suggestion:
-        raise unusable(tr("{url} is not a URL of a CAN bus. Try: {suggestion}", url=url, suggestion=suggestion))
+        raise usage_error(tr("{url} is not a URL of a CAN bus. Try: {suggestion}", url=url, suggestion=suggestion))
     address = parse_address(url)
     if not isinstance(address, CanAddress):
-        raise unusable(tr("{url} is not a CAN bus. Try: {example}", url=url, example=_EXAMPLE))
+        raise usage_error(tr("{url} is not a CAN bus. Try: {example}", url=url, example=_EXAMPLE))
     return address
 
 

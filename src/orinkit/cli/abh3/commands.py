@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.errors import unusable, whole_number
+from orinkit.cli._shared.errors import usage_error, whole_number
 from orinkit.cli.abh3.bus import FRAMES, BusOptions, FrameOptions, JsonLines, Url, default_text, whole_numbers
 from orinkit.core.i18n import tr
 
@@ -45,7 +45,7 @@ def monitor(
     decoder = frames.decoder()
     for option, number in (("--count", count), ("--seconds", seconds)):
         if number is not None and not number > 0:
-            raise unusable(tr("{option} must be more than 0, not {number}", option=option, number=number))
+            raise usage_error(tr("{option} must be more than 0, not {number}", option=option, number=number))
 
     from orinkit.can.bus import Bus
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from cyclopts import Group, Parameter
 
 from orinkit.abh3.table.signals import CURRENT, VELOCITY, Quantity
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli.abh3.bus import BusOptions, Url
 from orinkit.cli.abh3.feedback import DriverFeedback, FeedbackDisplay, velocities_of, words
@@ -95,9 +95,9 @@ class VehicleOptions:
         from orinkit.abh3.differential import Differential
 
         if self.velocity is None and self.turn is None:
-            raise unusable(tr("{options}: --velocity or --turn is missing", options=', '.join(self.given_options)))  # fmt: skip
+            raise usage_error(tr("{options}: --velocity or --turn is missing", options=', '.join(self.given_options)))  # fmt: skip
         if self.wheel_diameter is None or self.track is None or self.gear is None:
-            raise unusable(tr("--velocity and --turn require --wheel-diameter, --track and --gear"))  # fmt: skip
+            raise usage_error(tr("--velocity and --turn require --wheel-diameter, --track and --gear"))  # fmt: skip
         return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
 
     def commands(self, *, travel_model: bool) -> tuple[float, float]:
@@ -139,9 +139,9 @@ class DrivePlan:
         """
         low, high = _PERIODS
         if not 0 < self.seconds <= _LONGEST:
-            raise unusable(tr("--seconds must be more than 0 and at most {longest:g}, not {seconds:g}", longest=_LONGEST, seconds=self.seconds))  # fmt: skip
+            raise usage_error(tr("--seconds must be more than 0 and at most {longest:g}, not {seconds:g}", longest=_LONGEST, seconds=self.seconds))  # fmt: skip
         if not low <= self.period <= high:
-            raise unusable(
+            raise usage_error(
                 tr(
                     "--period must be {low:g} to {high:g} s, not {period:g}: the driver stops by itself "
                     "if no commands arrive",
@@ -255,9 +255,9 @@ def drive(
 def _check_together(ay: float | None, bx: float | None, vehicle: VehicleOptions, *, torque: bool) -> None:
     axes = [name for name, value in (("--ay", ay), ("--bx", bx), ("--torque", torque or None)) if value is not None]
     if axes and vehicle.given_options:
-        raise unusable(tr("{axes} cannot be combined with {options}", axes=', '.join(axes), options=', '.join(vehicle.given_options)))  # fmt: skip
+        raise usage_error(tr("{axes} cannot be combined with {options}", axes=', '.join(axes), options=', '.join(vehicle.given_options)))  # fmt: skip
     if ay is None and bx is None and not vehicle.given_options:
-        raise unusable(tr("no command given. Try: --ay and --bx, or --velocity and --turn"))  # fmt: skip
+        raise usage_error(tr("no command given. Try: --ay and --bx, or --velocity and --turn"))  # fmt: skip
 
 
 def _drive(driver: Driver[Any, Any], plan: DrivePlan, interrupts: Interrupts, shown: FeedbackDisplay) -> int:

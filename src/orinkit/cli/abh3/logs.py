@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
 from orinkit.can.frame import MAX_DATA, MAX_ID, CanFrame
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 
@@ -91,7 +91,7 @@ class FrameLog:
 
     def _stdin(self) -> Iterator[CanFrame]:
         if sys.stdin is None:  # None if the shell has closed it (<&-)
-            raise unusable(tr("-: stdin is closed"))
+            raise usage_error(tr("-: stdin is closed"))
         if hasattr(sys.stdin, "reconfigure"):
             sys.stdin.reconfigure(errors="replace")
         yield from self._lines(sys.stdin)
@@ -158,13 +158,13 @@ class FrameLog:
 def _unreadable(name: str, error: Exception) -> CommandError:
     """Return the exception for a file that cannot be opened, or that is not a log."""
     if isinstance(error, FileNotFoundError):
-        return unusable(tr("{name}: no such file", name=name))
+        return usage_error(tr("{name}: no such file", name=name))
     if isinstance(error, IsADirectoryError):
-        return unusable(tr("{name}: is a directory", name=name))
+        return usage_error(tr("{name}: is a directory", name=name))
     if isinstance(error, OSError) and error.strerror:
-        return unusable(tr("{name}: cannot be read: {reason}", name=name, reason=error.strerror))
+        return usage_error(tr("{name}: cannot be read: {reason}", name=name, reason=error.strerror))
     reason = str(error) or type(error).__name__
-    return unusable(
+    return usage_error(
         tr(
             "{name}: cannot be read ({reason}). Supported: output of candump (.log), .asc, .blf, .csv, .trc",
             name=name,

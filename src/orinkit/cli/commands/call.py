@@ -19,7 +19,7 @@ from orinkit import functions
 from orinkit.cao.replies import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.signature import signature, type_text
 from orinkit.client._sync.objects import ObjectBase
 from orinkit.core.errors import NotationError, ObjectNotFound
@@ -105,7 +105,7 @@ def _check_options(entry: Function[..., Any], owning: OwnerOptions, other: Objec
     for options in (owning, other):
         for option, value in vars(options).items():
             if value is not None and option != "handle" and option not in apply:
-                raise unusable(
+                raise usage_error(
                     tr(
                         "--{option} does not apply to {name}, a function of the interface {interface}",
                         option=option,
@@ -177,7 +177,7 @@ def _target(
 
 def _named(entry: Function[..., Any], kind: str, name: str | None) -> str:
     if name is None:
-        raise unusable(
+        raise usage_error(
             tr("{name} requires a {kind}. Try: --{kind} NAME", name=entry.name, kind=kind),
         )
     return name
@@ -201,7 +201,7 @@ def read_arguments(
     if not required <= len(texts) <= len(arguments):
         takes = f"{required}" if required == len(arguments) else f"{required}-{len(arguments)}"
         several = len(texts) > len(arguments) > 0 and arguments[-1].vt is VarType.VARIANT
-        raise unusable(
+        raise usage_error(
             tr(
                 "{count} arguments given, {wanted} expected for {function}; the handle is added automatically",
                 count=len(texts),
@@ -226,7 +226,7 @@ def _read(argument: Argument, text: str) -> Any:
     fits = isinstance(number, int if argument.vt is VarType.I4 else int | float) and not isinstance(number, bool)
     if not fits:
         name = f"{argument.name} ({type_text(argument.vt)})"
-        raise unusable(tr("{text!r} is not a valid number for the argument {name}", text=text, name=name))
+        raise usage_error(tr("{text!r} is not a valid number for the argument {name}", text=text, name=name))
     return number
 
 

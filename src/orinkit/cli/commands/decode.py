@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import Json
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core.i18n import tr
 
 # Hex dumps (xxd, hexdump -C, Wireshark) have an offset before the bytes, and the same bytes as text after them.
@@ -38,7 +38,7 @@ def decode(
 
     data = read_hex(sys.stdin.read() if hex_bytes == ("-",) else "\n".join(hex_bytes))
     if not data:
-        raise unusable(tr("no packet given. Try: the bytes of a packet in hex, or - for stdin"))
+        raise usage_error(tr("no packet given. Try: the bytes of a packet in hex, or - for stdin"))
     found = [_explained(piece, before) for piece, before in _with_requests(split(data))]
     if json:
         print_json({"packets": [packet["document"] for packet in found]})
@@ -96,10 +96,10 @@ def _read_word(word: str) -> bytes:
 def _not_hex(word: str) -> CommandError:
     shown = f"{word[:20]}..." if len(word) > 20 else word
     if re.fullmatch("[0-9A-Fa-f]+", word):
-        return unusable(
+        return usage_error(
             tr("{text!r} has an odd number of hex digits ({count})", text=shown, count=len(word)),
         )
-    return unusable(tr("{text!r} is not hex", text=shown))
+    return usage_error(tr("{text!r} is not hex", text=shown))
 
 
 def _with_requests(pieces: list[bytes]) -> list[tuple[bytes, bytes | None]]:

@@ -9,7 +9,7 @@ from cyclopts import Group, Parameter
 
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.provider import Provider
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.files import read, read_token
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.errors import InvalidValue, OrinError
@@ -140,7 +140,7 @@ def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:
     found = [(match[1].strip(), match[2]) if (match := _NAMED.fullmatch(text)) else ("", text) for text in given]
     names = [name.lower() for name, _ in found]
     if len(found) > 1 and ("" in names or len(set(names)) < len(names)):
-        raise unusable(
+        raise usage_error(
             tr("--upstream: several controllers require unique names. Try: cell1=tcp://192.168.0.1:5007"),
         )
     return found

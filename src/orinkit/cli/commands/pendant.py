@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import CONNECTION, ConnectionOptions
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
 from orinkit.core.hresult import E_CAO_PROV_INVALID
@@ -30,7 +30,7 @@ def read_mode(word: str) -> int:
     """
     mode = MODES.get(word.strip().lower())
     if mode is None:
-        raise unusable(
+        raise usage_error(
             tr("{word!r:.40} is not a mode. Try: manual, teach or auto", word=word),
         )
     return mode
@@ -99,7 +99,7 @@ class PendantArguments:
 
     def wrong(self) -> CommandError:
         """Return the exception for invalid arguments."""
-        return unusable(tr("usage: {usage}", usage=self.usage))
+        return usage_error(tr("usage: {usage}", usage=self.usage))
 
 
 def _jog(words: PendantArguments) -> list[float]:
@@ -190,7 +190,7 @@ def pendant(
     wanted = _find(action)
     usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
     if wait and not wanted.waits:
-        raise unusable(tr("--wait does not apply to {action}", action=action))
+        raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
     connection = ConnectionOptions(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
@@ -204,7 +204,7 @@ def pendant(
 def _find(name: str) -> PendantAction:
     found = ACTIONS.get(name.lower())
     if found is None:
-        raise unusable(tr("unknown action {name!r:.40}. Try: {actions}", name=name, actions=", ".join(ACTIONS)))
+        raise usage_error(tr("unknown action {name!r:.40}. Try: {actions}", name=name, actions=", ".join(ACTIONS)))
     return found
 
 

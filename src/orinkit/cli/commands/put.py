@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import ConnectionOptions, Json, OwnerOptions, Url
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli.commands.get import Name
 from orinkit.core.errors import InvalidArgument, InvalidValue, NotationError
 from orinkit.core.hresult import DISP_E_TYPEMISMATCH
@@ -87,4 +87,4 @@ def _read(number: int, text: str) -> Variant:
     try:
         return parse_lenient(text)
     except (NotationError, InvalidValue) as error:
-        raise unusable(tr("VALUE {number}, {text!r:.60}: {error}", number=number, text=text, error=error)) from None
+        raise usage_error(tr("VALUE {number}, {text!r:.60}: {error}", number=number, text=text, error=error)) from None

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
+from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.interrupts import termination_signals
-from orinkit.cli._shared.places import LISTENING, ListenAddresses, places_class
+from orinkit.cli._shared.listen_addresses import LISTENING, ListenAddresses, listen_addresses_class
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
-from orinkit.cli._shared.web import HttpServerOptions
 from orinkit.cli.abh3.bus import BusOptions, Url, default_text, whole_numbers
 from orinkit.core.i18n import tr
 from orinkit.transport.address import CanAddress
@@ -32,17 +32,17 @@ _POLL: Final = 0.1  # s between two checks for a signal
 
 
 if TYPE_CHECKING:
-    AdmittingPlaces = ListenAddresses
+    CaoListenAddresses = ListenAddresses
 else:
-    AdmittingPlaces = places_class(
+    CaoListenAddresses = listen_addresses_class(
         tr(
             "HOST:PORT to listen on for CAO clients, or PORT alone for 127.0.0.1; may be repeated. "
             "Port 0 selects a free port. Without any of these options, CAO clients cannot connect."
         )
     )
 
-_NOWHERE: Final = AdmittingPlaces()
-_WEB: Final = HttpServerOptions()
+_NOWHERE: Final = CaoListenAddresses()
+_HTTP: Final = HttpServerOptions()
 
 
 @Parameter(name="*", group=LISTENING)
@@ -50,12 +50,12 @@ _WEB: Final = HttpServerOptions()
 class CaoListenOptions(ServerOptions):
     """Addresses to listen on for CAO clients; none by default."""
 
-    at: AdmittingPlaces = _NOWHERE
-    web: HttpServerOptions = _WEB  # repeated because annotations are resolved in this module
+    listen: CaoListenAddresses = _NOWHERE
+    http: HttpServerOptions = _HTTP  # repeated because annotations are resolved in this module
 
 
 _BUS: Final = BusOptions()
-_ADMITTING: Final = CaoListenOptions()
+_LISTENING: Final = CaoListenOptions()
 
 
 def serve_abh3(
@@ -137,14 +137,14 @@ def serve_abh3(
         ),
     ] = 1.0,
     bus: BusOptions = _BUS,
-    listening: CaoListenOptions = _ADMITTING,
+    listening: CaoListenOptions = _LISTENING,
 ) -> int:  # fmt: skip
     """Serve virtual ABH3 drivers on a CAN bus; print "ready URL" for the bus. Stop on SIGINT, SIGTERM or SIGHUP.
 
     With an address such as --tcp HOST:PORT, also serve the provider CaoProv.Waco.ABH3 for this bus to CAO clients, and
     print "ready URL" for each listener.
     """
-    served = any(listening.at.given())
+    served = any(listening.listen.items())
     check(listening)
     at = bus.address(url)
     period = -1 if single_period is None else _period(single_period)
@@ -236,7 +236,7 @@ def _period(milliseconds: int) -> int:
         CommandError: If the period is less than 1 ms.
     """
     if milliseconds < 1:
-        raise unusable(
+        raise usage_error(
             tr("--single-period must be 1 to 1000 ms, not {milliseconds}", milliseconds=milliseconds),
         )
     return milliseconds
@@ -252,7 +252,7 @@ def _modes(given: tuple[str, ...]) -> tuple[int, ...]:
     for text in given:
         match = _MODE.fullmatch(text)
         if match is None:
-            raise unusable(
+            raise usage_error(
                 tr("--broadcast {text}: not N=MS with N from 0 to 7 and MS from 1 to 1000. Try: 2=100", text=text),
             )
         modes[int(match[1])] = int(match[2])

@@ -11,8 +11,8 @@ from cyclopts import Group, Parameter
 
 from orinkit.arms import MODEL_NAMES
 from orinkit.cli._shared.control_secret import OPTION, read_secret, stored_secret
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
-from orinkit.cli._shared.places import LISTENING
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
+from orinkit.cli._shared.listen_addresses import LISTENING
 from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run
 from orinkit.cli.commands.pendant import read_mode
 from orinkit.cli.commands.serve_device import load_targets, name_and_log_providers
@@ -218,7 +218,7 @@ def _read_control(url: str | None, path: str | None) -> str:
         check_control(url)
         return read_secret(path) if path is not None and Path(path).exists() else ""
     if path is not None:
-        raise unusable(tr("{option} requires --control HOST:PORT", option=OPTION))
+        raise usage_error(tr("{option} requires --control HOST:PORT", option=OPTION))
     return ""
 
 
@@ -228,14 +228,14 @@ def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) ->
     provider = ControlProvider(rc8, secret=secret)
 
     @contextmanager
-    def offered(port: int) -> Iterator[Sequence[str]]:
+    def publish_secret(port: int) -> Iterator[Sequence[str]]:
         if secret:  # from a file of the user, so it need not be printed or stored
             yield ()
         else:
             with stored_secret(provider.secret, port, path):
                 yield (f"control secret {provider.secret}",)
 
-    return PendantListener(provider, url, offered)
+    return PendantListener(provider, url, publish_secret)
 
 
 def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
@@ -248,7 +248,7 @@ def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
     for text in texts:
         name, equals, number = text.partition("=")
         if not equals or not number.isdecimal():
-            raise unusable(tr("--count {text}: not CLASS=NUMBER. Try: I=200", text=text))
+            raise usage_error(tr("--count {text}: not CLASS=NUMBER. Try: I=200", text=text))
         counts[name.strip().upper()] = int(number)
     return counts
 
@@ -273,7 +273,7 @@ def read_joints(text: str) -> tuple[float, ...]:
 
 
 def _invalid_joints(text: str, reason: str = "") -> CommandError:
-    return unusable(
+    return usage_error(
         tr(
             '--joints {text:.60}: not of the form "J(0, 30, 90, 0, 60, 0)" or 0,30,90,0,60,0{reason}',
             text=text,

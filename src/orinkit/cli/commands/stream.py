@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
-from orinkit.cli._shared.errors import CommandError, unusable, whole_number
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
 from orinkit.client._shared.motion import POLL
@@ -178,7 +178,7 @@ def _pose_type(pose: str) -> PoseKind:
             return "P"
         case "T":
             return "T"
-    raise unusable(tr("--pose {pose}: must be J, P or T", pose=pose))
+    raise usage_error(tr("--pose {pose}: must be J, P or T", pose=pose))
 
 
 def _check_record(path: Path) -> None:
@@ -186,7 +186,7 @@ def _check_record(path: Path) -> None:
 
     if path.suffix.lower() not in _SUFFIXES:
         first, second = _SUFFIXES
-        raise unusable(
+        raise usage_error(
             tr(
                 "{path}: the name of a recording must end in {first} or {second}", path=path, first=first, second=second
             ),

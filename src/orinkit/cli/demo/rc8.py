@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import Json
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.core.i18n import tr
 
@@ -56,7 +56,7 @@ def demo(
 
     say: Callable[[str], None] = (lambda _line: None) if json else print
     if picture is not None and device != "rc8":
-        raise unusable(tr("--picture is available for rc8 only"))
+        raise usage_error(tr("--picture is available for rc8 only"))
     with quiet_logs():
         if device == "rc8":
             document = _demo_rc8(say, picture, fields=fields)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import orinkit
-from orinkit.cli._shared.serving import PlacesHere, ServerOptions, _urls, _warnings
-from orinkit.cli._shared.web import HttpServerOptions
+from orinkit.cli._shared.http import HttpServerOptions
+from orinkit.cli._shared.serving import ServerListenAddresses, ServerOptions, _urls, _warnings
 from orinkit.core import i18n
 from orinkit.core.errors import ConnectFailed, InvalidAddress, ProtocolError
 from orinkit.gateway import RemoteProvider
@@ -60,7 +60,7 @@ def test_options_of_http_without_http(refused, options, named):
 def test_a_token_file_that_others_can_read(tmp_path):
     file = tmp_path / "token"
     file.write_text("0123456789abcdef")
-    listening = ServerOptions(PlacesHere(http=("8080",)), HttpServerOptions(token_file=str(file)))
+    listening = ServerOptions(ServerListenAddresses(http=("8080",)), HttpServerOptions(token_file=str(file)))
     for mode in (0o600, 0o400):
         file.chmod(mode)
         assert list(_warnings(listening)) == []
@@ -74,13 +74,13 @@ def test_a_token_file_that_others_can_read(tmp_path):
 
 
 def test_a_token_does_not_protect_b_cap():
-    web = HttpServerOptions(token_file="token.txt")
-    assert list(_warnings(ServerOptions(PlacesHere(http=("8080",)), web))) == []
-    (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), tcp=("5007",), pty=True), web))
+    http = HttpServerOptions(token_file="token.txt")
+    assert list(_warnings(ServerOptions(ServerListenAddresses(http=("8080",)), http))) == []
+    (warning,) = _warnings(ServerOptions(ServerListenAddresses(http=("8080",), tcp=("5007",), pty=True), http))
     assert warning.startswith("orinkit: warning: --token-file protects --http only")
     assert "--tcp, --pty" in warning
     i18n.use("ja")
-    (warning,) = _warnings(ServerOptions(PlacesHere(http=("8080",), udp=("5007",)), web))
+    (warning,) = _warnings(ServerOptions(ServerListenAddresses(http=("8080",), udp=("5007",)), http))
     assert "--udp に接続できるクライアント" in warning
 
 
@@ -90,9 +90,15 @@ def test_a_token_does_not_protect_b_cap():
 @pytest.mark.parametrize(
     ("listening", "urls"),
     [
-        (ServerOptions(PlacesHere(tcp=("5008",), udp=("5009",))), ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"]),
-        (ServerOptions(PlacesHere(http=("8080", "192.0.2.1"))), ["http://127.0.0.1:8080", "http://192.0.2.1"]),
-        (ServerOptions(PlacesHere(http=("0",)), HttpServerOptions(cert="c.pem")), ["https://127.0.0.1:0"]),
+        (
+            ServerOptions(ServerListenAddresses(tcp=("5008",), udp=("5009",))),
+            ["tcp://127.0.0.1:5008", "udp://127.0.0.1:5009"],
+        ),
+        (
+            ServerOptions(ServerListenAddresses(http=("8080", "192.0.2.1"))),
+            ["http://127.0.0.1:8080", "http://192.0.2.1"],
+        ),
+        (ServerOptions(ServerListenAddresses(http=("0",)), HttpServerOptions(cert="c.pem")), ["https://127.0.0.1:0"]),
     ],
 )
 def test_a_port_alone_means_the_loopback_address(listening, urls):
@@ -102,7 +108,7 @@ def test_a_port_alone_means_the_loopback_address(listening, urls):
 @pytest.mark.parametrize("port", ["65536", "99999999999"])
 def test_a_port_out_of_range(port):
     with pytest.raises(InvalidAddress, match="is not 0 to 65535"):
-        _urls(ServerOptions(PlacesHere(tcp=(port,))))
+        _urls(ServerOptions(ServerListenAddresses(tcp=(port,))))
 
 
 def test_a_client_requires_a_host(refused):

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import CommandError, unusable
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.files import read, read_token
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -77,7 +77,7 @@ class HttpServerOptions:
 
     def _refuse_unused(self, *, served: bool) -> None:
         if self.key is not None and self.cert is None:
-            raise unusable(tr("--key requires --cert"))
+            raise usage_error(tr("--key requires --cert"))
         given = {
             "--token-file": self.token_file is not None,
             "--cert": self.cert is not None,
@@ -86,7 +86,7 @@ class HttpServerOptions:
         }
         options = ", ".join(option for option, is_given in given.items() if is_given)
         if options and not served:
-            raise unusable(
+            raise usage_error(
                 tr(
                     "{options}: requires --http HOST:PORT; applies to e-CAP over HTTP only, not to b-CAP",
                     options=options,

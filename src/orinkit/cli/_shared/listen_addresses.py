@@ -8,8 +8,8 @@ from typing import Annotated, Any, Final, NamedTuple
 
 from cyclopts import Group, Parameter
 
-from orinkit.cli._shared.errors import unusable
-from orinkit.cli._shared.web import HTTP
+from orinkit.cli._shared.errors import usage_error
+from orinkit.cli._shared.http import HTTP
 from orinkit.core.i18n import tr
 from orinkit.server.aio_server import DEFAULT_URL
 from orinkit.transport.address import parse_address
@@ -38,11 +38,11 @@ class ListenTransport(NamedTuple):
         """The name of the field for this transport in :class:`ListenAddresses`."""
         return self.scheme.replace("-", "_")
 
-    def url(self, place: str, *, secure: bool) -> str:
+    def url(self, address: str, *, secure: bool) -> str:
         """Return the URL for a value of the option.
 
         Args:
-            place: The value of the option.
+            address: The value of the option.
             secure: True if the server has a certificate.
 
         Raises:
@@ -51,24 +51,24 @@ class ListenTransport(NamedTuple):
         """
         scheme = self.option.secure if secure and self.option.secure else self.scheme
         begins = tuple(f"{each}:" for each in (scheme, *aliases()))
-        named = "://" in place or place.lower().startswith(begins)
-        if self.option.ports and place.isascii() and place.isdecimal():
-            place = f"127.0.0.1:{place}"
-        url = place if named else f"{scheme}://{place}"
+        named = "://" in address or address.lower().startswith(begins)
+        if self.option.ports and address.isascii() and address.isdecimal():
+            address = f"127.0.0.1:{address}"
+        url = address if named else f"{scheme}://{address}"
         found = parse_address(url).scheme
         if found != scheme:
-            raise unusable(
+            raise usage_error(
                 tr(
                     "--{option} {address}: this is an address for {scheme}",
                     option=self.scheme,
-                    address=place,
+                    address=address,
                     scheme=found,
                 ),
             )
         return url
 
 
-def _offers() -> Iterator[ListenTransport]:
+def _transports() -> Iterator[ListenTransport]:
     for row in rows():
         if row.option is not None:
             yield ListenTransport(row.scheme, tr(row.option.help), row.option, row.http)
@@ -79,48 +79,48 @@ def _offers() -> Iterator[ListenTransport]:
             yield ListenTransport(scheme, text, ServeOption(text))  # the transport's package is imported on first use
 
 
-OFFERS: Final = tuple(_offers())
+TRANSPORTS: Final = tuple(_transports())
 
 
 @dataclass(frozen=True)
 class ListenAddresses:
-    """The values of the options; :func:`places_class` adds a field for each option."""
+    """The values of the options; :func:`listen_addresses_class` adds a field for each option."""
 
-    def values_of(self, offer: ListenTransport) -> tuple[str, ...]:
+    def values_of(self, transport: ListenTransport) -> tuple[str, ...]:
         """Return the values of an option; ``("",)`` for a flag that is set."""
-        given: tuple[str, ...] | bool = getattr(self, offer.name)
+        given: tuple[str, ...] | bool = getattr(self, transport.name)
         if isinstance(given, bool):
             return ("",) if given else ()
         return given
 
-    def given(self) -> Iterator[tuple[ListenTransport, str]]:
+    def items(self) -> Iterator[tuple[ListenTransport, str]]:
         """Yield each value with its transport."""
-        for offer in OFFERS:
-            for place in self.values_of(offer):
-                yield offer, place
+        for transport in TRANSPORTS:
+            for address in self.values_of(transport):
+                yield transport, address
 
 
-def places_class(first_help: str | None = None) -> type[ListenAddresses]:
+def listen_addresses_class(first_help: str | None = None) -> type[ListenAddresses]:
     """Return the class with a field for each transport.
 
     Args:
         first_help: Replaces the help of the option that has a default; the option then has no default.
     """
     fields: list[Any] = []
-    for offer in OFFERS:
-        first = DEFAULT_URL.startswith(f"{offer.scheme}://")
-        text = first_help if first and first_help is not None else offer.help
+    for transport in TRANSPORTS:
+        first = DEFAULT_URL.startswith(f"{transport.scheme}://")
+        text = first_help if first and first_help is not None else transport.help
         parameter = Parameter(
             help=text,
-            group=HTTP if offer.http else LISTENING,
+            group=HTTP if transport.http else LISTENING,
             show_default=_default if first and first_help is None else None,
         )
-        kind: Any = bool if offer.option.flag else tuple[str, ...]
-        default: Any = False if offer.option.flag else ()
-        fields.append((offer.name, Annotated[kind, parameter], field(default=default)))
+        kind: Any = bool if transport.option.flag else tuple[str, ...]
+        default: Any = False if transport.option.flag else ()
+        fields.append((transport.name, Annotated[kind, parameter], field(default=default)))
     # Python 3.11 sets the module of the class to "types", and cyclopts ignores classes of the standard library
     namespace = {"__module__": __name__}
-    made = make_dataclass("PlacesHere", fields, bases=(ListenAddresses,), frozen=True, namespace=namespace)
+    made = make_dataclass("ListenAddressOptions", fields, bases=(ListenAddresses,), frozen=True, namespace=namespace)
     return Parameter(name="*", group=LISTENING)(made)
 
 
