@@ -20,7 +20,7 @@ from orinkit.device.discovery import (
     load,
     load_installed,
     log_served,
-    settle_names,
+    reserve_names,
     warn_of_clashes,
 )
 from orinkit.virtual.rc8 import VirtualRC8
@@ -127,9 +127,9 @@ def test_providers_that_cannot_be_loaded_are_omitted(site, caplog):
 def test_providers_can_be_omitted_by_name_and_an_object_is_loaded_once(site):
     source = device("Test.Own") + "\nready = Gripper()\n"
     install(site, "my-gripper", f"{GRIPPER} = pkg_g:ready\nTest.Two = pkg_g:ready\nTest.Three = pkg_g", pkg_g=source)
-    [ready] = load_installed(but=["test.THREE"])
+    [ready] = load_installed(exclude=["test.THREE"])
     assert names(ready) == ["Test.Own", GRIPPER, "Test.Two"]
-    assert load_installed([ready], but=["Test.Three"]) == []
+    assert load_installed([ready], exclude=["Test.Three"]) == []
 
 
 def test_a_damaged_package_does_not_hide_others(site, caplog):
@@ -168,8 +168,8 @@ def test_the_name_of_an_entry_point_takes_precedence_over_provider_names(site, c
     install(site, "b-second", f"{GRIPPER} = pkg_b:Gripper", pkg_b=device("Aaa.Greedy", width=2.0))
     for providers in (load_installed(), [load("Aaa.Greedy"), load(GRIPPER)]):
         caplog.clear()
-        settle_names(providers)
-        settle_names(providers)
+        reserve_names(providers)
+        reserve_names(providers)
         warn_of_clashes(providers)
         with orinkit.serve(providers, "tcp://127.0.0.1:0") as server:
             for name, width in (("Aaa.Greedy", 1.0), (GRIPPER, 2.0)):

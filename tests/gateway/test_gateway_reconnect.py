@@ -399,12 +399,12 @@ def test_a_connection_that_is_lost_during_a_release() -> None:
         ended = asyncio.Event()
         connection = UpstreamConnection(Upstream(url, retry=60.0), WANTED, lambda _: ended.set())
         async with connection.turn:
-            await connection.ready()
+            await connection.ensure_connected()
             for handle in (5, 6):
                 connection.add_reference(functions.variable_release, handle)
                 connection.release(functions.variable_release, handle, 1)
             with pytest.raises(CallError) as failed:
-                await connection.ready()
+                await connection.ensure_connected()
         assert failed.value.code == hresult.E_CAO_REMOTE_PROVIDER
         connection.release(functions.variable_release, 7, 1)
         connection.close()
@@ -426,7 +426,7 @@ def test_a_connection_that_is_closed() -> None:
         for _ in range(2):
             async with connection.turn:
                 with pytest.raises(CallError) as failed:
-                    await connection.ready()
+                    await connection.ensure_connected()
             assert failed.value.code == hresult.E_ABORT
         await ended.wait()
 
@@ -441,7 +441,7 @@ def test_a_connection_that_is_closed_during_opening() -> None:
     async def main(url: str, connecting: threading.Semaphore, answer: threading.Event) -> None:
         connection = UpstreamConnection(Upstream(url), WANTED, lambda _: None)
         async with connection.turn:
-            opening = asyncio.create_task(connection.ready())
+            opening = asyncio.create_task(connection.ensure_connected())
             await asyncio.to_thread(connecting.acquire)
             connection.close()
             answer.set()

@@ -103,14 +103,14 @@ def load(target: str) -> Provider:
     return _with_names(target, _create(target, _find(target, module, attribute)))
 
 
-def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()) -> list[Provider]:
+def load_installed(beside: Sequence[Provider] = (), *, exclude: Collection[str] = ()) -> list[Provider]:
     """Load the providers of all installed packages; log each that cannot be loaded, with the reason.
 
     Args:
         beside: Other providers of the same server.
-        but: Names of providers to omit.
+        exclude: Names of providers to omit.
     """
-    unwanted = {name.strip().lower() for name in but}
+    unwanted = {name.strip().lower() for name in exclude}
     found: list[Provider] = []
     for entry in _entries():
         if entry.name.lower() in unwanted:
@@ -124,11 +124,11 @@ def load_installed(beside: Sequence[Provider] = (), *, but: Collection[str] = ()
         except (LoadFailed, ValueError) as error:
             text = tr("%s (%s) was not loaded: %s")
             logger.warning(text, entry.name, _distribution(entry) or entry.value, error)
-    settle_names(found)
+    reserve_names(found)
     return found
 
 
-def settle_names(providers: Sequence[Provider]) -> None:
+def reserve_names(providers: Sequence[Provider]) -> None:
     """Reserve the name of each entry point for its provider.
 
     The name is removed from the provider names of all providers that were loaded from other entry points. Each removal

@@ -87,12 +87,12 @@ class RemoteObject(CaoObject):
     async def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
         connection = self._connection
         async with connection.turn:
-            await connection.ready()
+            await connection.ensure_connected()
             self._check_state(function)
             handle = await self._valid_handle()
             if client_gave_up():  # while waiting for another call or for the connection
                 raise error_for(hresult.E_ABORT, _not_sent(connection.url, function))
-            reply = await connection.ask(function, handle, *arguments)
+            reply = await connection.request(function, handle, *arguments)
             value = reply.value
             if function.creates:
                 value = _CLASSES[function.creates](connection, _Origin(self, function, arguments), value.value)
@@ -114,7 +114,7 @@ class RemoteObject(CaoObject):
 
         The next call opens the connection again, but does not take the arm semaphore again.
         """
-        self._connection.give_up()
+        self._connection.disconnect()
 
     def _check_state(self, function: Function[..., Any]) -> None:
         """Refuse to return the tag and ID of the controller object if they were lost with the connection."""
@@ -169,7 +169,7 @@ class RemoteObject(CaoObject):
             raise self._lost()
         name, option = origin.arguments
         parent = connection.handle if origin.parent.origin is None else origin.parent.handle
-        reply = await connection.ask(origin.function, parent, name, _without_create(option))
+        reply = await connection.request(origin.function, parent, name, _without_create(option))
         self.handle, self.generation = reply.value.value, connection.generation
         connection.add_reference(_RELEASES[self.interface], self.handle)
 
@@ -279,7 +279,7 @@ class RemoteProvider(Provider):
         self._connections.add(connection)
         try:
             async with connection.turn:
-                await connection.ready()
+                await connection.ensure_connected()
         except BaseException:
             connection.close()
             raise

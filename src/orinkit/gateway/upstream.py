@@ -176,7 +176,7 @@ class UpstreamConnection:
     """The connection of one client to a controller. If it is lost, the next call opens it again.
 
     The connection belongs to one event loop and carries one call at a time. A caller acquires :attr:`turn`, calls
-    :meth:`ready` once, and then :meth:`ask` as often as required.
+    :meth:`ensure_connected` once, and then :meth:`request` as often as required.
 
     Args:
         upstream: Address of the controller.
@@ -216,7 +216,7 @@ class UpstreamConnection:
 
     # --- calls; the caller holds ``turn`` -------------------------------------------------------------------------
 
-    async def ready(self) -> None:
+    async def ensure_connected(self) -> None:
         """Connect if necessary, and send pending releases.
 
         Raises:
@@ -231,7 +231,7 @@ class UpstreamConnection:
         except OrinError:
             raise error_for(*self._refusal) from None
 
-    async def ask(self, function: Function[..., Any], handle: int, *arguments: Any) -> Reply:
+    async def request(self, function: Function[..., Any], handle: int, *arguments: Any) -> Reply:
         """Make a call; return the return code and the result with its exact type.
 
         Raises:
@@ -278,7 +278,7 @@ class UpstreamConnection:
             self._stop_keep_alive()
             self._spawn(self._shut_down())
 
-    def give_up(self) -> None:
+    def disconnect(self) -> None:
         """Close the connection to the controller in the background; the next call opens it again."""
         self._spawn(self._lose(ConnectionClosed(tr("no signs of life from its client"))))
 

@@ -245,7 +245,7 @@ def examples() -> str:
 
 def schemes() -> str:
     """Return all schemes, including those of entry points, for messages."""
-    return ", ".join(dict.fromkeys([*_rows, *entries()]))
+    return ", ".join(dict.fromkeys([*_rows, *entry_points()]))
 
 
 def register(row: Transport) -> None:
@@ -268,7 +268,7 @@ def find(scheme: str) -> Transport | None:
     """
     row = _rows.get(scheme)
     if row is None and scheme.isascii():
-        entry = entries().get(scheme)
+        entry = entry_points().get(scheme)
         return None if entry is None else _load(scheme, entry)
     return row
 
@@ -285,7 +285,7 @@ def row_of(address: AnyAddress) -> Transport:
     return row
 
 
-def entries() -> dict[str, EntryPoint]:
+def entry_points() -> dict[str, EntryPoint]:
     """Return the entry points by scheme, without importing them."""
     return _entries(tuple(sys.path))
 

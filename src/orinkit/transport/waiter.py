@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 
-class Waiter:
+class AsyncWaiter:
     """Makes one task wait until it is woken, or the time has passed."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from orinkit.cao.session import ProviderRegistry
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.i18n import tr
-from orinkit.device.discovery import LoadFailed, load, log_served, settle_names, warn_of_clashes
+from orinkit.device.discovery import LoadFailed, load, log_served, reserve_names, warn_of_clashes
 
 _LISTENING: Final = ServerOptions()
 
@@ -64,6 +64,6 @@ def name_and_log_providers(providers: Sequence[Provider], *but: Provider) -> Non
         providers: The providers, in the order in which they are served.
         but: Providers that are not logged.
     """
-    settle_names(providers)
+    reserve_names(providers)
     warn_of_clashes(providers)
     log_served(providers, but)

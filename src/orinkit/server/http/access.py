@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 from starlette.responses import PlainTextResponse
 
 from orinkit.core.i18n import tr
-from orinkit.server.http.limits import closing_message
+from orinkit.server.http.limits import server_closing_message
 from orinkit.server.http.options import HttpOptions
 
 Headers: TypeAlias = dict[bytes, bytes]
@@ -125,7 +125,7 @@ def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | Non
 
 def closed() -> PlainTextResponse:
     """Return the response of a server that is closing."""
-    return plain(503, closing_message(), {"Connection": "close"})
+    return plain(503, server_closing_message(), {"Connection": "close"})
 
 
 def too_many_guesses() -> PlainTextResponse:
@@ -134,7 +134,7 @@ def too_many_guesses() -> PlainTextResponse:
     return plain(429, text, {**_CLOSE, "Retry-After": "1"})
 
 
-def full() -> PlainTextResponse:
+def too_many_request_bytes() -> PlainTextResponse:
     """Return the response to a body that is refused because the requests of all clients exceed the limit on bytes."""
     return plain(
         503,

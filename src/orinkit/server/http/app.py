@@ -25,7 +25,16 @@ from orinkit.core.i18n import tr
 from orinkit.ecap.message import EcapRequest, read_request, write_reply
 from orinkit.server.capacity import IncompleteRequests
 from orinkit.server.context import ServerContext
-from orinkit.server.http.access import AccessCheck, Headers, ambiguous, closed, full, plain, too_long, too_many_guesses
+from orinkit.server.http.access import (
+    AccessCheck,
+    Headers,
+    ambiguous,
+    closed,
+    plain,
+    too_long,
+    too_many_guesses,
+    too_many_request_bytes,
+)
 from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.sessions import CALLS, HttpSession, HttpSessions, RunningCall
@@ -156,7 +165,7 @@ class App:
             try:
                 body = await exchange.body(self._context.limits.packet, self._context.partial)
                 if body is None:
-                    return too_long(self._context.limits.packet) if exchange.has_room else full()
+                    return too_long(self._context.limits.packet) if exchange.has_room else too_many_request_bytes()
                 request = await self._read(body)
             except CallError as error:
                 await self._answer(exchange, CallReply(error.code, detail=error.detail))

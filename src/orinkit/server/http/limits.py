@@ -75,7 +75,7 @@ class LimitedConnection(Protocol):
         """Close the connection immediately."""
 
 
-class HttpClientState(Protocol):
+class DisconnectObserver(Protocol):
     """A client that is notified of closed connections."""
 
     def disconnected(self, connection: Hashable) -> None:
@@ -185,7 +185,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._unsent = 0
         self.is_closed = False
         self._half_closed = False  # True if the client has closed its side of the connection
-        self.carried: set[HttpClientState] = set()
+        self.carried: set[DisconnectObserver] = set()
         self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
 
     @property
@@ -431,7 +431,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._stage is Stage.WORK:
             self.cycle.keep_alive = False
         elif self._stage is Stage.BODY:
-            self._respond("503 Service Unavailable", closing_message())
+            self._respond("503 Service Unavailable", server_closing_message())
         else:
             self.transport.close()
             self._update_stage()
@@ -441,6 +441,6 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.abort()
 
 
-def closing_message() -> str:
+def server_closing_message() -> str:
     """Return the message for clients while the server is closing."""
     return tr("the server is closing")

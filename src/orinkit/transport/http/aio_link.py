@@ -22,7 +22,7 @@ from orinkit.transport.link_errors import closed, connect_failed, other_loop
 from orinkit.transport.registry import LinkOptions
 from orinkit.transport.sockets.aio_byte_link import AsyncSocketLink
 from orinkit.transport.sockets.socket_link import CHUNK
-from orinkit.transport.waiter import Waiter
+from orinkit.transport.waiter import AsyncWaiter
 
 require(tr(NEED), "http", "httpx2")
 
@@ -31,7 +31,7 @@ import httpx2  # noqa: E402
 
 from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
 from orinkit.transport.http.connection import has_news  # noqa: E402
-from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamState  # noqa: E402
+from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamBuffers  # noqa: E402
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -107,7 +107,7 @@ class AsyncHttpLink(HttpLinkBase):
         try:
             return asked.task.result()
         except OrinError:
-            self._transport.drop()
+            self._transport.close_unless_idle()
             raise
 
     def _is_current(self, asked: _PendingRequest) -> bool:
@@ -164,14 +164,14 @@ class AsyncHttpLink(HttpLinkBase):
         asked, self._asked = self._asked, None
         if asked is not None:
             asked.give_up()
-            self._transport.drop()
+            self._transport.close_unless_idle()
 
     def close(self) -> None:
         """Close the link; a pending receive ends immediately."""
         if self._open:
             self._open = False
             self._drop()
-            self._transport.hang_up()
+            self._transport.abort()
 
 
 class _PendingRequest:
@@ -188,7 +188,7 @@ class _PendingRequest:
         self.task: asyncio.Task[bytes] | None = None
         self.done = False
         self._taken: asyncio.Future[None] | None = None  # set while an "executing" sign is waiting to be taken
-        self._waiter = Waiter()
+        self._waiter = AsyncWaiter()
 
     @property
     def news(self) -> bool:
@@ -281,7 +281,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
         super().close()
 
 
-class _Stream(StreamState, httpcore2.AsyncNetworkStream):
+class _Stream(StreamBuffers, httpcore2.AsyncNetworkStream):
     """A connection with the interface that httpx2 requires."""
 
     def __init__(self, wire: _TcpStream, contact: HttpServerInfo) -> None:
@@ -309,7 +309,7 @@ class _Stream(StreamState, httpcore2.AsyncNetworkStream):
         """Close the connection."""
         self._wire.close()
 
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Close the connection immediately."""
         self._wire.close()
 
@@ -349,7 +349,7 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
         """Send a request once over the connection, and return the reply after its headers were received."""
         reply = await self._exchange(request)
         if reply is None:
-            self.hang_up()
+            self.abort()
             await self.connect()
             reply = await self._exchange(request)
         assert reply is not None
@@ -366,11 +366,11 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
             raise
         return None if stream.unsent else reply
 
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Close the connection immediately."""
         self._connection = None
         if self._stream is not None:
-            self._stream.hang_up()
+            self._stream.abort()
 
 
 class _BodyStream(httpx2.AsyncByteStream):

@@ -20,13 +20,13 @@ import httpx2
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.credentials import Credentials
 from orinkit.transport.http.response import KEPT, HttpServerInfo, no_certificates, no_url, tls_failed
-from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamState
+from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamBuffers
 from orinkit.transport.link_errors import closed, connect_failed, lost
 from orinkit.transport.runner import Deadline
 from orinkit.transport.tcp_keepalive import prepare
 
 
-class _Stream(StreamState, httpcore2.NetworkStream):
+class _Stream(StreamBuffers, httpcore2.NetworkStream):
     """A connection on which every wait ends at the transport's deadline."""
 
     def __init__(self, connection: socket.socket, transport: HttpConnection, contact: HttpServerInfo) -> None:
@@ -105,7 +105,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
     Attributes:
         deadline: The deadline of every wait.
         closed: True if the connection is closed permanently.
-        halted: True if the thread that uses the connection must stop.
+        interrupted: True if the thread that uses the connection must stop.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
@@ -115,12 +115,12 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         self._left: socket.socket | None = None  # in a forked child: the socket of the parent process
         self._changing = threading.RLock()  # no other thread may use a socket while it is being closed
         self.closed = False
-        self.halted = False
+        self.interrupted = False
 
     @property
     def stopped(self) -> bool:
         """True if waiting must end."""
-        return self.closed or self.halted
+        return self.closed or self.interrupted
 
     def connect(self) -> None:
         """Ensure that there is an idle connection that the server has not closed.
@@ -136,7 +136,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         """Send a request once over the connection, and return the reply after its headers were received."""
         reply = self._exchange(request)
         if reply is None:
-            self.hang_up()
+            self.abort()
             self.connect()
             reply = self._exchange(request)
         assert reply is not None
@@ -156,17 +156,17 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
     def close(self) -> None:
         """Close the connection permanently; may be called from another thread, and repeatedly."""
         self.closed = True
-        self.halt()
+        self.interrupt()
 
-    def halt(self) -> None:
+    def interrupt(self) -> None:
         """Make the thread that uses the connection stop; called from another thread."""
-        self.halted = True
+        self.interrupted = True
         with self._changing:
             self._end()
 
     def after_fork_in_child(self) -> Iterable[int]:
         """Mark the connection as permanently closed in a forked child, and return the descriptor."""
-        self.closed = self.halted = True
+        self.closed = self.interrupted = True
         self._changing = threading.RLock()
         left, self._socket = self._socket, None  # a shutdown in the child would end the parent's connection
         self._left = left
@@ -182,7 +182,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         with self._changing:
             connection.close()
 
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Shut the connection down, so that a thread that uses it stops, and close it."""
         self._connection = None
         with self._changing:

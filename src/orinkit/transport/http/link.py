@@ -61,11 +61,11 @@ class HttpLink(HttpLinkBase):
         if not self._open:
             raise self._unusable()
         if not self._busy.acquire(blocking=False):
-            self._transport.halt()
+            self._transport.interrupt()
             if not self._busy.acquire(timeout=seconds):
                 raise closed()
         try:
-            self._transport.halted = False
+            self._transport.interrupted = False
             self._drop()
             self._request = data
             self._owner = threading.get_ident()
@@ -165,7 +165,7 @@ class HttpLink(HttpLinkBase):
         """Cancel the request in progress, if any."""
         self._request = self._body = None
         self._pieces = iter(())
-        self._transport.drop()
+        self._transport.close_unless_idle()
 
     def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""

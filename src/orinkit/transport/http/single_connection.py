@@ -29,8 +29,8 @@ class KnownServer(NamedTuple):
     dead_after: float
 
 
-class StreamState:
-    """The state of a byte stream: the bytes to be sent, and the beginning of the reply.
+class StreamBuffers:
+    """The buffers of a byte stream: the bytes to be sent, and the beginning of the reply.
 
     Attributes:
         unsent: Bytes that were written; they are sent by the next read.
@@ -62,7 +62,7 @@ class _Http11(Protocol):
 
 
 C = TypeVar("C", bound=_Http11)
-S = TypeVar("S", bound=StreamState)
+S = TypeVar("S", bound=StreamBuffers)
 
 
 class SingleConnection(ABC, Generic[C, S]):
@@ -95,7 +95,7 @@ class SingleConnection(ABC, Generic[C, S]):
         connection = self._connection
         if connection is not None and connection.is_available() and not connection.has_expired():
             return False
-        self.hang_up()
+        self.abort()
         return True
 
     def _begin_exchange(self) -> tuple[C, S]:
@@ -110,11 +110,11 @@ class SingleConnection(ABC, Generic[C, S]):
         assert isinstance(request.stream, httpx2.SyncByteStream | httpx2.AsyncByteStream)
         return httpcore2.Request(request.method, self._url, headers=request.headers.raw, content=request.stream)
 
-    def drop(self) -> None:
+    def close_unless_idle(self) -> None:
         """Close the connection unless it is idle."""
         if self._connection is not None and not self._connection.is_idle():
-            self.hang_up()
+            self.abort()
 
     @abstractmethod
-    def hang_up(self) -> None:
+    def abort(self) -> None:
         """Close the connection immediately."""

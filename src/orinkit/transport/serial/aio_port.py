@@ -17,7 +17,7 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import other_loop
 from orinkit.transport.serial.address import SerialAddress
 from orinkit.transport.serial.settings import CHUNK, gone, open_file
-from orinkit.transport.waiter import Waiter
+from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 1024 * 1024
 """Maximum number of unsent bytes when a call begins; if there are more, the bytes of the call are dropped."""
@@ -36,7 +36,7 @@ class AsyncSerialLink(ProcessBound):
         self._open = True
         self._failure: ConnectionLost | None = None  # an exception that has not been raised yet
         self._unsent = bytearray()
-        self._waiter = Waiter()
+        self._waiter = AsyncWaiter()
         keep_from_children(self)
 
     @classmethod

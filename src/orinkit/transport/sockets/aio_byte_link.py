@@ -12,7 +12,7 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.tcp_keepalive import prepare
-from orinkit.transport.waiter import Waiter
+from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 16 * 1024 * 1024
 """Maximum number of unsent bytes when a call begins; if there are more, the link is closed."""
@@ -27,7 +27,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         self._received = bytearray()
         self._ended = False
         self._error: Exception | None = None
-        self._waiter = Waiter()
+        self._waiter = AsyncWaiter()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Store the transport of the new connection."""
