@@ -28,7 +28,7 @@ def _distinct() -> Iterator[Any]:
 
 
 def _steps(field: SignalField, dialect: Dialect, inputs: int) -> int:
-    if field.torque and inputs:
+    if field.torque_input and inputs:
         return 100
     if field.name.endswith("_load"):
         return 10 if dialect is TENTHS["v1"] else 1

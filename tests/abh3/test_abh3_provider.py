@@ -17,7 +17,7 @@ import pytest
 import orinkit
 from orinkit.abh3.aio import AsyncDriver
 from orinkit.abh3.provider.provider import ABH3Provider
-from orinkit.abh3.provider.variables import items_of
+from orinkit.abh3.provider.variables import entries_of
 from orinkit.abh3.table.signals import V1, V2
 from orinkit.can.server import serve_can
 from orinkit.core import hresult, i18n
@@ -128,7 +128,7 @@ def test_a_client_turns_the_motor_and_reads_its_pulses(server, device, option):
 
 def test_every_variable_has_its_type_and_help(server, option):
     with connect(server, option) as motor:
-        items = items_of(V1)
+        items = entries_of(V1)
         assert motor.variable_names() == list(items)
         for name, item in items.items():
             variable = motor.variable(name.lower())
@@ -143,7 +143,7 @@ def test_every_variable_has_its_type_and_help(server, option):
 
 def test_dialect_2_has_other_variables(server, channel):
     with connect(server, f"Interface=virtual,Channel={channel},Address=3,Dialect=v2,LoadUnit=0.1") as motor:
-        assert motor.variable_names() == list(items_of(V2))
+        assert motor.variable_names() == list(entries_of(V2))
         turn(motor, 20.0, 20.0)
         assert motor.variable("INPUTS").value == 0x0303
         assert motor.variable("EXTERNAL").value >= 0
@@ -504,7 +504,7 @@ def test_a_server_may_fix_the_bus(device, channel):
 
 def test_the_names_of_the_table_are_the_variables_and_texts_are_in_both_languages():
     for dialect in (V1, V2):
-        items = items_of(dialect)
+        items = entries_of(dialect)
         for layout in dialect.broadcasts.values():
             for field in layout.fields:
                 assert items[field.name.upper()].put is None
@@ -517,4 +517,4 @@ def test_the_names_of_the_table_are_the_variables_and_texts_are_in_both_language
             i18n.use("en")
             assert item.count == 0 or item.type == VarType.R8 | ARRAY
     i18n.use("ja")
-    assert items_of(V1)["A_PULSES"].help == "A パルス積算値、pulse"
+    assert entries_of(V1)["A_PULSES"].help == "A パルス積算値、pulse"

@@ -33,7 +33,7 @@ from orinkit.abh3.table.signals import (
     Bit,
     Dialect,
     Quantity,
-    TerminalLogic,
+    TerminalGate,
     Word,
     dialect_of,
     real,
@@ -60,7 +60,7 @@ def test_every_frame_of_the_document_is_there(dialect: Dialect) -> None:
         layout = dialect.layouts[name]
         assert (layout.name, layout.section, layout.dp, layout.broadcast) == (name, section, dp, number), name
         assert layout.from_host == (name == "DP0S")
-        assert layout.withheld == (name == "DP1R")
+        assert layout.undocumented == (name == "DP1R")
         assert layout.struct.size == 8
         found = [
             (
@@ -97,7 +97,7 @@ def test_the_quantities_of_the_fields(dialect: Dialect) -> None:
                 assert field.word is None
                 assert field.quantity is not None
                 assert (field.quantity.unit, field.quantity.steps) == QUANTITIES[field.name]
-            assert field.torque == {"ay_command": "ay_torque", "bx_command": "bx_torque"}.get(field.name, "")
+            assert field.torque_input == {"ay_command": "ay_torque", "bx_command": "bx_torque"}.get(field.name, "")
 
 
 @pytest.mark.parametrize("dialect", BOTH)
@@ -173,7 +173,7 @@ def _both(title: str) -> tuple[str, str]:
 
 
 def _japanese(bit: Bit) -> str:
-    return i18n.translate("ja", bit.title, **dict(bit.values))
+    return i18n.translate("ja", bit.title, **dict(bit.title_args))
 
 
 def _texts(dialect: Dialect) -> Iterator[tuple[str, str]]:
@@ -333,8 +333,8 @@ def test_load_units() -> None:
 
 # --- flag words -------------------------------------------------------------------------------------------------------
 
-AND, OR, NOT, NONE = TerminalLogic.AND, TerminalLogic.OR, TerminalLogic.NOT_AND, None
-Rows = list[tuple[int, str, str, TerminalLogic | None]]
+AND, OR, NOT, NONE = TerminalGate.AND, TerminalGate.OR, TerminalGate.NOT_AND, None
+Rows = list[tuple[int, str, str, TerminalGate | None]]
 
 INPUTS_V1: Rows = [
     (0, "ay_servo_on", "A/Y サーボ", AND),
@@ -494,7 +494,7 @@ WORDS = [
 
 @pytest.mark.parametrize(("word", "rows", "per_axis"), WORDS)
 def test_the_bits_are_those_of_the_reference(word: Word, rows: Rows, per_axis: Mapping[str, int]) -> None:
-    assert sorted((bit.number, bit.name, bit.logic) for bit in word.bits) == sorted(
+    assert sorted((bit.number, bit.name, bit.gate) for bit in word.bits) == sorted(
         ((number, name, logic) for number, name, _, logic in rows), key=lambda row: row[0]
     )
     for number, name, words, _ in rows:

@@ -43,7 +43,7 @@ def ours(layout: FrameLayout, dialect: str, unit: float, data: bytes) -> dict[st
         if isinstance(value, Flags):
             found |= {f"{field.name}_{bit.name}": int(value[bit.number]) for bit in value.word.bits}
         else:
-            is_torque = field.torque and layout.name == "DP0S" and record.inputs[field.torque]
+            is_torque = field.torque_input and layout.name == "DP0S" and record.inputs[field.torque_input]
             found[field.name + ("_torque" if is_torque else "")] = value
     return found
 

@@ -36,71 +36,71 @@ GREAT = pytest.param(10**5000, id="great")
 
 def test_it_is_due_one_period_after_what_was_sent_last() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
-    assert heart.due == pytest.approx(10.1)
+    assert heart.next_time == pytest.approx(10.1)
     heart.sent(10.25, replied=True)
-    assert heart.due == pytest.approx(10.35)
+    assert heart.next_time == pytest.approx(10.35)
     heart.sent(10.5, replied=False)  # it does not send faster to a driver that does not reply
-    assert heart.due == pytest.approx(10.6)
+    assert heart.next_time == pytest.approx(10.6)
     heart.called(20.0)
-    assert heart.due == pytest.approx(10.6)
+    assert heart.next_time == pytest.approx(10.6)
 
 
 def test_it_ends_when_the_driver_does_not_reply() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
-    assert heart.end(10.0) is None
-    assert heart.end(10.5) is None
-    assert heart.end(10.51) is KeepAliveEnd.SILENT
+    assert heart.end_reason(10.0) is None
+    assert heart.end_reason(10.5) is None
+    assert heart.end_reason(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, replied=False)
-    assert heart.end(10.51) is KeepAliveEnd.SILENT
+    assert heart.end_reason(10.51) is KeepAliveEnd.SILENT
     heart.called(10.5)
-    assert heart.end(10.51) is KeepAliveEnd.SILENT
+    assert heart.end_reason(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, replied=True)
-    assert heart.end(11.0) is None
-    assert heart.end(11.01) is KeepAliveEnd.SILENT
+    assert heart.end_reason(11.0) is None
+    assert heart.end_reason(11.01) is KeepAliveEnd.SILENT
 
 
 def test_it_ends_when_the_program_does_not_call() -> None:
     heart = KeepAliveTimer(0.1, 0.5, 2.0, 10.0)
     heart.sent(12.0, replied=True)
-    assert heart.end(12.0) is None
-    assert heart.end(12.01) is KeepAliveEnd.IDLE
+    assert heart.end_reason(12.0) is None
+    assert heart.end_reason(12.01) is KeepAliveEnd.IDLE
     heart.called(12.0)
-    assert heart.end(12.01) is None
+    assert heart.end_reason(12.01) is None
     heart.sent(13.9, replied=True)
-    assert heart.end(14.0) is None
-    assert heart.end(14.01) is KeepAliveEnd.IDLE
+    assert heart.end_reason(14.0) is None
+    assert heart.end_reason(14.01) is KeepAliveEnd.IDLE
     assert (
-        heart.end(14.6) is KeepAliveEnd.SILENT
+        heart.end_reason(14.6) is KeepAliveEnd.SILENT
     )  # a driver that does not reply takes precedence: no stop can be sent to it
 
 
 def test_without_an_idle_time() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     heart.sent(1e6, replied=True)
-    assert heart.end(1e6) is None
+    assert heart.end_reason(1e6) is None
 
 
 def test_a_late_command_is_not_repeated() -> None:
     """The driver may have stopped on its own meanwhile; it must not start again."""
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
-    assert heart.end_if_delayed(10.5) is None
-    assert heart.end_if_delayed(10.51) is KeepAliveEnd.SILENT
+    assert heart.end_reason_if_delayed(10.5) is None
+    assert heart.end_reason_if_delayed(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, replied=False)
-    assert heart.end_if_delayed(10.51) is KeepAliveEnd.SILENT
+    assert heart.end_reason_if_delayed(10.51) is KeepAliveEnd.SILENT
     heart.sent(10.5, replied=True)
-    assert heart.end_if_delayed(11.0) is None
+    assert heart.end_reason_if_delayed(11.0) is None
     slow = KeepAliveTimer(0.4, 0.5, None, 10.0)  # the period is nearly as long as the patience
-    assert slow.end_if_delayed(10.6) is None
-    assert slow.end_if_delayed(10.61) is KeepAliveEnd.SILENT
-    assert slow.end(10.51) is KeepAliveEnd.SILENT
+    assert slow.end_reason_if_delayed(10.6) is None
+    assert slow.end_reason_if_delayed(10.61) is KeepAliveEnd.SILENT
+    assert slow.end_reason(10.51) is KeepAliveEnd.SILENT
 
 
 def test_a_reply_read_late_counts_from_its_command() -> None:
     """A program that was suspended reads the reply to an old command: the driver has stopped meanwhile."""
     heart = KeepAliveTimer(0.1, 0.5, None, 10.0)
     heart.sent(10.1, replied=True)  # read at 12.0
-    assert heart.end(12.0) is KeepAliveEnd.SILENT
-    assert heart.end_if_delayed(12.0) is KeepAliveEnd.SILENT
+    assert heart.end_reason(12.0) is KeepAliveEnd.SILENT
+    assert heart.end_reason_if_delayed(12.0) is KeepAliveEnd.SILENT
 
 
 FEEDBACK = CanFrame(0x00EF0201, bytes.fromhex("F401000000000000"))
@@ -125,11 +125,11 @@ def test_every_command_of_an_operation_counts_with_its_own_time() -> None:
     operation = report_commands(host.stop_and_wait(2.0), heart, host, lambda: next(times))
     standing = CanFrame(0x00EF0201, bytes(8))
     carried_out(operation, iter((FEEDBACK, FEEDBACK, FEEDBACK, standing)))
-    assert heart.due == pytest.approx(1.2)
-    assert heart.end_if_delayed(1.59) is None
-    assert heart.end(1.49) is None
-    assert heart.end(1.51) is KeepAliveEnd.IDLE
-    assert heart.end(1.61) is KeepAliveEnd.SILENT
+    assert heart.next_time == pytest.approx(1.2)
+    assert heart.end_reason_if_delayed(1.59) is None
+    assert heart.end_reason(1.49) is None
+    assert heart.end_reason(1.51) is KeepAliveEnd.IDLE
+    assert heart.end_reason(1.61) is KeepAliveEnd.SILENT
 
 
 def test_a_command_without_a_reply_does_not_count() -> None:
@@ -138,9 +138,9 @@ def test_a_command_without_a_reply_does_not_count() -> None:
     times = iter((0.2, 0.4))
     with pytest.raises(DriverTimeout):
         carried_out(report_commands(host.stop_and_wait(1.0), heart, host, lambda: next(times)), iter((FEEDBACK, None)))
-    assert heart.due == pytest.approx(0.3)  # no reply to the second one
-    assert heart.end(0.69) is None
-    assert heart.end(0.71) is KeepAliveEnd.SILENT
+    assert heart.next_time == pytest.approx(0.3)  # no reply to the second one
+    assert heart.end_reason(0.69) is None
+    assert heart.end_reason(0.71) is KeepAliveEnd.SILENT
 
 
 def test_a_request_is_no_command() -> None:
@@ -148,7 +148,7 @@ def test_a_request_is_no_command() -> None:
     heart = KeepAliveTimer(0.1, 0.5, None, 0.0)
     answer = CanFrame(0x00FF2C01, bytes(8))
     carried_out(report_commands(host.request(4), heart, host, lambda: 1 / 0), iter((answer,)))
-    assert heart.due == 0.1
+    assert heart.next_time == 0.1
 
 
 def test_why_it_ends() -> None:

@@ -106,7 +106,7 @@ def test_vectors_of_texts(vector: Vector) -> None:
 
 @pytest.mark.parametrize("vector", [v for v in ALL if not v.failed], ids=name)
 def test_vectors_of_words(vector: Vector) -> None:
-    assert packfloat.parts(vector.word) == vector.fields
+    assert packfloat.unpack(vector.word) == vector.fields
     assert packfloat.to_text(vector.word) == vector.text
     assert same(packfloat.to_float(vector.word), single(vector.value))
     assert vector.kind != "raw" or int(vector.given) == vector.word
@@ -116,10 +116,10 @@ def test_vectors_of_words(vector: Vector) -> None:
     ("fields", "word"),
     [
         ((0, 0, 0), ZERO),
-        ((1, -8, -64), packfloat.make(1, -8, -64)),
-        ((1, -9, 0), packfloat.make(1, -5, -4)),
-        ((1, 8, 0), packfloat.make(1, -5, 13)),
-        ((1, -9, -60), packfloat.make(1, -5, -64)),
+        ((1, -8, -64), packfloat.pack(1, -8, -64)),
+        ((1, -9, 0), packfloat.pack(1, -5, -4)),
+        ((1, 8, 0), packfloat.pack(1, -5, 13)),
+        ((1, -9, -60), packfloat.pack(1, -5, -64)),
         ((1, -9, -61), ZERO),
         ((1, 0, -65), ZERO),
         ((1, 0, 64), PLUS_INFINITY),
@@ -135,23 +135,23 @@ def test_vectors_of_words(vector: Vector) -> None:
     ],
 )
 def test_make(fields: tuple[int, int, int], word: int) -> None:
-    assert packfloat.make(*fields) == word
+    assert packfloat.pack(*fields) == word
 
 
 @pytest.mark.parametrize("mantissa", [2**20, -(2**20) - 1, pytest.param(HUGE, id="huge")])
 def test_a_mantissa_that_does_not_fit(mantissa: int) -> None:
     with pytest.raises(InvalidValue, match="mantissa of a PACK_FLOAT must be -1048576 to 1048575, not "):
-        packfloat.make(mantissa, 0, 0)
+        packfloat.pack(mantissa, 0, 0)
 
 
 @pytest.mark.parametrize("word", [-1, 2**32, pytest.param(HUGE, id="huge")])
 def test_words_have_32_bits(word: int) -> None:
-    for function in (packfloat.parts, packfloat.to_text, packfloat.to_float):
+    for function in (packfloat.unpack, packfloat.to_text, packfloat.to_float):
         with pytest.raises(InvalidValue, match="32-bit word"):
             function(word)
     i18n.use("ja")
     with pytest.raises(InvalidValue, match="32 ビット"):
-        packfloat.parts(word)
+        packfloat.unpack(word)
 
 
 @pytest.mark.parametrize(
@@ -235,8 +235,8 @@ def test_values_beyond_single_precision(value: float, word: int) -> None:
 @example(NAN)
 @example(0x00F00000)
 def test_every_word_is_its_fields(word: int) -> None:
-    mantissa, point, exponent = packfloat.parts(word)
-    assert packfloat.make(mantissa, point, exponent) == word
+    mantissa, point, exponent = packfloat.unpack(word)
+    assert packfloat.pack(mantissa, point, exponent) == word
     finite = abs(mantissa) <= 999_999
     text, value = packfloat.to_text(word), packfloat.to_float(word)
     assert finite == (text not in ("+#INF", "-#INF", "#NAN"))
@@ -251,19 +251,19 @@ def test_every_word_is_its_fields(word: int) -> None:
 
 @given(st.integers(-999_999, 999_999), st.integers(-8, 0), st.integers(-64, 63))
 def test_texts_of_words_are_read_again(mantissa: int, point: int, exponent: int) -> None:
-    word = packfloat.make(mantissa, point, exponent)
+    word = packfloat.pack(mantissa, point, exponent)
     assert packfloat.from_text(packfloat.to_text(word)) == word
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False), st.sampled_from(["round", "trunc"]))
 def test_six_digits_of_every_value(value: float, rounding: Rounding) -> None:
     word = packfloat.from_float(value, rounding=rounding)
-    mantissa, point, exponent = packfloat.parts(word)
-    assert packfloat.make(mantissa, point, exponent) == word
+    mantissa, point, exponent = packfloat.unpack(word)
+    assert packfloat.pack(mantissa, point, exponent) == word
     assert abs(mantissa) <= 999_999
     if abs(value) > 1e-30:  # one unit of the sixth digit, and the error of the divisions
         assert math.isclose(Decimal(packfloat.to_text(word)), value, rel_tol=1.1e-5)
-    assert packfloat.from_float(-value, rounding=rounding) == packfloat.make(-mantissa, point, exponent)
+    assert packfloat.from_float(-value, rounding=rounding) == packfloat.pack(-mantissa, point, exponent)
 
 
 @given(st.integers(-999_999, 999_999))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orinkit.abh3.table.signals import DIALECTS, TerminalLogic
+from orinkit.abh3.table.signals import DIALECTS, TerminalGate
 from orinkit.virtual.abh3 import DataSet, Parameters
 from orinkit.virtual.abh3.axis import FINE, AxisLimits, AxisMode, MotorAxis
 from orinkit.virtual.abh3.drive import velocity, wrapped
@@ -43,14 +43,14 @@ def test_control_flags_are_what_the_table_makes_of_input_and_terminal(name, can,
     inputs = Inputs(dialect)
     inputs.can, inputs.external = can, external
     rules = {
-        TerminalLogic.AND: lambda a, b: a and b,
-        TerminalLogic.OR: lambda a, b: a or b,
-        TerminalLogic.NOT_AND: lambda a, b: not (a and b),
+        TerminalGate.AND: lambda a, b: a and b,
+        TerminalGate.OR: lambda a, b: a or b,
+        TerminalGate.NOT_AND: lambda a, b: not (a and b),
     }
     expected = 0
     for bit in dialect.inputs.bits:
-        assert bit.logic is not None
-        expected |= bool(rules[bit.logic](can >> bit.number & 1, external >> bit.number & 1)) << bit.number
+        assert bit.gate is not None
+        expected |= bool(rules[bit.gate](can >> bit.number & 1, external >> bit.number & 1)) << bit.number
     assert inputs.control == expected
 
 
@@ -58,7 +58,7 @@ def test_control_flags_are_what_the_table_makes_of_input_and_terminal(name, can,
 def test_terminals_are_at_first_as_can_alone_needs_them(name):
     inputs = Inputs(DIALECTS[name])
     for bit in DIALECTS[name].inputs.bits:
-        assert bool(inputs.external >> bit.number & 1) == (bit.logic is not TerminalLogic.OR)
+        assert bool(inputs.external >> bit.number & 1) == (bit.gate is not TerminalGate.OR)
 
 
 @BOTH

@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol, TypeAlias, TypeVar
 from orinkit.abh3.provider.buses import Key, SharedBus
 from orinkit.abh3.provider.errors import map_errors
 from orinkit.abh3.provider.options import DriverSelection, invalid
-from orinkit.abh3.provider.variables import Motor, VariableEntry, as_variant, items_of
+from orinkit.abh3.provider.variables import Motor, VariableEntry, as_variant, entries_of
 from orinkit.abh3.table.records import Feedback, Flags, Record
 from orinkit.abh3.table.signals import dialect_of
 from orinkit.cao import coerce
@@ -77,7 +77,7 @@ class ABH3Controller(ControllerObject):
         self._owner = owner
         self._wanted = wanted
         self._reason = reason
-        self._items = items_of(dialect_of(wanted.dialect))
+        self._entries = entries_of(dialect_of(wanted.dialect))
         self._call_lock = asyncio.Lock()
         self._called = monotonic()
         self._keeps_alive = False
@@ -99,15 +99,15 @@ class ABH3Controller(ControllerObject):
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - declared by the base
         """Return a variable of the driver; names are case-insensitive."""
-        item = self._items.get(name.strip().upper())
-        if item is None:
-            names = ", ".join(self._items)
+        entry = self._entries.get(name.strip().upper())
+        if entry is None:
+            names = ", ".join(self._entries)
             raise not_found(tr("{name}; available: {names}", name=quoted(name, 80), names=names))
-        return ABH3Variable(self, item)
+        return ABH3Variable(self, entry)
 
     def get_variable_names(self, option: str) -> list[str]:  # noqa: ARG002
         """Return the names of the driver's variables."""
-        return list(self._items)
+        return list(self._entries)
 
     async def execute(self, command: str, parameter: Variant) -> Value:
         """Execute one of :data:`COMMANDS`; names are case-insensitive."""
@@ -150,13 +150,13 @@ class ABH3Controller(ControllerObject):
                 self._begin()
                 return await get(self.motor)
 
-    async def write(self, put: Callable[[Motor], Awaitable[T]], *, safe_when_stopped: bool = False) -> T:
+    async def write(self, put: Callable[[Motor], Awaitable[T]], *, causes_motion: bool = True) -> T:
         """Command the driver, and begin a keep-alive that repeats the command, unless the option KeepAlive is 0.
 
         Args:
             put: Function that sends the command.
-            safe_when_stopped: True if the command starts no motion. It is then executed even if the motor was stopped
-                after the client's previous command.
+            causes_motion: True if the command may start a motion. Otherwise it is executed even if the motor was
+                stopped after the client's previous command.
         """
         with map_errors():
             async with self._call_lock:
@@ -165,7 +165,7 @@ class ABH3Controller(ControllerObject):
                     self._stopped = True
                 self._begin()
                 self._owner.acquire(self)
-                self._report_stop(safe_when_stopped=safe_when_stopped)
+                self._report_stop(causes_motion=causes_motion)
                 self._writing = True  # until "put" has returned, no other client can get the right to command
                 try:
                     result = await put(self.motor)
@@ -180,7 +180,7 @@ class ABH3Controller(ControllerObject):
         """Stop the motor, even if another client commands it; the next write of that client raises E_ABORT."""
         holder = self._owner.owner(self)
         if holder is None or holder is self:
-            return await self.write(lambda motor: motor.stop(), safe_when_stopped=True)
+            return await self.write(lambda motor: motor.stop(), causes_motion=False)
         with map_errors():
             self._begin()
             return await holder.preempt()
@@ -213,19 +213,19 @@ class ABH3Controller(ControllerObject):
         if client_gave_up():
             raise error_for(hresult.E_TIMEOUT)
         self._called = monotonic()
-        self.motor.feed()
+        self.motor.restart_idle_time()
 
-    def _report_stop(self, *, safe_when_stopped: bool) -> None:
+    def _report_stop(self, *, causes_motion: bool) -> None:
         """Report once that the motor was stopped after the client's previous command.
 
         Raises:
-            CallError: E_ABORT: If the motor was stopped and ``safe_when_stopped`` is False.
+            CallError: E_ABORT: If the motor was stopped and ``causes_motion`` is True.
         """
         if not self._stopped and (not self._keeps_alive or self.motor.kept_alive):
             return
         self._keeps_alive = self._stopped = False
         self.motor.end_keep_alive()  # also discards its pending DriverTimeout, which must not be reported twice
-        if safe_when_stopped:
+        if not causes_motion:
             return
         raise error_for(
             hresult.E_ABORT,
@@ -241,24 +241,24 @@ class ABH3Controller(ControllerObject):
 class ABH3Variable(VariableObject):
     """A variable of one client."""
 
-    def __init__(self, controller: ABH3Controller, item: VariableEntry) -> None:
-        super().__init__(item.name, attribute=READABLE | (WRITABLE if item.put else 0), help=item.help)
+    def __init__(self, controller: ABH3Controller, entry: VariableEntry) -> None:
+        super().__init__(entry.name, attribute=READABLE | (WRITABLE if entry.put else 0), help=entry.help)
         self._controller = controller
-        self._item = item
+        self._entry = entry
         self._accessed = datetime.now()
 
     async def get_value(self) -> Value:
         """Read the variable from the driver."""
-        value = await self._controller.read(self._item.get)
+        value = await self._controller.read(self._entry.get)
         self._accessed = datetime.now()
-        return as_variant(self._item, value)
+        return as_variant(self._entry, value)
 
     async def put_value(self, value: Variant) -> None:
         """Write the variable to the driver."""
-        item, put = self._item, self._item.put
+        entry, put = self._entry, self._entry.put
         if put is None:
-            raise error_for(hresult.E_CAO_NOT_WRITABLE, item.name)
-        number: Any = _read(item, value)
+            raise error_for(hresult.E_CAO_NOT_WRITABLE, entry.name)
+        number: Any = _read(entry, value)
         await self._controller.write(lambda motor: put(motor, number))
         self._accessed = datetime.now()
 
@@ -274,22 +274,22 @@ class ABH3Variable(VariableObject):
 # --- values of clients ------------------------------------------------------------------------------------------------
 
 
-def _read(item: VariableEntry, value: Variant) -> Any:
+def _read(entry: VariableEntry, value: Variant) -> Any:
     """Convert a value from a client to the type of the variable.
 
     Raises:
         CallError: E_INVALIDARG, E_INVALIDARGTYPE: If the value is not valid.
     """
-    if item.count:
+    if entry.count:
         values = coerce.to_values(value)
-        if len(values) != item.count:
+        if len(values) != entry.count:
             raise invalid(
-                tr("{name} has {wanted} values, got {count}", name=item.name, wanted=item.count, count=len(values))
+                tr("{name} has {wanted} values, got {count}", name=entry.name, wanted=entry.count, count=len(values))
             )
         return [_real(each) for each in values]
-    if item.type == VarType.BOOL:
+    if entry.type == VarType.BOOL:
         return _bit(value)
-    return _word(value) if item.type == VarType.UI4 else _real(value)
+    return _word(value) if entry.type == VarType.UI4 else _real(value)
 
 
 def _real(value: Any) -> float:
@@ -334,7 +334,7 @@ Run: TypeAlias = Callable[..., Awaitable[Value]]
 
 
 async def _init(controller: ABH3Controller) -> Value:
-    return _plain(await controller.write(lambda motor: motor.init(), safe_when_stopped=True))
+    return _plain(await controller.write(lambda motor: motor.init(), causes_motion=False))
 
 
 async def _stop(controller: ABH3Controller) -> Value:
@@ -342,7 +342,7 @@ async def _stop(controller: ABH3Controller) -> Value:
 
 
 async def _reset(controller: ABH3Controller) -> None:
-    await controller.write(lambda motor: motor.reset_errors(), safe_when_stopped=True)
+    await controller.write(lambda motor: motor.reset_errors(), causes_motion=False)
 
 
 async def _command(controller: ABH3Controller, ay: float, bx: float) -> Value:

@@ -73,7 +73,7 @@ class DriverSelection(NamedTuple):
         return None if self.bus is None else _bus_key(self.bus)
 
 
-def wanted(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> DriverSelection:
+def parse_selection(option: str, defaults: Mapping[str, Any], *, own_bus: str | bool) -> DriverSelection:
     """Parse an option string.
 
     Args:

@@ -19,7 +19,7 @@ from orinkit.abh3.api.names import make_host
 from orinkit.abh3.provider.buses import Buses, Key
 from orinkit.abh3.provider.controller import ABH3Controller
 from orinkit.abh3.provider.errors import map_errors
-from orinkit.abh3.provider.options import wanted
+from orinkit.abh3.provider.options import parse_selection
 from orinkit.abh3.provider.variables import Motor
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.core import hresult
@@ -68,7 +68,7 @@ class ABH3Provider(Provider):
         """
         self._bind()
         with map_errors():
-            known = wanted(option, self._defaults, own_bus=self._own_bus)
+            known = parse_selection(option, self._defaults, own_bus=self._own_bus)
             host = make_host(known.dialect, known.settings)
             shared = await self._buses.enter(known)
             motor: Motor = AsyncDriver(shared.bus, host)

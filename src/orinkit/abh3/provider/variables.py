@@ -47,10 +47,10 @@ class VariableEntry:
         return self.describe()
 
 
-def items_of(dialect: Dialect) -> Mapping[str, VariableEntry]:
+def entries_of(dialect: Dialect) -> Mapping[str, VariableEntry]:
     """Return the variables of a driver by upper-case name."""
-    items = [*_commands(), *_inputs(dialect), *_feedback(dialect), *_broadcasts(dialect), *_SYSTEM]
-    return {item.name: item for item in items}
+    entries = [*_commands(), *_inputs(dialect), *_feedback(dialect), *_broadcasts(dialect), *_SYSTEM]
+    return {entry.name: entry for entry in entries}
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------
@@ -81,7 +81,7 @@ async def _both_commands(motor: Motor) -> Value:
 
 def _inputs(dialect: Dialect) -> list[VariableEntry]:
     word = dialect.inputs
-    items = [
+    entries = [
         VariableEntry(
             "INPUTS",
             VarType.UI4,
@@ -92,8 +92,8 @@ def _inputs(dialect: Dialect) -> list[VariableEntry]:
     ]
     for name, mask in word.masks.items():
         describe = partial(_bits_text, word, mask)
-        items.append(VariableEntry(name.upper(), VarType.BOOL, describe, _input_bit(name), _put_input(name)))
-    return items
+        entries.append(VariableEntry(name.upper(), VarType.BOOL, describe, _input_bit(name), _put_input(name)))
+    return entries
 
 
 def _bits_text(word: Word, mask: int) -> str:
@@ -151,19 +151,19 @@ def _of_single(field: SignalField) -> Get:
 
 
 def _broadcasts(dialect: Dialect) -> list[VariableEntry]:
-    items = []
+    entries = []
     for number, layout in sorted(dialect.broadcasts.items()):
-        items += [
+        entries += [
             VariableEntry(
                 field.name.upper(), _type_of(field), partial(_field_text, field), _of_broadcast(number, field)
             )
             for field in layout.fields
         ]
         if layout.name == "BR0":
-            items.append(
+            entries.append(
                 VariableEntry("ERROR_TEXTS", VarType.BSTR, lambda: tr("errors and warnings as text"), _error_texts)
             )
-    return items
+    return entries
 
 
 def _of_broadcast(number: int, field: SignalField) -> Get:
@@ -222,6 +222,6 @@ _SYSTEM: Final = (
 )  # fmt: skip
 
 
-def as_variant(item: VariableEntry, value: Value) -> Variant:
+def as_variant(entry: VariableEntry, value: Value) -> Variant:
     """Convert a value to the type of the variable."""
-    return value if isinstance(value, Variant) else Variant(item.type, value)
+    return value if isinstance(value, Variant) else Variant(entry.type, value)

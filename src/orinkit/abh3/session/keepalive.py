@@ -82,7 +82,7 @@ class KeepAliveTimer:
     _called: float = 0.0
 
     @property
-    def due(self) -> float:
+    def next_time(self) -> float:
         """Time at which to repeat the command."""
         return self._sent + self.period
 
@@ -102,14 +102,14 @@ class KeepAliveTimer:
         if replied:
             self._replied = now
 
-    def end_if_delayed(self, now: float) -> KeepAliveEnd | None:
+    def end_reason_if_delayed(self, now: float) -> KeepAliveEnd | None:
         """Return the reason to end if the keep-alive itself was delayed for too long, otherwise ``None``.
 
         Call this before the next command is sent.
         """
         return KeepAliveEnd.SILENT if now - self._replied > max(self.patience, _LATE * self.period) else None
 
-    def end(self, now: float) -> KeepAliveEnd | None:
+    def end_reason(self, now: float) -> KeepAliveEnd | None:
         """Return the reason to end now, ``None`` to continue."""
         if now - self._replied > self.patience:
             return KeepAliveEnd.SILENT

@@ -298,24 +298,24 @@ class TelItem(NamedTuple):
         kind: ``"pack"`` for a PACK_FLOAT, ``"int"`` for a signed whole number, ``"bits"`` for flags.
         title: The name, in English, with placeholders.
         unit: Unit of the value; for a switch, its two valid values, for example ``"0x0000/0x8000"``.
-        values: Values of the placeholders.
+        title_args: Values of the placeholders.
     """
 
     address: int
     kind: Kind
     title: str
     unit: str = ""
-    values: Values = ()
+    title_args: Values = ()
 
     @property
     def text(self) -> str:
         """The name, in the current language."""
-        return tr(self.title, **dict(self.values))
+        return tr(self.title, **dict(self.title_args))
 
     @property
     def english(self) -> str:
         """The name, in English."""
-        return translate("en", self.title, **dict(self.values))
+        return translate("en", self.title, **dict(self.title_args))
 
     def decode(self, word: int) -> float:
         """Return the value of a word: a ``float`` for a PACK_FLOAT, otherwise an ``int``.

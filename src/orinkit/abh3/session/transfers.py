@@ -98,7 +98,7 @@ class TransferAddresses(NamedTuple):
         data = bytes((number,)) + data.ljust(_PACKET_SIZE, b"\xff")
         return CanFrame(int(FrameId(TRANSFER, self.peer, self.own, 0, self.priority)), data)
 
-    def heard(self, frame: CanFrame) -> TransferFrame | None:
+    def parse_from_peer(self, frame: CanFrame) -> TransferFrame | None:
         """Parse a frame from the peer to this side; return ``None`` for any other frame."""
         packet = parse_transfer_frame(frame)
         return packet if packet and (packet.destination, packet.source) == (self.own, self.peer) else None
@@ -161,7 +161,7 @@ class OutgoingTransfer:
 
     def take(self, frame: CanFrame) -> TransferStep:
         """Process a frame and return the next step."""
-        packet = self._addresses.heard(frame)
+        packet = self._addresses.parse_from_peer(frame)
         kind = packet.kind if packet else None
         if packet is None or kind is None:
             return self._ignore()
@@ -246,7 +246,7 @@ class IncomingTransfer:
 
     def take(self, frame: CanFrame) -> TransferStep:
         """Process a frame and return the next step."""
-        packet = self._addresses.heard(frame)
+        packet = self._addresses.parse_from_peer(frame)
         if packet is None:
             return TransferStep()
         if packet.kind is None:

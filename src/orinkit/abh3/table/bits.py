@@ -1,4 +1,4 @@
-"""The bits of all flag words of an ABH3, as data: name, text, and the logic that combines input and terminal.
+"""The bits of all flag words of an ABH3, as data: name, text, and the gate that combines input and terminal.
 
 A name that begins with ``ay_`` or ``bx_`` (``a_`` or ``b_``) belongs to one axis; without the prefix it means both
 axes.
@@ -17,8 +17,8 @@ Values: TypeAlias = tuple[tuple[str, object], ...]
 """Names and values of the placeholders in a title."""
 
 
-class TerminalLogic(Enum):
-    """The logic that combines a terminal of the driver and a bit from CAN into a bit of the control flags."""
+class TerminalGate(Enum):
+    """The gate that combines a terminal of the driver and a bit from CAN into a bit of the control flags."""
 
     AND = "and"
     OR = "or"
@@ -33,45 +33,45 @@ class Bit:
         number: Number of the bit, 0 to 31.
         name: Name for programs.
         title: Meaning of the value 1, in English, with placeholders.
-        logic: Logic that combines the bit with a terminal; ``None`` if the bit is not combined with a terminal.
-        values: Values of the placeholders.
+        gate: Gate that combines the bit with a terminal; ``None`` if the bit is not combined with a terminal.
+        title_args: Values of the placeholders.
     """
 
     number: int
     name: str
     title: str
-    logic: TerminalLogic | None = None
-    values: Values = ()
+    gate: TerminalGate | None = None
+    title_args: Values = ()
 
     @property
     def text(self) -> str:
         """The meaning of the value 1, in the current language."""
-        return tr(self.title, **dict(self.values))
+        return tr(self.title, **dict(self.title_args))
 
     @property
     def english(self) -> str:
         """The meaning of the value 1, in English."""
-        return translate("en", self.title, **dict(self.values))
+        return translate("en", self.title, **dict(self.title_args))
 
 
-def _axis(first: int, letter: str, names: tuple[tuple[int, str, str, TerminalLogic], ...]) -> tuple[Bit, ...]:
+def _axis(first: int, letter: str, names: tuple[tuple[int, str, str, TerminalGate], ...]) -> tuple[Bit, ...]:
     small = letter.replace("/", "").lower()
     return tuple(
-        Bit(first + offset, f"{small}_{name}", title, logic, (("axis", letter),))
-        for offset, name, title, logic in names
+        Bit(first + offset, f"{small}_{name}", title, gate, (("axis", letter),))
+        for offset, name, title, gate in names
     )
 
 
 def _pair(first: int, name: str, title: str) -> tuple[Bit, ...]:
     return tuple(
-        Bit(first + offset, f"{axis}_{name}", title, values=(("axis", axis.upper()),))
+        Bit(first + offset, f"{axis}_{name}", title, title_args=(("axis", axis.upper()),))
         for offset, axis in enumerate("ab")
     )
 
 
 def _numbered(first: int, numbers: Iterable[int], name: str, title: str) -> tuple[Bit, ...]:
     return tuple(
-        Bit(first + offset, f"{name}_{number}", title, values=(("number", number),))
+        Bit(first + offset, f"{name}_{number}", title, title_args=(("number", number),))
         for offset, number in enumerate(numbers)
     )
 
@@ -79,32 +79,32 @@ def _numbered(first: int, numbers: Iterable[int], name: str, title: str) -> tupl
 # --- inputs and control flags -----------------------------------------------------------------------------------------
 
 
-def _of_an_axis(select: TerminalLogic) -> tuple[tuple[int, str, str, TerminalLogic], ...]:
+def _of_an_axis(select: TerminalGate) -> tuple[tuple[int, str, str, TerminalGate], ...]:
     return (
-        (0, "servo_on", N_("{axis} servo on"), TerminalLogic.AND),
-        (1, "start", N_("{axis} start"), TerminalLogic.AND),
-        (2, "polarity", N_("{axis} command polarity inverted"), TerminalLogic.AND),
-        (3, "correction", N_("{axis} correction added"), TerminalLogic.AND),
+        (0, "servo_on", N_("{axis} servo on"), TerminalGate.AND),
+        (1, "start", N_("{axis} start"), TerminalGate.AND),
+        (2, "polarity", N_("{axis} command polarity inverted"), TerminalGate.AND),
+        (3, "correction", N_("{axis} correction added"), TerminalGate.AND),
         (4, "select_0", N_("{axis} data select 0"), select),
         (5, "select_1", N_("{axis} data select 1"), select),
         (6, "select_2", N_("{axis} data select 2"), select),
     )
 
 
-_POLARITY: Final = (7, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
-_POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtracted"), TerminalLogic.AND)
+_POLARITY: Final = (7, "correction_polarity", N_("{axis} correction subtracted"), TerminalGate.AND)
+_POLARITY_BX_V1: Final = (11, "correction_polarity", N_("{axis} correction subtracted"), TerminalGate.AND)
 
 # error_reset: the driver clears its errors when this bit changes from 0 to 1. While the bit is 1, the servo is off.
 INPUTS_V1: Final = (
-    *_axis(0, "A/Y", (*_of_an_axis(TerminalLogic.NOT_AND), _POLARITY)),
-    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),
-    *_axis(12, "B/X", (*_of_an_axis(TerminalLogic.NOT_AND), _POLARITY_BX_V1)),
-    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalLogic.OR),
-    Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), TerminalLogic.AND),
-    Bit(25, "bx_torque", N_("B/X torque (0: speed)"), TerminalLogic.AND),
-    Bit(26, "slave", N_("slave (0: master)"), TerminalLogic.AND),
-    Bit(28, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
-    Bit(31, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalLogic.OR),
+    *_axis(0, "A/Y", (*_of_an_axis(TerminalGate.NOT_AND), _POLARITY)),
+    Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalGate.OR),
+    *_axis(12, "B/X", (*_of_an_axis(TerminalGate.NOT_AND), _POLARITY_BX_V1)),
+    Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalGate.OR),
+    Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), TerminalGate.AND),
+    Bit(25, "bx_torque", N_("B/X torque (0: speed)"), TerminalGate.AND),
+    Bit(26, "slave", N_("slave (0: master)"), TerminalGate.AND),
+    Bit(28, "brake_release", N_("brake released (0: with servo and error)"), TerminalGate.AND),
+    Bit(31, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalGate.OR),
 )  # fmt: skip
 CONTROL_V1: Final = (
     *INPUTS_V1,
@@ -112,15 +112,15 @@ CONTROL_V1: Final = (
 )
 
 INPUTS_V2: Final = (
-    *_axis(0, "A/Y", (*_of_an_axis(TerminalLogic.AND), _POLARITY)),
-    *_axis(8, "B/X", (*_of_an_axis(TerminalLogic.AND), _POLARITY)),
-    Bit(16, "ay_torque", N_("A/Y torque (0: speed)"), TerminalLogic.AND),
-    Bit(17, "bx_torque", N_("B/X torque (0: speed)"), TerminalLogic.AND),
-    Bit(18, "slave", N_("master and slave"), TerminalLogic.AND),
-    Bit(19, "brake_release", N_("brake released (0: with servo and error)"), TerminalLogic.AND),
-    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalLogic.OR),
-    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalLogic.OR),
-    Bit(22, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalLogic.OR),
+    *_axis(0, "A/Y", (*_of_an_axis(TerminalGate.AND), _POLARITY)),
+    *_axis(8, "B/X", (*_of_an_axis(TerminalGate.AND), _POLARITY)),
+    Bit(16, "ay_torque", N_("A/Y torque (0: speed)"), TerminalGate.AND),
+    Bit(17, "bx_torque", N_("B/X torque (0: speed)"), TerminalGate.AND),
+    Bit(18, "slave", N_("master and slave"), TerminalGate.AND),
+    Bit(19, "brake_release", N_("brake released (0: with servo and error)"), TerminalGate.AND),
+    Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalGate.OR),
+    Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalGate.OR),
+    Bit(22, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalGate.OR),
 )  # fmt: skip
 CONTROL_V2: Final = (
     *INPUTS_V2,

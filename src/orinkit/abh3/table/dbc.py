@@ -125,7 +125,7 @@ def _id(layout: FrameLayout, address: int, host: int, group: int) -> int:
 
 
 def _comment(layout: FrameLayout) -> str:
-    withheld = " The document withholds it." if layout.withheld else ""
+    withheld = " The document withholds it." if layout.undocumented else ""
     return f"{_sentence(layout.title)} (section {layout.section}).{withheld} {_PRIORITY}"
 
 
@@ -135,12 +135,12 @@ def _comment(layout: FrameLayout) -> str:
 def _data_signals(layout: FrameLayout) -> list[Signal]:
     """Return the signals of a frame with a layout in the table."""
     signals: list[Signal] = []
-    switches = [field.torque for field in layout.fields if field.torque]
+    switches = [field.torque_input for field in layout.fields if field.torque_input]
     for field, start in layout.starts:
         if field.word is not None:
             signals += _flag_signals(field, field.word, start, switches)
-        elif field.quantity is not None and field.torque:
-            switch = f"inputs_{field.torque}"
+        elif field.quantity is not None and field.torque_input:
+            switch = f"inputs_{field.torque_input}"
             signals.append(_number_signal(field, field.quantity, start, switch, 0))
             signals.append(_number_signal(field, CURRENT, start, switch, 1))
         elif field.quantity is not None:

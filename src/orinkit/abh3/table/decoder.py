@@ -75,21 +75,21 @@ class FrameFault(NamedTuple):
 
     Attributes:
         message: The text in English, with placeholders.
-        values: Values of the placeholders.
+        message_args: Values of the placeholders.
     """
 
     message: str
-    values: Values
+    message_args: Values
 
     @property
     def text(self) -> str:
         """The text, in the current language."""
-        return tr(self.message, **dict(self.values))
+        return tr(self.message, **dict(self.message_args))
 
     @property
     def english(self) -> str:
         """The text, in English."""
-        return translate("en", self.message, **dict(self.values))
+        return translate("en", self.message, **dict(self.message_args))
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +225,7 @@ class Decoder:
 
     def _quantity(self, field: SignalField, quantity: Quantity, record: Record) -> Quantity:
         """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
-        is_current = field.torque and int(record.raw_values.get("inputs", 0)) & self.dialect.inputs.masks[field.torque]
+        is_current = field.torque_input and int(record.raw_values.get("inputs", 0)) & self.dialect.inputs.masks[field.torque_input]
         return CURRENT if is_current else quantity
 
     # --- broadcasts (sections 2.3 to 2.9) and requests ----------------------------------------------------------------

@@ -110,7 +110,7 @@ class Codec:
     def _quantity(self, layout: FrameLayout, field: SignalField, inputs: int) -> Quantity:
         """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
         assert field.quantity is not None
-        if field.torque and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque]:
+        if field.torque_input and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque_input]:
             return CURRENT
         return field.quantity
 

@@ -55,7 +55,7 @@ class PackFloat(NamedTuple):
     exponent: int
 
 
-def make(mantissa: int, point: int, exponent: int) -> int:
+def pack(mantissa: int, point: int, exponent: int) -> int:
     """Return the word for three fields.
 
     If the point does not fit in its field, it is combined with the exponent. If the exponent is then too small, the
@@ -83,7 +83,7 @@ def make(mantissa: int, point: int, exponent: int) -> int:
     return (exponent & 0x7F) << 25 | (point & 0xF) << 21 | mantissa & 0x1F_FFFF
 
 
-def parts(word: int) -> PackFloat:
+def unpack(word: int) -> PackFloat:
     """Return the fields of a word.
 
     Raises:
@@ -119,7 +119,7 @@ def from_text(text: str) -> int:
     if point == 0:
         mantissa, point = _with_decimals(mantissa, decimals[1:])
     power = _leading(exponent.lstrip("0"))  # six digits suffice: they exceed every valid exponent
-    return make(-mantissa if sign == "-" else mantissa, point, -power if exponent_sign == "-" else power)
+    return pack(-mantissa if sign == "-" else mantissa, point, -power if exponent_sign == "-" else power)
 
 
 def to_text(word: int) -> str:
@@ -128,7 +128,7 @@ def to_text(word: int) -> str:
     Raises:
         InvalidValue: If the word has more than 32 bits or is negative.
     """
-    mantissa, point, exponent = parts(word)
+    mantissa, point, exponent = unpack(word)
     if abs(mantissa) > _GREATEST:
         return {_PLUS: "+#INF", _MINUS: "-#INF"}.get(mantissa, "#NAN")
     digits = str(abs(mantissa))
@@ -148,7 +148,7 @@ def to_float(word: int) -> float:
     Raises:
         InvalidValue: If the word has more than 32 bits or is negative.
     """
-    mantissa, point, exponent = parts(word)
+    mantissa, point, exponent = unpack(word)
     if abs(mantissa) > _GREATEST:
         return {_PLUS: math.inf, _MINUS: -math.inf}.get(mantissa, math.nan)
     if mantissa == 0:
@@ -191,7 +191,7 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
         mantissa //= 10
         zeros += 1
     point, exponent = _placed(power, zeros)
-    return make(-mantissa if value < 0 else mantissa, point, exponent)
+    return pack(-mantissa if value < 0 else mantissa, point, exponent)
 
 
 def _six_digits(value: float, rounding: Rounding) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from typing import Final
 
 from orinkit.abh3.table import bits as _bits
 from orinkit.abh3.table.bits import Bit as Bit
-from orinkit.abh3.table.bits import TerminalLogic as TerminalLogic
+from orinkit.abh3.table.bits import TerminalGate as TerminalGate
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.validation import brief, real, whole
@@ -196,7 +196,7 @@ class SignalField:
         code: Format of :mod:`struct`, little endian: ``h H i I f``.
         quantity: Quantity of the field; ``None`` for a flag word.
         word: The flag word of the field; ``None`` for a quantity.
-        torque: The input that changes the field to a current in %; ``""`` if there is none.
+        torque_input: The input that changes the field to a current in %; ``""`` if there is none.
     """
 
     name: str
@@ -204,7 +204,7 @@ class SignalField:
     code: str
     quantity: Quantity | None = None
     word: Word | None = None
-    torque: str = ""
+    torque_input: str = ""
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ class FrameLayout:
         dp: Data page in the identifier, 0 or 1.
         broadcast: Number 0 to 7 of a broadcast, otherwise ``None``.
         from_host: True if the host sends this frame.
-        withheld: True if the document withholds this frame ("保留").
+        undocumented: True if the document withholds this frame ("保留").
     """
 
     name: str
@@ -229,7 +229,7 @@ class FrameLayout:
     dp: int = 0
     broadcast: int | None = None
     from_host: bool = False
-    withheld: bool = False
+    undocumented: bool = False
 
     @property
     def struct(self) -> Struct:
@@ -254,13 +254,13 @@ def _flags(name: str, word: Word) -> SignalField:
 
 
 _COMMANDS: Final = (
-    SignalField("ay_command", N_("A/Y command"), "h", VELOCITY, torque="ay_torque"),
-    SignalField("bx_command", N_("B/X command"), "h", VELOCITY, torque="bx_torque"),
+    SignalField("ay_command", N_("A/Y command"), "h", VELOCITY, torque_input="ay_torque"),
+    SignalField("bx_command", N_("B/X command"), "h", VELOCITY, torque_input="bx_torque"),
 )
 _COMMON: Final = (
     FrameLayout("DP1R", N_("pulse counts"), "2.2",
         _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
-        dp=1, withheld=True),
+        dp=1, undocumented=True),
     FrameLayout("BR2", N_("velocities"), "2.5", _of(VELOCITY, "h",
         ("ay_velocity_command", N_("A/Y velocity command")),
         ("bx_velocity_command", N_("B/X velocity command")),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from orinkit.abh3.table.signals import V1, Dialect, TerminalLogic, Word
+from orinkit.abh3.table.signals import V1, Dialect, TerminalGate, Word
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
@@ -37,10 +37,10 @@ class Inputs:
     def __init__(self, dialect: Dialect) -> None:
         self._word = dialect.inputs
         self._io = dialect.io
-        masks = {logic: _mask_of(dialect.inputs, logic) for logic in TerminalLogic}
-        self._and = masks[TerminalLogic.AND]
-        self._not_and = masks[TerminalLogic.NOT_AND]
-        self._or = masks[TerminalLogic.OR]
+        masks = {gate: _mask_of(dialect.inputs, gate) for gate in TerminalGate}
+        self._and = masks[TerminalGate.AND]
+        self._not_and = masks[TerminalGate.NOT_AND]
+        self._or = masks[TerminalGate.OR]
         self._selects = {axis: [dialect.inputs.masks[f"{axis}_select_{n}"] for n in range(3)] for axis in ("ay", "bx")}
         self.can = 0
         self.external = self._and | self._not_and
@@ -118,5 +118,5 @@ def of_states(word: Word, states: Mapping[str, bool]) -> int:
     return sum(word.masks.get(name, 0) for name, on in states.items() if on)
 
 
-def _mask_of(word: Word, logic: TerminalLogic) -> int:
-    return sum(1 << bit.number for bit in word.bits if bit.logic is logic)
+def _mask_of(word: Word, gate: TerminalGate) -> int:
+    return sum(1 << bit.number for bit in word.bits if bit.gate is gate)

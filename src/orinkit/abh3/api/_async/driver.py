@@ -93,7 +93,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return await self._run(self.host.init(), safe_when_stopped=True)
+        return await self._run(self.host.init(), causes_motion=False)
 
     async def command(self, ay: float | None = None, bx: float | None = None) -> F:
         """Send commands and return the feedback (4.2, 4.3, abh3_can_cmdAY, cmdBX, cmd).
@@ -143,7 +143,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return await self._run(self.host.stop(), safe_when_stopped=True)
+        return await self._run(self.host.stop(), causes_motion=False)
 
     async def stop_and_wait(self, seconds: float = 5.0) -> F:
         """Repeat :meth:`stop` until both motors stand still, and return the feedback; the servo stays on.
@@ -156,7 +156,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
             TransportError: If the bus is broken or closed.
         """
-        return await self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), safe_when_stopped=True)
+        return await self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), causes_motion=False)
 
     async def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; afterwards the commands are 0, and servo and start are off.
@@ -173,7 +173,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return await self._run(self.host.reset_errors(tries), safe_when_stopped=True)
+        return await self._run(self.host.reset_errors(tries), causes_motion=False)
 
     # --- requests (4.6, 4.7) ------------------------------------------------------------------------------------------
 
@@ -281,7 +281,7 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             TransportError: If the bus is broken or closed.
         """
         self._check_open()
-        self.feed()
+        self.restart_idle_time()
         return await self.bus.exchange(message, self.host)
 
     async def read_parameter(self, address: int) -> ParameterValue:
@@ -392,14 +392,14 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.end_if_delayed(now)  # checked first: a driver that has stopped by itself must not start again
-            if end is None and timer.due <= now:
+            end = timer.end_reason_if_delayed(now)  # checked first: a driver that has stopped by itself must not start again
+            if end is None and timer.next_time <= now:
                 await self._repeat_command(timer)
-            end = end or timer.end(monotonic())
+            end = end or timer.end_reason(monotonic())
             if end is not None:
                 await self._end_timer(end, timer)
                 return None
-            return max(0.0, timer.due - monotonic())
+            return max(0.0, timer.next_time - monotonic())
 
     async def _repeat_command(self, timer: KeepAliveTimer) -> None:
         sent_at = monotonic()
@@ -466,26 +466,26 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
         if self._port.closed:
             raise closed()
 
-    def feed(self) -> None:
+    def restart_idle_time(self) -> None:
         """Restart the idle time of the keep-alive, as every call does."""
         timer = self._keep_alive_timer
         if timer is not None:
             timer.called(monotonic())
 
-    async def _run(self, operation: CanOperation[R], *, safe_when_stopped: bool = False) -> R:
+    async def _run(self, operation: CanOperation[R], *, causes_motion: bool = True) -> R:
         """Run an operation.
 
         Args:
             operation: The operation.
-            safe_when_stopped: True if the operation starts no motion. It then runs even if the keep-alive has ended
+            causes_motion: True if the operation may start a motion. Otherwise it runs even if the keep-alive has ended
                 with a DriverTimeout that no call has raised yet.
         """
         async with self._lock:
             ended, self._ended = self._ended, None
-            if ended is not None and not safe_when_stopped:
+            if ended is not None and causes_motion:
                 operation.close()
                 raise ended
-            self.feed()
+            self.restart_idle_time()
             timer = self._keep_alive_timer
             return await self.bus.run(
                 operation if timer is None else report_commands(operation, timer, self.host, monotonic), self._port

@@ -91,7 +91,7 @@ class Driver(Closing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.init(), safe_when_stopped=True)
+        return self._run(self.host.init(), causes_motion=False)
 
     def command(self, ay: float | None = None, bx: float | None = None) -> F:
         """Send commands and return the feedback (4.2, 4.3, abh3_can_cmdAY, cmdBX, cmd).
@@ -141,7 +141,7 @@ class Driver(Closing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.stop(), safe_when_stopped=True)
+        return self._run(self.host.stop(), causes_motion=False)
 
     def stop_and_wait(self, seconds: float = 5.0) -> F:
         """Repeat :meth:`stop` until both motors stand still, and return the feedback; the servo stays on.
@@ -154,7 +154,7 @@ class Driver(Closing, Generic[F, S]):
             DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
             TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), safe_when_stopped=True)
+        return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), causes_motion=False)
 
     def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; afterwards the commands are 0, and servo and start are off.
@@ -171,7 +171,7 @@ class Driver(Closing, Generic[F, S]):
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
-        return self._run(self.host.reset_errors(tries), safe_when_stopped=True)
+        return self._run(self.host.reset_errors(tries), causes_motion=False)
 
     # --- requests (4.6, 4.7) ------------------------------------------------------------------------------------------
 
@@ -279,7 +279,7 @@ class Driver(Closing, Generic[F, S]):
             TransportError: If the bus is broken or closed.
         """
         self._check_open()
-        self.feed()
+        self.restart_idle_time()
         return self.bus.exchange(message, self.host)
 
     def read_parameter(self, address: int) -> ParameterValue:
@@ -388,14 +388,16 @@ class Driver(Closing, Generic[F, S]):
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.end_if_delayed(now)  # checked first: a driver that has stopped by itself must not start again
-            if end is None and timer.due <= now:
+            end = timer.end_reason_if_delayed(
+                now
+            )  # checked first: a driver that has stopped by itself must not start again
+            if end is None and timer.next_time <= now:
                 self._repeat_command(timer)
-            end = end or timer.end(monotonic())
+            end = end or timer.end_reason(monotonic())
             if end is not None:
                 self._end_timer(end, timer)
                 return None
-            return max(0.0, timer.due - monotonic())
+            return max(0.0, timer.next_time - monotonic())
 
     def _repeat_command(self, timer: KeepAliveTimer) -> None:
         sent_at = monotonic()
@@ -462,26 +464,26 @@ class Driver(Closing, Generic[F, S]):
         if self._port.closed:
             raise closed()
 
-    def feed(self) -> None:
+    def restart_idle_time(self) -> None:
         """Restart the idle time of the keep-alive, as every call does."""
         timer = self._keep_alive_timer
         if timer is not None:
             timer.called(monotonic())
 
-    def _run(self, operation: CanOperation[R], *, safe_when_stopped: bool = False) -> R:
+    def _run(self, operation: CanOperation[R], *, causes_motion: bool = True) -> R:
         """Run an operation.
 
         Args:
             operation: The operation.
-            safe_when_stopped: True if the operation starts no motion. It then runs even if the keep-alive has ended
+            causes_motion: True if the operation may start a motion. Otherwise it runs even if the keep-alive has ended
                 with a DriverTimeout that no call has raised yet.
         """
         with self._lock:
             ended, self._ended = self._ended, None
-            if ended is not None and not safe_when_stopped:
+            if ended is not None and causes_motion:
                 operation.close()
                 raise ended
-            self.feed()
+            self.restart_idle_time()
             timer = self._keep_alive_timer
             return self.bus.run(
                 operation if timer is None else report_commands(operation, timer, self.host, monotonic), self._port
