@@ -10,7 +10,7 @@ import pytest
 
 import orinkit
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cli._shared.output import plain, text
+from orinkit.cli._shared.output import jsonable, text
 from orinkit.cli.commands.put import read_values
 from orinkit.core import i18n
 from orinkit.core.hresult import MOTOR_NOT_ON
@@ -160,7 +160,7 @@ def test_values_as_text(value, shown):
     ],
 )
 def test_values_as_json(value, expected):
-    assert plain(value) == expected
+    assert jsonable(value) == expected
 
 
 def test_a_lone_surrogate_is_valid_in_json(run, url, rc8):

@@ -130,7 +130,7 @@ def test_positions(run, rc8, url, tmp_path):
     assert report["largest_deviation"]["RX"] == pytest.approx(0, abs=1e-3)  # also across the step from 180 to -180
     trace = read_trace(path)
     assert trace.names == ["X", "Y", "Z", "RX", "RY", "RZ"]
-    assert [trace.names[place] for place in trace.moving()] == ["Y"]
+    assert [trace.names[index] for index in trace.changing()] == ["Y"]
     assert trace.actual
 
 
@@ -318,15 +318,15 @@ def sample(number: int, value: float, actual: float | None) -> Sample:
 def test_without_feedback_there_is_no_deviation():
     trace = trace_of([sample(0, 0, 0), sample(1, 5, None)], "J", PERIOD)
     assert trace.actual == []
-    assert trace.largest(0) == 0
+    assert trace.largest_deviation(0) == 0
     assert trace.times == [0, PERIOD]
     assert trace_of([], "J", PERIOD).times == []
 
 
 def test_angles_are_compared_the_shorter_way():
     trace = StreamTrace([0.0], ["X", "RX", "J7"], [[0.0, 179.0, 0.0]], [[2.0, -179.0, 360.0]])
-    assert [trace.largest(place) for place in range(3)] == pytest.approx([2.0, 2.0, 360.0])
-    assert [trace.unit(place) for place in range(3)] == ["mm", "deg", ""]
+    assert [trace.largest_deviation(index) for index in range(3)] == pytest.approx([2.0, 2.0, 360.0])
+    assert [trace.unit(index) for index in range(3)] == ["mm", "deg", ""]
 
 
 # --- recordings as files ----------------------------------------------------------------------------------------------
@@ -347,7 +347,7 @@ def test_a_recording_can_be_read(recording):
     trace = read_trace(recording)
     assert trace.names == ["J1", "J2", "J3", "J4", "J5", "J6"]
     assert list(trace.times) == pytest.approx([number * PERIOD for number in range(2000)])
-    assert trace.largest(0) == pytest.approx(0.5)
+    assert trace.largest_deviation(0) == pytest.approx(0.5)
     assert trace.command[100][0] == pytest.approx(1.0)
 
 

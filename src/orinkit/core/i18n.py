@@ -10,12 +10,19 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, Protocol
 
 if TYPE_CHECKING:
     from gettext import NullTranslations
 
 Language = Literal["en", "ja"]
+
+
+class Translate(Protocol):
+    """Returns a message in one language, the current one or another, like :func:`tr`."""
+
+    def __call__(self, message: str, /, **values: object) -> str:
+        """Return the message."""
 
 
 def _from_environment() -> Language:

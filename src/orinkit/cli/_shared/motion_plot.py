@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from orinkit.cli._shared.motion_record import MotionRecording
-from orinkit.cli._shared.picture import DASHES, Translate
-from orinkit.core.i18n import N_, tr
+from orinkit.cli._shared.picture import DASHES
+from orinkit.core.i18n import N_, Translate, tr
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -35,21 +35,21 @@ def text(value: Variant) -> str:
     return data.replace(",", " ") if vt & ARRAY and vt & ~ARRAY != VarType.VARIANT else data
 
 
-def typed(value: Variant) -> dict[str, Any]:
+def typed_document(value: Variant) -> dict[str, Any]:
     """Return a value for JSON, with its type and its VARIANT notation."""
-    return {"type": type_name(value.type), "value": plain(value.plain), "notation": format_variant(value)}
+    return {"type": type_name(value.type), "value": jsonable(value.plain), "notation": format_variant(value)}
 
 
-def plain(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
     """Convert a value to types that JSON supports.
 
     ``bytes`` become a string of hex digits, ``datetime`` ISO 8601 local time, ``Decimal`` a string of its digits; a
     number that is not finite becomes ``"NaN"``, ``"Infinity"`` or ``"-Infinity"``.
     """
     if isinstance(value, Variant):
-        return plain(value.plain)
+        return jsonable(value.plain)
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+        return [jsonable(item) for item in value]
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, datetime):

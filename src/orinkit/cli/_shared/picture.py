@@ -8,21 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core import i18n
-from orinkit.core.i18n import tr, translate
+from orinkit.core.i18n import Translate, tr, translate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-class Translate(Protocol):
-    """Returns a message in the language of the picture, like :func:`orinkit.core.i18n.tr`."""
-
-    def __call__(self, message: str, /, **values: object) -> str:
-        """Return the message."""
 
 
 Drawing: TypeAlias = "Callable[[Figure, Translate], None]"

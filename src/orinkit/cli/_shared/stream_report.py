@@ -73,7 +73,7 @@ class StreamReport:
                 "histogram_ms": {str(place): count for place, count in timing.histogram(_WIDTH).items()},
             },
             "real_time": {"priority": self.real_time.priority, "memory_locked": self.real_time.locked},
-            "largest_deviation": {name: trace.largest(place) for place, name in enumerate(trace.names)}
+            "largest_deviation": {name: trace.largest_deviation(index) for index, name in enumerate(trace.names)}
             if trace.actual
             else None,
             "record": self.record,
@@ -84,7 +84,8 @@ class StreamReport:
         if not trace.actual:
             return tr("no feedback")
         parts = [
-            f"{name} {trace.largest(place):.3f}{_unit(trace.unit(place))}" for place, name in enumerate(trace.names)
+            f"{name} {trace.largest_deviation(index):.3f}{_unit(trace.unit(index))}"
+            for index, name in enumerate(trace.names)
         ]
         late = tr("the feedback lags the command by some cycles")
         return "  ".join(parts) + f"\n({late})"

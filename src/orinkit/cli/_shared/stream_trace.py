@@ -48,28 +48,28 @@ class StreamTrace:
     command: Sequence[Sequence[float]]
     actual: Sequence[Sequence[float]]
 
-    def unit(self, place: int) -> str:
+    def unit(self, index: int) -> str:
         """Return the unit of a value; ``""`` for joints 7 and 8, whose unit is unknown."""
-        name = self.names[place]
+        name = self.names[index]
         if name in _ROTATIONS or (name[0] == "J" and int(name[1:]) <= _ROBOT_AXES):
             return "deg"
         return "mm" if name in ("X", "Y", "Z") else ""
 
-    def deviations(self, place: int) -> list[float]:
+    def deviations(self, index: int) -> list[float]:
         """Return actual minus command for each time; for rotations, the smaller of the two possible angles."""
-        off = [actual[place] - command[place] for command, actual in zip(self.command, self.actual, strict=True)]
-        if self.names[place] in _ROTATIONS:
+        off = [actual[index] - command[index] for command, actual in zip(self.command, self.actual, strict=True)]
+        if self.names[index] in _ROTATIONS:
             return [(value + _TURN / 2) % _TURN - _TURN / 2 for value in off]
         return off
 
-    def largest(self, place: int) -> float:
+    def largest_deviation(self, index: int) -> float:
         """Return the largest deviation of a value; 0 if there is no feedback."""
-        return max(map(abs, self.deviations(place)), default=0.0) if self.actual else 0.0
+        return max(map(abs, self.deviations(index)), default=0.0) if self.actual else 0.0
 
-    def moving(self) -> list[int]:
+    def changing(self) -> list[int]:
         """Return the indices of the values that change."""
         columns = list(zip(*self.command, strict=True))
-        return [place for place, column in enumerate(columns) if max(column) - min(column) > _STILL]
+        return [index for index, column in enumerate(columns) if max(column) - min(column) > _STILL]
 
 
 def trace_of(samples: Iterable[Sample], pose_type: PoseKind, period: float) -> StreamTrace:

@@ -7,7 +7,7 @@ from typing import Any
 
 from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import Flags
-from orinkit.cli._shared.output import plain
+from orinkit.cli._shared.output import jsonable
 
 
 def line(decoded: DecodedFrame) -> str:
@@ -20,7 +20,7 @@ def json_line(decoded: DecodedFrame) -> str:
     """Return the frame as a JSON object on one line."""
     frame = decoded.frame
     document: dict[str, Any] = {
-        "time": plain(frame.time),
+        "time": jsonable(frame.time),
         "id": f"{frame.id:08X}",
         "data": frame.data.hex(),
         "name": decoded.name,
@@ -36,4 +36,4 @@ def json_line(decoded: DecodedFrame) -> str:
 def _plain(content: object) -> Any:
     if isinstance(content, Flags):
         return {"value": content.value, "on": list(content)}
-    return plain(content)
+    return jsonable(content)

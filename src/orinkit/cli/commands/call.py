@@ -71,7 +71,7 @@ def call(
     json: Json = False,
 ) -> None:  # fmt: skip
     """Call a function of the table and print its result."""
-    from orinkit.cli._shared.output import plain, print_json, text, typed
+    from orinkit.cli._shared.output import jsonable, print_json, text, typed_document
 
     entry = _find(function)
     _check_options(entry, owning, other)
@@ -86,8 +86,8 @@ def call(
             reply = _request(controller, entry, arguments)
     name = lookup(reply.code).name
     if json:
-        result = None if reply.value is None else typed(reply.value)
-        print_json({"function": entry.name, "id": entry.id, "arguments": [plain(argument) for argument in arguments],
+        result = None if reply.value is None else typed_document(reply.value)
+        print_json({"function": entry.name, "id": entry.id, "arguments": [jsonable(argument) for argument in arguments],
                     "code": reply.code, "code_name": name, "result": result})  # fmt: skip
     else:
         print(name if reply.value is None else text(reply.value))

@@ -26,12 +26,12 @@ def get(
 ) -> None:
     """Read a variable and print its value."""
     from orinkit import functions
-    from orinkit.cli._shared.output import print_json, text, typed
+    from orinkit.cli._shared.output import print_json, text, typed_document
 
     with connection.opened(url) as controller:
         variable = owning.of(controller).variable(name)
         value = controller.client.request(functions.variable_get_value, variable.handle, exact=True).value
     if json:
-        print_json({"name": name, **typed(value)})
+        print_json({"name": name, **typed_document(value)})
     else:
         print(text(value))

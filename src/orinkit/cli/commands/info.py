@@ -19,24 +19,24 @@ _SHOWN_NAMES: Final = 12
 
 def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json = False) -> None:
     """Print type, version, mode, errors, counts and names; omit those that the controller does not report."""
-    from orinkit.cli._shared.output import plain, print_json
+    from orinkit.cli._shared.output import jsonable, print_json
 
     with connection.opened(url) as controller:
         facts = {key: _ask(question, controller) for key, question in _QUESTIONS.items()}
         facts["variables"] = {name: _ask(_reader(f"@VAR_{name}_LEN"), controller) for name in _CLASSES}
         facts["names"] = {key: _ask(question, controller) for key, question in _NAMES.items()}
     if json:
-        print_json({"url": url, **plain_facts(facts, plain)})
+        print_json({"url": url, **jsonable_facts(facts, jsonable)})
     else:
         for line in lines(url, facts):
             print(line)
 
 
-def plain_facts(facts: Any, plain: Callable[[Any], Any]) -> Any:
+def jsonable_facts(facts: Any, jsonable: Callable[[Any], Any]) -> Any:
     """Convert the facts to types that JSON supports."""
     if isinstance(facts, dict):
-        return {key: plain_facts(value, plain) for key, value in facts.items()}
-    return plain(facts)
+        return {key: jsonable_facts(value, jsonable) for key, value in facts.items()}
+    return jsonable(facts)
 
 
 def _reader(name: str) -> Callable[[orinkit.Controller], Any]:

@@ -42,14 +42,14 @@ class PendantAction:
 
     Attributes:
         command: Command of the control port.
-        values: The arguments of the action, for people.
+        metavar: The arguments of the action, for people.
         read: Function that returns the parameter of the command from the arguments, or raises CommandError.
         shows: Items of the status that are shown afterwards; if empty, all items are shown.
         waits: True if the action supports ``--wait``.
     """
 
     command: str
-    values: str
+    metavar: str
     read: Callable[[PendantArguments], Any]
     shows: tuple[str, ...] = ()
     waits: bool = False
@@ -71,11 +71,11 @@ class PendantArguments:
 
     def none(self) -> None:
         """Check that there are no words."""
-        self.count(0)
+        self.words(0)
 
     def one(self) -> str:
         """Return the only word."""
-        return self.count(1)[0]
+        return self.words(1)[0]
 
     def flag(self) -> bool:
         """Return True for ``on`` and False for ``off``."""
@@ -91,7 +91,7 @@ class PendantArguments:
         except ValueError:
             raise self.wrong() from None
 
-    def count(self, least: int, most: int | None = None) -> tuple[str, ...]:
+    def words(self, least: int, most: int | None = None) -> tuple[str, ...]:
         """Return the words after checking their number."""
         if not least <= len(self.given) <= (least if most is None else most):
             raise self.wrong()
@@ -102,40 +102,40 @@ class PendantArguments:
         return usage_error(tr("usage: {usage}", usage=self.usage))
 
 
-def _jog(words: PendantArguments) -> list[float]:
-    words.count(2)
-    axis, distance = words.number(0), words.number(1)
+def _jog(given: PendantArguments) -> list[float]:
+    given.words(2)
+    axis, distance = given.number(0), given.number(1)
     if not axis.is_integer():
-        raise words.wrong()
-    return [int(axis), distance, int(words.wait)]
+        raise given.wrong()
+    return [int(axis), distance, int(given.wait)]
 
 
-def _whole(words: PendantArguments) -> int:
-    words.count(1)
-    number = words.number(0)
+def _whole(given: PendantArguments) -> int:
+    given.words(1)
+    number = given.number(0)
     if not number.is_integer():
-        raise words.wrong()
+        raise given.wrong()
     return int(number)
 
 
-def _workpiece(words: PendantArguments) -> list[float] | None:
-    word = words.one()
-    return None if word.lower() == "none" else [words.number(0)]
+def _workpiece(given: PendantArguments) -> list[float] | None:
+    word = given.one()
+    return None if word.lower() == "none" else [given.number(0)]
 
 
 _STOPS: Final = ("motor", "error")
 ACTIONS: Final[dict[str, PendantAction]] = {
-    "mode": PendantAction("Mode", "manual|teach|auto", lambda words: read_mode(words.one()), ("mode",)),
+    "mode": PendantAction("Mode", "manual|teach|auto", lambda given: read_mode(given.one()), ("mode",)),
     "token": PendantAction("Token", "any|tp|io|ethernet[:ADDRESS]", PendantArguments.one, ("token",)),
     "estop": PendantAction("EmergencyStop", "on|off", PendantArguments.flag, ("emergency_stop", *_STOPS)),
     "protective": PendantAction("ProtectiveStop", "on|off", PendantArguments.flag, ("protective_stop", *_STOPS)),
     "auto-enable": PendantAction("AutoEnable", "on|off", PendantArguments.flag, ("auto_enable", *_STOPS)),
     "deadman": PendantAction("Deadman", "on|off", PendantArguments.flag, ("deadman",)),
-    "motor": PendantAction("Motor", "on|off", lambda words: [words.flag(), words.wait], ("motor",), waits=True),
+    "motor": PendantAction("Motor", "on|off", lambda given: [given.flag(), given.wait], ("motor",), waits=True),
     "jog": PendantAction("Jog", "AXIS DISTANCE", _jog, ("moving", "joints"), waits=True),
     "lock": PendantAction("MachineLock", "on|off", PendantArguments.flag, ("machine_lock",)),
     "slave-limit": PendantAction("SlaveLimit", "0|1|2|3", _whole, ("slave_limit",)),
-    "error": PendantAction("RaiseError", "NAME|0xCODE [MESSAGE]", lambda words: list(words.count(1, 2)), ("error",)),
+    "error": PendantAction("RaiseError", "NAME|0xCODE [MESSAGE]", lambda given: list(given.words(1, 2)), ("error",)),
     "clear": PendantAction("ClearErrors", "", PendantArguments.none, ("error",)),
     "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
     "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
@@ -152,7 +152,7 @@ def pendant(
     action: Annotated[
         str,
         Parameter(
-            help=tr("One of: ") + ", ".join(f"{name} {each.values}".rstrip() for name, each in ACTIONS.items()) + "."
+            help=tr("One of: ") + ", ".join(f"{name} {each.metavar}".rstrip() for name, each in ACTIONS.items()) + "."
         ),
     ],
     /,
@@ -188,7 +188,7 @@ def pendant(
     from orinkit.cli._shared.terminal import one_line
 
     wanted = _find(action)
-    usage = f"{action} {wanted.values}".rstrip() + (" [--wait]" if wanted.waits else "")
+    usage = f"{action} {wanted.metavar}".rstrip() + (" [--wait]" if wanted.waits else "")
     if wait and not wanted.waits:
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
@@ -242,9 +242,9 @@ def _denied(url: str, *, known: bool) -> CommandError:
     )
 
 
-def _press(url: str, connection: ConnectionOptions, action: PendantAction, words: PendantArguments) -> dict[str, Any]:
+def _press(url: str, connection: ConnectionOptions, action: PendantAction, given: PendantArguments) -> dict[str, Any]:
     """Press a button and return the resulting status."""
-    parameter = action.read(words)
+    parameter = action.read(given)
     try:
         controller = connection.open(url)
     except AccessDenied:
@@ -260,7 +260,7 @@ def _press(url: str, connection: ConnectionOptions, action: PendantAction, words
             try:
                 controller.execute(action.command, parameter)
             except InvalidArgument as error:  # the reply contains the return code only, not the reason
-                raise CommandError(f"{error} {words.wrong()}") from None
+                raise CommandError(f"{error} {given.wrong()}") from None
         return _status(controller.execute("Status"))
 
 

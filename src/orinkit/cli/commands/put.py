@@ -37,7 +37,7 @@ def put(
 ) -> None:  # fmt: skip
     """Write a variable; the controller converts the value to the type of the variable if possible."""
     from orinkit import functions
-    from orinkit.cli._shared.output import print_json, text, typed
+    from orinkit.cli._shared.output import print_json, text, typed_document
     from orinkit.cli._shared.terminal import one_line
 
     new = read_values(value)
@@ -52,7 +52,7 @@ def put(
             raise
         raise CommandError(f"{error} {_type_hint()}") from None
     if json:
-        print_json({"name": name, **typed(new)})
+        print_json({"name": name, **typed_document(new)})
     else:
         print(f"{name} = {one_line(text(new))}")
 

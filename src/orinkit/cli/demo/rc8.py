@@ -241,7 +241,7 @@ class DemoRun:
         self._client = client
         self._rc8 = rc8
         self._transcript = transcript
-        self._kept: dict[str, Any] = {}
+        self._saved: dict[str, Any] = {}
 
     def carry_out(self, step: DemoStep | StreamStep) -> StepOutcome:
         """Execute a step: a call, or a stream."""
@@ -267,8 +267,8 @@ class DemoRun:
             return self._client.request(step.function, *arguments).value
 
         value = self._watch.during(request, log=step.log) if step.watch else request()
-        if step.keep:
-            self._kept[step.keep] = value
+        if step.save_as:
+            self._saved[step.save_as] = value
 
     def _stream(self, step: StreamStep, first: int) -> StepOutcome:
         from orinkit.cli.demo import stream
@@ -298,7 +298,7 @@ class DemoRun:
         """Return an argument; a HandleOf is replaced by the result of the earlier step."""
         from orinkit.cli.demo.steps import HandleOf
 
-        return self._kept[argument.name] if isinstance(argument, HandleOf) else argument
+        return self._saved[argument.name] if isinstance(argument, HandleOf) else argument
 
 
 def compare(packets: list[TracedPacket], step: DemoStep) -> str:

@@ -43,7 +43,7 @@ class DemoStep:
         function: The function to call.
         arguments: Its arguments; a :class:`HandleOf` for a handle.
         check: Checks the reply.
-        keep: Name under which the result is stored for later steps, usually a handle.
+        save_as: Name under which the result is stored for later steps, usually a handle.
         before: Called with the virtual controller before the call.
         watch: True to show the joint position while the call is executing.
         log: True to keep the control log of the motion, for a picture.
@@ -54,7 +54,7 @@ class DemoStep:
     function: Function[..., Any]
     arguments: tuple[Any, ...]
     check: Check
-    keep: str = ""
+    save_as: str = ""
     before: Callable[[VirtualRC8], None] | None = None
     watch: bool = False
     log: bool = False
@@ -144,7 +144,7 @@ _ENTER: Final[tuple[DemoStep, ...]] = (
     DemoStep(N_("Start the service of this connection"), "RC8 3.1.1",
          f.service_start, (), nothing),
     DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
-         f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+         f.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, save_as=_CONTROLLER.name),
 )
 _LEAVE: Final[tuple[DemoStep, ...]] = (
     DemoStep(N_("Disconnect from the controller"), "RC8 3.1.4",
@@ -169,7 +169,7 @@ _AUTOMATIC: Final = 3
 LIST_3_1: Final[tuple[DemoStep, ...]] = (
     *_ENTER,
     DemoStep(N_("Connect to the variable IO150"), "RC8 3.1.2",
-         f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, keep=_IO150.name),
+         f.controller_get_variable, (_CONTROLLER, "IO150", ""), a_handle, save_as=_IO150.name),
     DemoStep(N_("Read it: the point is off"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, False)),
     DemoStep(N_("Write IO150 as the sample does: VT_I4 -1"), "RC8 3.1.7",
@@ -177,7 +177,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
     DemoStep(N_("Read it back: the point is on"), "RC8 3.1.3",
          f.variable_get_value, (_IO150,), exactly(VarType.BOOL, True)),
     DemoStep(N_("Connect to the system variable @MODE"), "RC8 3.1.6",
-         f.controller_get_variable, (_CONTROLLER, "@MODE", ""), a_handle, keep=_MODE.name),
+         f.controller_get_variable, (_CONTROLLER, "@MODE", ""), a_handle, save_as=_MODE.name),
     DemoStep(N_("Read it: 3, automatic"), "RC8 2.2",
          f.variable_get_value, (_MODE,), exactly(VarType.I4, _AUTOMATIC)),
     DemoStep(N_("The demo has caused an error in the virtual RC8: read the number of errors"), "RC8 3.3.6",
@@ -217,7 +217,7 @@ _CYCLE_STOP: Final = 3
 LIST_3_2: Final[tuple[DemoStep, ...]] = (
     *_ENTER,
     DemoStep(N_("Connect to the task Pro1"), "RC8 3.2.1",
-         f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, keep=_TASK.name),
+         f.controller_get_task, (_CONTROLLER, "Pro1", ""), a_handle, save_as=_TASK.name),
     DemoStep(N_("Start the task in continuous mode; the motor has been switched on at the pendant"), "RC8 3.2.2",
          f.task_start, (_TASK, _CONTINUOUS, ""), nothing, before=_motor_on),
     DemoStep(N_("Check that the task is running"), "RC8 3.2",
@@ -254,7 +254,7 @@ def near_p1(answer: list[Variant]) -> str:
 LIST_3_3: Final[tuple[DemoStep, ...]] = (
     *_ENTER,
     DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
-         f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, keep=_ROBOT.name),
+         f.controller_get_robot, (_CONTROLLER, "Arm", ""), a_handle, save_as=_ROBOT.name),
     DemoStep(N_("Take the arm, as the sample does: an empty text"), "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Takearm", ""), exactly(VarType.EMPTY)),
     DemoStep(N_("Switch the motor on, as the sample does: the text 1"), "RC8 3.3.3",
@@ -306,11 +306,11 @@ LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
     DemoStep(N_("Start the service of this connection, with a watchdog"), "RC8 3.1.1",
          f.service_start, ("WDT=400",), nothing),
     DemoStep(N_("Connect to the controller"), "RC8 3.1.2",
-         f.controller_connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, keep=_CONTROLLER.name),
+         f.controller_connect, ("b-CAP", "CaoProv.DENSO.VRC", "localhost", ""), a_handle, save_as=_CONTROLLER.name),
     DemoStep(N_("Clear errors"), "RC8 4.7.1",
          f.controller_execute, (_CONTROLLER, "ClearError", None), exactly(VarType.EMPTY)),
     DemoStep(N_("Connect to the robot"), "RC8 3.3.1",
-         f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, keep=_ROBOT.name),
+         f.controller_get_robot, (_CONTROLLER, "Robot", ""), a_handle, save_as=_ROBOT.name),
     DemoStep(N_("Take the arm without resetting speeds, tool and work"),
          "RC8 3.3.2",
          f.robot_execute, (_ROBOT, "Takearm", [0, 1]), exactly(VarType.EMPTY)),
@@ -321,7 +321,7 @@ LIST_4_1: Final[tuple[DemoStep | StreamStep, ...]] = (
     DemoStep(N_("Move to the first pose; meanwhile the joints are read over a second connection"), "RC8 4.6.1",
          f.robot_move, (_ROBOT, 1, "@E J(45, 30, 120, 0, -60, 0)", ""), nothing, watch=True),
     DemoStep(N_("Read the current joints"), "RC8 4.9",
-         f.robot_execute, (_ROBOT, "CurJnt", None), near_first, keep=_JOINTS.name),
+         f.robot_execute, (_ROBOT, "CurJnt", None), near_first, save_as=_JOINTS.name),
     StreamStep(N_(
 "Slave mode 0, J type: three periods of a sine, a set-point every 8 ms, then the last "
 "pose again; then slave mode off"), "RC8 4.9",

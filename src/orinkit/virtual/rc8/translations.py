@@ -3,16 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Protocol
 
-from orinkit.core.i18n import Language, tr, translate
-
-
-class Translate(Protocol):
-    """Returns a message in the controller's language, like :func:`orinkit.core.i18n.tr`."""
-
-    def __call__(self, message: str, /, **values: object) -> str:
-        """Return the message."""
+from orinkit.core.i18n import Language, Translate, tr, translate
 
 
 def translator(language: Language | None) -> Translate:

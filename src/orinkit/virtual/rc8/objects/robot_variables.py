@@ -9,14 +9,13 @@ from typing import Any, Final
 from orinkit.cao.provider import Deferred, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.core.i18n import N_
+from orinkit.core.i18n import N_, Translate
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot import state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.translations import Translate
 from orinkit.virtual.rc8.variables import conversion
 
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY

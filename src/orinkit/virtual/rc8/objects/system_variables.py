@@ -8,11 +8,10 @@ from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.core.i18n import N_, tr
+from orinkit.core.i18n import N_, Translate, tr
 from orinkit.values.variant import Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.state import Operation, RC8State
-from orinkit.virtual.rc8.translations import Translate
 from orinkit.virtual.rc8.variables import conversion, types
 
 
