@@ -358,9 +358,9 @@ class World:
                 self.heard = self.now
             elif event.what == "done":
                 self.answer(self.busy)
-            elif self.server.stale_bytes and self.now - self.heard >= SILENCE:
+            elif self.server.discardable_bytes and self.now - self.heard >= SILENCE:
                 self.act(self.server.discard_incomplete(self.now))
-            if self.server.stale_bytes:
+            if self.server.discardable_bytes:
                 self.later(SILENCE, "silence")
         self.now = until
         return None

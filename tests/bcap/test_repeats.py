@@ -424,9 +424,9 @@ def test_silence_on_a_line():
     line = Line(LINE)
     half = line.data(5, 5, CALL, 3)[:10]
     assert list(line.server.receive(half, NOW)) == []
-    assert line.server.stale_bytes == 10
+    assert line.server.discardable_bytes == 10
     assert list(line.server.discard_incomplete(NOW)) == []
-    assert line.server.stale_bytes == 0
+    assert line.server.discardable_bytes == 0
     noise = b"\x01\x00\x10\x00\x00"
     assert list(line.server.receive(noise + line.data(5, 5, CALL, 3) + line.data(6, 6, CALL, 3), NOW)) == []
     actions = line.server.discard_incomplete(NOW)
@@ -460,7 +460,7 @@ def test_no_packet_inside_an_incomplete_one():
     list(line.server.receive(b"\x01\x00\xf0\x00\x00" + broken + b"\x01\x12\x00\x00\x00", line.now))
     line.now += 1.0
     assert list(line.server.receive(b"\xaa" * 40, line.now)) == []
-    assert line.server.stale_bytes > 0
+    assert line.server.discardable_bytes > 0
     assert STREAM.framer(PacketLimits()).resync() is None
     assert DATAGRAM.framer(PacketLimits()).resync() is None
 
@@ -478,7 +478,7 @@ def test_only_a_shared_line_is_searched():
 def test_a_stream_has_no_pending_bytes():
     server = ServerConversation()
     list(server.receive(b"\x01\x20", NOW))
-    assert server.stale_bytes == 0
+    assert server.discardable_bytes == 0
 
 
 def test_the_ve026a_echoes_the_reserved_field():

@@ -240,7 +240,7 @@ def test_a_delayed_call_has_its_full_time():
     server.finish(next(actions), 0, None)
     server.update_time(1000.0)
     assert next(actions).serial == 2
-    assert server.deadline() == 1005.0
+    assert server.next_time() == 1005.0
 
 
 def test_options_may_come_in_a_one_element_array():
@@ -275,28 +275,28 @@ def test_only_service_start_sets_options():
 
 def test_nothing_is_due_while_nothing_is_executed():
     server = start("WDT=400")
-    assert server.deadline() is None
+    assert server.next_time() is None
     assert server.tick(NOW + 1e6) == b""
 
 
 def test_executing_is_reported_every_wdt():
     server = start("WDT=400")
     call = executed(server, request(2, 72, 3, 1, "P1", ""))
-    assert server.deadline() == NOW + 0.4
+    assert server.next_time() == NOW + 0.4
     assert server.tick(NOW + 0.399) == b""
     for late in (0.4, 0.85, 1.25):
         assert packet.decode(server.tick(NOW + late)) == Packet(2, hresult.S_EXECUTING)
         assert server.tick(NOW + late) == b"", "it is sent once"
-        assert server.deadline() == pytest.approx(NOW + late + 0.4)
+        assert server.next_time() == pytest.approx(NOW + late + 0.4)
     assert packet.decode(server.finish(call, 0, None)) == Packet(2, 0)
-    assert server.deadline() is None
+    assert server.next_time() is None
     assert server.tick(NOW + 100) == b""
 
 
 def test_without_wdt_nothing_is_sent_until_the_time_out():
     server = start("InvokeTimeout=500")
     executed(server, request(2, 101, 3))
-    assert server.deadline() == NOW + 0.5
+    assert server.next_time() == NOW + 0.5
     assert server.tick(NOW + 0.499) == b""
     assert packet.decode(server.tick(NOW + 0.5)) == Packet(2, hresult.E_TIMEOUT)
 
@@ -305,16 +305,16 @@ def test_after_e_timeout_calls_are_busy_until_the_device_has_finished():
     server = start("WDT=400,InvokeTimeout=1000")
     call = executed(server, request(2, 72, 3, 1, "P1", ""))
     assert packet.decode(server.tick(NOW + 0.9)) == Packet(2, hresult.S_EXECUTING)
-    assert server.deadline() == NOW + 1.0
+    assert server.next_time() == NOW + 1.0
     assert packet.decode(server.tick(NOW + 1.0)) == Packet(2, hresult.E_TIMEOUT)
-    assert server.deadline() is None
+    assert server.next_time() is None
     assert server.tick(NOW + 5.0) == b""
     assert server.busy
     assert answered(server, request(3, 101, 3), NOW + 5) == Packet(3, hresult.E_BUSY_PROC)
     assert server.finish(call, 0, variant(5)) == b"", "a reply has been sent"
     assert not server.busy
     after = executed(server, request(4, 101, 3), NOW + 6)
-    assert server.deadline() == NOW + 6.4
+    assert server.next_time() == NOW + 6.4
     assert packet.decode(server.finish(after, 0, variant(5))) == Packet(4, 0, [5])
 
 
@@ -328,7 +328,7 @@ def test_each_call_has_its_own_time():
     server = start("WDT=400,InvokeTimeout=1000")
     server.finish(executed(server, request(2, 101, 3), NOW), 0, None)
     executed(server, request(3, 101, 3), NOW + 50)
-    assert server.deadline() == NOW + 50.4
+    assert server.next_time() == NOW + 50.4
     assert server.tick(NOW + 50.3) == b""
 
 
@@ -495,7 +495,7 @@ def test_an_invalid_large_packet_is_refused_after_decoding():
 def test_a_large_packet_that_takes_long_is_reported_and_not_executed_after_its_time_out():
     server = start("WDT=100,InvokeTimeout=1000")
     decode = decoding(server, request(3, 102, 5, LONG))
-    assert server.deadline() == pytest.approx(NOW + 0.1)
+    assert server.next_time() == pytest.approx(NOW + 0.1)
     assert packet.decode(server.tick(NOW + 0.1)).code == hresult.S_EXECUTING
     assert packet.decode(server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
     assert list(server.decoded(decode, decode.read(), NOW + 2)) == []

@@ -60,7 +60,7 @@ def all_frames(framer, *pieces):
     for piece in pieces:
         collect(partial(framer.feed, piece))
         while framer.pending:
-            collect(framer.timeout)
+            collect(framer.discard_incomplete)
     return found
 
 
@@ -79,7 +79,7 @@ def test_the_profiles():
 def test_a_stream_never_abandons_an_incomplete_packet():
     framer = STREAM.framer(DEFAULT_LIMITS)
     assert framer.feed(WHOLE[:6]) is None
-    assert framer.timeout() is None
+    assert framer.discard_incomplete() is None
     assert (framer.pending, framer.partial_serial) == (6, 0)
 
 
@@ -94,7 +94,7 @@ def test_a_datagram_is_one_packet_or_nothing():
         assert framer.feed(bad) is None
     assert framer.skipped_bytes > 0
     assert framer.next_frame() is None
-    assert framer.timeout() is None
+    assert framer.discard_incomplete() is None
     assert framer.pending == 0
 
 
@@ -158,15 +158,15 @@ def test_a_length_caused_by_noise_delays_packets_until_silence():
     noise = b"\x01\xff\x00\x00\x00"
     assert frames(framer, noise + WHOLE) == []
     assert framer.pending == len(noise) + len(WHOLE)
-    assert framer.timeout() == WHOLE
+    assert framer.discard_incomplete() == WHOLE
     assert framer.pending == 0
-    assert framer.timeout() is None
+    assert framer.discard_incomplete() is None
 
 
 def test_an_incomplete_packet_is_abandoned_after_silence():
     framer = LineFramer(ON_A_LINE)
     assert frames(framer, WHOLE[:9]) == []
-    assert framer.timeout() is None
+    assert framer.discard_incomplete() is None
     assert framer.pending == 0
     assert frames(framer, WHOLE) == [WHOLE]
 
@@ -215,7 +215,7 @@ def test_noise_that_is_slow_to_search_is_discarded():
     assert frames(framer, noise * 3) == []
     assert framer.skipped_bytes >= size
     while framer.pending:
-        framer.timeout()
+        framer.discard_incomplete()
     assert frames(framer, WHOLE) == [WHOLE]
 
 

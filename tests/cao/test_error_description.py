@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.cao.error_description import describe_error
+from orinkit.cao.error_description import get_error_description
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant
@@ -30,7 +30,7 @@ def reason(code: int) -> str:
     ],
 )
 def test_a_reason_or_the_text_of_the_code(code: Variant, text: str) -> None:
-    assert describe_error(reason, code) == text
+    assert get_error_description(reason, code) == text
 
 
 @pytest.mark.parametrize(
@@ -38,5 +38,5 @@ def test_a_reason_or_the_text_of_the_code(code: Variant, text: str) -> None:
 )
 def test_invalid_codes(code: Variant) -> None:
     with pytest.raises(CallError) as caught:
-        describe_error(reason, code)
+        get_error_description(reason, code)
     assert caught.value.code in (hresult.E_INVALIDARG, hresult.E_INVALIDARGTYPE)

@@ -36,9 +36,9 @@ def test_addresses_without_further_failures_are_dropped():
 
 def test_one_log_entry_in_ten_seconds_with_the_count():
     guesses = SecretAttempts()
-    counts = [guesses.failed("10.0.0.7", 100.0 + number / 64).reported for number in range(1000)]
+    counts = [guesses.failed("10.0.0.7", 100.0 + number / 64).failures_to_log for number in range(1000)]
     assert [(number, count) for number, count in enumerate(counts) if count] == [(4, 5), (644, 640)]
-    assert guesses.failed("10.0.0.7", 130.0).reported == 1000 - 645 + 1
+    assert guesses.failed("10.0.0.7", 130.0).failures_to_log == 1000 - 645 + 1
 
 
 def test_the_number_of_stored_addresses_is_limited():

@@ -290,7 +290,7 @@ def test_the_provider_receives_name_machine_option_and_client(device):
     value(session, "Controller_Connect", "b-CAP", PROVIDER, "192.168.0.1", "Interval=8")
     ((*received, who),) = device.calls
     assert received == ["b-CAP", "192.168.0.1", "Interval=8"]
-    assert who == client._replace(provider=PROVIDER, reason=session.client.reason)
+    assert who == client._replace(provider=PROVIDER, describe_error=session.client.describe_error)
     assert Session(ProviderRegistry(device)).client[:3] == ("", "memory", 0)
 
 

@@ -55,13 +55,13 @@ def test_a_device_can_read_the_reason_of_a_failed_call() -> None:
     provider = ClientInfoProvider()
     session = Session(ProviderRegistry(provider))
     controller = value(session, "Controller_Connect", "", "Test.Told", "localhost", "")
-    reason = provider.client.reason
+    reason = provider.client.describe_error
     assert reason(hresult.E_FAIL) == ""
     call(session, "Controller_Execute", controller, "Crash", None)
     assert reason(hresult.E_FAIL) == reason(hresult.signed(hresult.E_FAIL)) == "RuntimeError: the spindle is stuck"
     call(session, "Controller_Execute", controller, "jammed", Variant(VarType.I4, hresult.signed(0x80020005)))
     assert reason(0x80020005) == "jammed"
-    assert ClientInfo().reason(hresult.E_FAIL) == ""
+    assert ClientInfo().describe_error(hresult.E_FAIL) == ""
 
 
 def test_the_oldest_reason_is_dropped() -> None:
@@ -75,8 +75,8 @@ def test_the_oldest_reason_is_dropped() -> None:
             f"no {number}",
             Variant(VarType.I4, hresult.signed(0x80020000 + number)),
         )
-    assert session.client.reason(0x80020000 + 7) == ""
-    assert session.client.reason(0x80020000 + 8) == "no 8"
+    assert session.client.describe_error(0x80020000 + 7) == ""
+    assert session.client.describe_error(0x80020000 + 8) == "no 8"
 
 
 def test_sessions_may_share_their_handles() -> None:

@@ -121,7 +121,9 @@ def test_results(entry):
 
 
 def test_only_the_service_option_is_omitted_from_the_packet():
-    unsent = [(entry.name, argument.name) for entry in ENTRIES for argument in entry.arguments if argument.unsent]
+    unsent = [
+        (entry.name, argument.name) for entry in ENTRIES for argument in entry.arguments if argument.omitted_by_default
+    ]
     assert unsent == [("Service_Start", "option")]
 
 
@@ -333,7 +335,7 @@ def test_an_entry_is_read_from_its_signature(monkeypatch):
         Argument("text", VarType.BSTR, optional=True, default="x"),
         Argument("more", VarType.BSTR, optional=True, default=None),
     )
-    assert [argument.unsent for argument in thing.arguments] == [False, False, False, True]
+    assert [argument.omitted_by_default for argument in thing.arguments] == [False, False, False, True]
     assert (thing.result, thing.required, thing.creates, thing.releases) == (VarType.I4, 2, "", False)
 
 

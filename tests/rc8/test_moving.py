@@ -99,7 +99,7 @@ def test_a_conversation_records_the_times_of_requests_and_replies() -> None:
     request = packet.encode(Packet(1, 1, ["WDT=400,Alive=1000"]))
     (call,) = conversation.receive(request, 5.0)
     assert isinstance(call, Execute)
-    assert conversation.alive == 1.0
+    assert conversation.max_silence == 1.0
     assert (conversation.last_request_at, conversation.last_reply_at) == (5.0, 0.0)
     (busy,) = conversation.receive(sign_of_life(2), 6.0)
     assert isinstance(busy, Send)
@@ -111,4 +111,4 @@ def test_a_conversation_records_the_times_of_requests_and_replies() -> None:
     list(conversation.receive(packet.encode(Packet(2, 21, [2])), 8.0))
     conversation.abandon()
     assert not conversation.busy
-    assert conversation.alive is None
+    assert conversation.max_silence is None

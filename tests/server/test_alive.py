@@ -192,8 +192,8 @@ def test_the_option_of_service_start() -> None:
     assert with_alive("WDT=400", 1.0) == "WDT=400,Alive=1000"
     assert with_alive(None, 0.5) == "Alive=500"
     assert with_alive("WDT=400", None) == "WDT=400"
-    assert read_options([variant("WDT=400,alive=1000")]).alive == 1.0
-    assert read_options([variant("WDT=400")]).alive is None
+    assert read_options([variant("WDT=400,alive=1000")]).max_silence == 1.0
+    assert read_options([variant("WDT=400")]).max_silence is None
     with pytest.raises(CallError) as refused:
         read_options([variant("Alive=100")])
     assert refused.value.code == hresult.E_INVALIDARG

@@ -152,12 +152,12 @@ class BcapConversation:
         serial = self._take_serial()
         request = self._request(function, arguments, serial, 0)
         # without a deadline, the clock is not read unless a packet other than the reply arrives
-        patience = None if deadline is None else CallTimer(function.name, deadline, self._clock)
-        received = yield request, seconds if patience is None else patience.bound(seconds)
+        timer = None if deadline is None else CallTimer(function.name, deadline, self._clock)
+        received = yield request, seconds if timer is None else timer.bound(seconds)
         framer = self._framer
         while True:
             if not received:
-                expired = patience.end() if received is None and patience is not None else None
+                expired = timer.timeout_error() if received is None and timer is not None else None
                 raise expired or no_answer(function, received, seconds)
             wait: float | None = None
             idle = 0
@@ -178,9 +178,9 @@ class BcapConversation:
                     return code, self._result(function, frame, count, exact)
                 frame = framer.next_frame()
             if idle:
-                patience = patience or CallTimer(function.name, None, self._clock)
-                patience.count_other(idle, executing=wait is not None)
-                wait = patience.bound(wait)
+                timer = timer or CallTimer(function.name, None, self._clock)
+                timer.count_other(idle, executing=wait is not None)
+                wait = timer.bound(wait)
             received = yield b"", wait
 
     def _call_lossy(
@@ -198,19 +198,19 @@ class BcapConversation:
         framer, left, seen = self._framer, tries, 0
         self._stopped = False
         busy: CallError | None = None
-        patience = CallTimer(function.name, deadline, self._clock)
-        received = yield requests[serial], patience.bound(seconds)
+        timer = CallTimer(function.name, deadline, self._clock)
+        received = yield requests[serial], timer.bound(seconds)
         while True:
             if received is None and framer.pending > seen and framer.partial_serial in requests:
                 seen = framer.pending  # a long reply over a slow line is still arriving
-                received = yield b"", patience.bound(SILENCE)
+                received = yield b"", timer.bound(SILENCE)
                 continue
             if received == b"":
                 raise no_answer(function, received, seconds)
             seen, executing = 0, False
             idle = 0
             # after a time-out, a reply may be found that noise before it has hidden
-            frame = framer.feed(received) if received else framer.timeout()
+            frame = framer.feed(received) if received else framer.discard_incomplete()
             while frame is not None:
                 if self.trace is not None:
                     self.trace("<", frame)
@@ -232,11 +232,11 @@ class BcapConversation:
                 frame = framer.next_frame()
             if not idle and received and not self.profile.shared:
                 idle = 1  # a datagram without a packet; on a serial line, a part of a packet is normal
-            patience.count_other(idle, executing=executing)
+            timer.count_other(idle, executing=executing)
             if received or executing:
-                received = yield b"", patience.bound(seconds if executing else None)
+                received = yield b"", timer.bound(seconds if executing else None)
                 continue
-            expired = patience.end(len(requests))
+            expired = timer.timeout_error(len(requests))
             if expired is not None:
                 raise busy or expired
             left -= 1
@@ -244,7 +244,7 @@ class BcapConversation:
                 raise busy or CallTimeout(function.name, seconds * tries, tries)
             serial = self._take_serial()
             requests[serial] = self._request(function, arguments, serial, first)
-            received = yield requests[serial], patience.bound(max(seconds, retry_timeout))
+            received = yield requests[serial], timer.bound(max(seconds, retry_timeout))
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the packets to send before a connectionless link is closed: Service_Stop.

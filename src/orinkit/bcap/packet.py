@@ -226,7 +226,7 @@ class Framer(FramerBase):
         """Return None: in a stream, an incomplete packet contains no other packet."""
         return None
 
-    def timeout(self) -> bytes | None:
+    def discard_incomplete(self) -> bytes | None:
         """Return None: in a stream, the rest of a packet is never lost."""
         return None
 

@@ -48,7 +48,7 @@ class Framing(Protocol):
     def resync(self) -> bytes | None:
         """Return the first complete packet after the header of an incomplete packet; ``None`` if there is none."""
 
-    def timeout(self) -> bytes | None:
+    def discard_incomplete(self) -> bytes | None:
         """Abandon the incomplete packet, and return a complete packet found inside it."""
 
 
@@ -81,7 +81,7 @@ class DatagramFramer:
         """Return None: no packet is ever incomplete."""
         return None
 
-    def timeout(self) -> bytes | None:
+    def discard_incomplete(self) -> bytes | None:
         """Return None: no packet is ever incomplete."""
         return None
 

@@ -110,7 +110,7 @@ class LineFramer(packet.FramerBase):
             start = buffer.find(packet.SOH, start + 1)
         return None
 
-    def timeout(self) -> bytes | None:
+    def discard_incomplete(self) -> bytes | None:
         """Abandon the incomplete packet, and return a complete packet found inside it.
 
         Raises:

@@ -3,7 +3,7 @@
 :class:`ServerConversation` receives bytes and yields actions: :class:`Send` (send bytes), :class:`Execute` (execute a
 call), :class:`Decode` (decode a large packet), :class:`Close` (close the link) and :class:`EndSession` (end the
 client's session). The caller executes the call, passes the result to :meth:`~ServerConversation.finish`, and calls
-:meth:`~ServerConversation.tick` at :meth:`~ServerConversation.deadline`. One call is executed at a time. Calls that
+:meth:`~ServerConversation.tick` at :meth:`~ServerConversation.next_time`. One call is executed at a time. Calls that
 arrive during this time return E_BUSY_PROC (reference behaviour: docs/protocol.md). On unreliable transports, duplicates
 are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
 """
@@ -117,7 +117,7 @@ class ServerConversation:
         stopped: True from the reply to Service_Stop until the next request.
         packets: number of complete packets received.
         calls: number of calls that were passed on for execution.
-        alive: longest silence that the client has announced, s; ``None`` for no such limit; set by ``Alive=<ms>``.
+        max_silence: longest silence that the client has announced, s; ``None`` for no such limit; set by ``Alive=<ms>``.
         last_request_at: time of the last complete request.
         last_reply_at: time of the last reply to a call.
     """
@@ -130,7 +130,7 @@ class ServerConversation:
         dialect: Dialect = RC8,
     ) -> None:
         self.wdt: float | None = None
-        self.alive: float | None = None
+        self.max_silence: float | None = None
         self.invoke_timeout = invoke_timeout
         self._default_timeout = invoke_timeout
         self._profile = profile
@@ -157,7 +157,7 @@ class ServerConversation:
         return self._current is not None
 
     @property
-    def stale_bytes(self) -> int:
+    def discardable_bytes(self) -> int:
         """Number of bytes of an incomplete packet that may never be completed; 0 on a stream.
 
         See :meth:`discard_incomplete`.
@@ -192,7 +192,7 @@ class ServerConversation:
         incomplete packet may be in the buffer.
         """
         self._now = now
-        return self._actions(self._framer.timeout, self._framer.next_frame)
+        return self._actions(self._framer.discard_incomplete, self._framer.next_frame)
 
     def _actions(self, first: Callable[[], bytes | None], following: Callable[[], bytes | None]) -> Iterator[Action]:
         take = first
@@ -223,7 +223,7 @@ class ServerConversation:
 
     def _inside(self, took: bool) -> bytes | None:
         """Return a packet that follows the header of an overdue incomplete packet (on a serial line)."""
-        if not self.stale_bytes:
+        if not self.discardable_bytes:
             self._pending_since = _NEVER
         elif took or self._pending_since == _NEVER:
             self._pending_since = self._now
@@ -328,7 +328,7 @@ class ServerConversation:
 
     def _set_options(self, arguments: list[Variant]) -> None:
         options = read_options(arguments)
-        self.wdt, self.alive = options.wdt, options.alive
+        self.wdt, self.max_silence = options.wdt, options.max_silence
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
@@ -390,13 +390,13 @@ class ServerConversation:
     def abandon(self) -> None:
         """Discard the call in progress, because its client has become unreachable."""
         self._current = None
-        self.alive = None
+        self.max_silence = None
 
     @property
     def _echoed(self) -> int:
         return self._reserved if self._dialect.echoes_reserved else 0
 
-    def deadline(self) -> float | None:
+    def next_time(self) -> float | None:
         """Return the time of the next :meth:`tick`, or ``None`` if none is due."""
         if self._current is None or self.timed_out:
             return None
@@ -408,7 +408,7 @@ class ServerConversation:
         After E_TIMEOUT the call may still be executing: further calls return E_BUSY_PROC until it is complete.
         """
         self._now = now
-        due = self.deadline()
+        due = self.next_time()
         if self._current is None or due is None or now < due:
             return b""
         if now >= self._expires_at:

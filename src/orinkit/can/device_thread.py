@@ -21,19 +21,19 @@ _SOURCE: Final = 0xFF  # mask of the source address, as in J1939
 _QUIET: Final = 1.0  # s between two logged exceptions of a device
 
 
-def run(devices: Sequence[GuardedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
+def run(devices: Sequence[IsolatedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
     """Pass received frames to the devices and send the frames that they return, until the event is set."""
     while not ending.is_set():
-        frame = bus.receive(min((device.pause() for device in devices), default=_LONGEST_WAIT))
+        frame = bus.receive(min((device.seconds_until_due() for device in devices), default=_LONGEST_WAIT))
         if frame is not None:
             for device in devices:
                 bus.send(device.receive(frame))
         for device in devices:
-            if device.pause() <= 0:
+            if device.seconds_until_due() <= 0:
                 bus.send(device.advance())
 
 
-class GuardedDevice:
+class IsolatedDevice:
     """Wraps a device so that its exceptions are logged and do not end the server."""
 
     def __init__(self, device: CanDevice) -> None:
@@ -63,7 +63,7 @@ class GuardedDevice:
             self._not_before = monotonic() + _LONGEST_WAIT
             return []
 
-    def pause(self) -> float:
+    def seconds_until_due(self) -> float:
         """Return the real time in s until the device is due; 0 if it is due now."""
         try:
             due, clock = self._device.due(), self._device.clock

@@ -25,10 +25,10 @@ class CanServer(ThreadServer):
     """Devices on a bus, served from a thread; created by :func:`serve_can`."""
 
     def __init__(self, devices: Iterable[CanDevice], at: str | can.BusABC) -> None:
-        from orinkit.can.device_thread import GuardedDevice, run
+        from orinkit.can.device_thread import IsolatedDevice, run
         from orinkit.can.reconnecting_bus import ReconnectingBus
 
-        self._devices = [GuardedDevice(device) for device in _checked(devices)]
+        self._devices = [IsolatedDevice(device) for device in _checked(devices)]
         self._ending = threading.Event()
         self._wire = ReconnectingBus(_address(at) if isinstance(at, str) else at, self._ending)
         self._lock = threading.Lock()

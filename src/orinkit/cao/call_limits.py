@@ -81,7 +81,7 @@ class CallTimer:
                 fatal=True,
             )
 
-    def end(self, tries: int = 1) -> CallTimeout | None:
+    def timeout_error(self, tries: int = 1) -> CallTimeout | None:
         """Return the exception if the last wait ended because of the call's limit, otherwise ``None``.
 
         Args:

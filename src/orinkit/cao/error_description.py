@@ -16,21 +16,21 @@ DESCRIBE: Final = "geterrordescription"
 _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 
 
-def describe_error(reason: Callable[[int], str], parameter: Variant) -> str:
+def get_error_description(describe_error: Callable[[int], str], parameter: Variant) -> str:
     """Return the result of GetErrorDescription.
 
     The result is the description of the client's last error with the given return code. If there was no such error, the
     result is the text of the code.
 
     Args:
-        reason: the client's :attr:`ClientInfo.reason`.
+        describe_error: the client's :attr:`ClientInfo.describe_error`.
         parameter: parameter of the command, a return code.
 
     Raises:
         CallError: E_INVALIDARG or E_INVALIDARGTYPE if the parameter is not a return code.
     """
     code = _code_in(parameter)
-    return reason(code)[:_MAX_DESCRIPTION] or hresult.lookup(code).text
+    return describe_error(code)[:_MAX_DESCRIPTION] or hresult.lookup(code).text
 
 
 def _code_in(parameter: Variant) -> int:

@@ -29,7 +29,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import Value, Variant, VarType
 
 
-def _no_reason(code: int) -> str:  # noqa: ARG001 - the signature of ClientInfo.reason
+def _no_description(code: int) -> str:  # noqa: ARG001 - the signature of ClientInfo.describe_error
     return ""
 
 
@@ -50,7 +50,7 @@ class ClientInfo(NamedTuple):
             this client so far. It returns immediately and may be called from any thread. ``None`` if received data is
             always processed immediately. Real-time devices use this function, because the server may read data late.
         provider: the provider name that the client has requested, as sent.
-        reason: returns the description of the client's last error with a given return code; ``""`` if unknown.
+        describe_error: returns the description of the client's last error with a given return code; ``""`` if unknown.
     """
 
     address: str = ""
@@ -58,7 +58,7 @@ class ClientInfo(NamedTuple):
     port: int = 0
     when_input_processed: Callable[[Callable[[], None]], None] | None = None
     provider: str = ""
-    reason: Callable[[int], str] = _no_reason
+    describe_error: Callable[[int], str] = _no_description
 
 
 def not_implemented() -> CallError:

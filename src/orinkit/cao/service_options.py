@@ -23,13 +23,13 @@ class ServiceOptions(NamedTuple):
     Attributes:
         wdt: seconds between S_EXECUTING packets during a call (``WDT=<ms>``); ``None`` for none.
         invoke_timeout: limit on the duration of a call, s (``InvokeTimeout=<ms>``); ``None`` for the server's default.
-        alive: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for
+        max_silence: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for
             no limit.
     """
 
     wdt: float | None = None
     invoke_timeout: float | None = None
-    alive: float | None = None
+    max_silence: float | None = None
 
 
 def read_options(arguments: Sequence[Variant]) -> ServiceOptions:

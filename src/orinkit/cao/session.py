@@ -194,7 +194,7 @@ class Session:
         self.host = host
         self._reasons: dict[int, str] = {}
         # not a method of this session, because a device that stores ClientInfo would then keep the session in memory
-        self.client = (client or ClientInfo())._replace(reason=partial(_reason, self._reasons))
+        self.client = (client or ClientInfo())._replace(describe_error=partial(_describe_error, self._reasons))
         self._entries: dict[int, _Entry] = {}  # oldest first
         self._handles = numbers or HandleAllocator()
         self._kept = ByteQuota(CLIENT_LIMIT, host.kept)
@@ -479,7 +479,7 @@ class Session:
         return CallReply()
 
 
-def _reason(reasons: dict[int, str], code: int) -> str:
+def _describe_error(reasons: dict[int, str], code: int) -> str:
     return reasons.get(hresult.unsigned(code), "")
 
 

@@ -37,11 +37,11 @@ class FailureResponse(NamedTuple):
 
     Attributes:
         delay: delay of the reply, s.
-        reported: number of failures of this address since the last log entry; 0 if no entry is to be written now.
+        failures_to_log: number of failures of this address since the last log entry; 0 if no entry is to be written now.
     """
 
     delay: float
-    reported: int
+    failures_to_log: int
 
 
 class _Record:

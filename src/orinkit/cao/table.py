@@ -50,7 +50,7 @@ class Argument(NamedTuple):
         return LONGEST_OPTION if self.name == "option" else LONGEST_NAME
 
     @property
-    def unsent(self) -> bool:
+    def omitted_by_default(self) -> bool:
         """True for an argument that is omitted from the packet if it is not given."""
         return self.optional and self.default is None and self.vt is not VarType.VARIANT
 
@@ -102,7 +102,7 @@ class Function(Generic[P, R]):
             TypeError: If there are too many or too few arguments, or an unknown one.
         """
         if not named and len(arguments) == len(self.arguments):
-            left_out = bool(arguments) and arguments[-1] is None and self.arguments[-1].unsent
+            left_out = bool(arguments) and arguments[-1] is None and self.arguments[-1].omitted_by_default
             return arguments[:-1] if left_out else arguments
         if len(arguments) > len(self.arguments):
             raise TypeError(
@@ -119,7 +119,7 @@ class Function(Generic[P, R]):
             if argument.name not in left and not argument.optional:
                 raise TypeError(tr("{name} requires the argument {argument!r}", name=self.name, argument=argument.name))
             value = left.pop(argument.name, argument.default)
-            if value is None and argument.unsent:
+            if value is None and argument.omitted_by_default:
                 break
             bound.append(value)
         if left:

@@ -40,7 +40,7 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 from orinkit.cao.dialect import Dialect
-from orinkit.cao.error_description import DESCRIBE, describe_error
+from orinkit.cao.error_description import DESCRIBE, get_error_description
 from orinkit.cao.provider import (
     READABLE,
     WRITABLE,
@@ -125,7 +125,7 @@ class Device(Part, Provider):
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Return a controller object for one client; all clients share the device."""
-        return _PartController(self, name, client.reason)
+        return _PartController(self, name, client.describe_error)
 
 
 # --- reserved names ---------------------------------------------------------------------------------------------------
@@ -341,13 +341,13 @@ class _PartFile(_PartObject, FileObject):
 
 
 class _PartController(_PartObject, ControllerObject):
-    def __init__(self, part: Part, name: str, reason: Callable[[int], str]) -> None:
+    def __init__(self, part: Part, name: str, describe_error: Callable[[int], str]) -> None:
         super().__init__(part, name)
-        self._reason = reason
+        self._describe_error = describe_error
 
     def execute(self, command: str, parameter: Variant) -> Any:
         if command.lower() == DESCRIBE and _declared(self.part, "Command", command) is None:
-            return describe_error(self._reason, parameter)
+            return get_error_description(self._describe_error, parameter)
         return super().execute(command, parameter)
 
     def get_extension(self, name: str, option: str) -> ExtensionObject:

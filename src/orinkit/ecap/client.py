@@ -102,13 +102,13 @@ class EcapConversation:
             raise _too_long(function, len(request), self._limits)
         self._trace(">", request)
         self._stopped = False
-        patience = CallTimer(function.name, deadline, self._clock)
-        received = yield request, patience.bound(seconds)
+        timer = CallTimer(function.name, deadline, self._clock)
+        received = yield request, timer.bound(seconds)
         while received and not received.strip():
-            patience.count_other(1, executing=True)
-            received = yield b"", patience.bound(seconds)
+            timer.count_other(1, executing=True)
+            received = yield b"", timer.bound(seconds)
         if not received:
-            expired = patience.end() if received is None else None
+            expired = timer.timeout_error() if received is None else None
             raise expired or no_answer(function, received, seconds)
         self._trace("<", received)
         code, result = read_reply(received, self._limits)

@@ -143,7 +143,7 @@ class Peer(ABC):
     @property
     def requested_silence_limit(self) -> float | None:
         """The client's own limit on silence (``Alive``), s."""
-        return self._conversation.alive
+        return self._conversation.max_silence
 
     @property
     def session(self) -> Session | None:
@@ -240,7 +240,7 @@ class Peer(ABC):
         self._cancellable = cancellable
         self._context.tasks.add(task)
         task.add_done_callback(self._context.tasks.discard)
-        self._set_alarm(self._conversation.deadline())
+        self._set_alarm(self._conversation.next_time())
 
     def _hold(self) -> None:  # noqa: B027 - only reliable transports override it
         """Stop reading requests while the worker decodes a request or encodes its result.
@@ -275,7 +275,7 @@ class Peer(ABC):
         self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
-        if self.default_silence_limit is not None or self._conversation.alive is not None:
+        if self.default_silence_limit is not None or self._conversation.max_silence is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
         if type(outcome) is CallReply:
@@ -334,7 +334,7 @@ class Peer(ABC):
         data = self._conversation.tick(self._loop.time())
         if data:
             self._send(data)
-        self._set_alarm(self._conversation.deadline())
+        self._set_alarm(self._conversation.next_time())
 
 
 class ConnectionlessClient(Peer):

@@ -69,7 +69,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         """Handle received bytes: packets, or noise."""
         self._heard = now = self._loop.time()
         self._act(self._conversation.receive(data, now))
-        if self._silence is None and self._conversation.stale_bytes:
+        if self._silence is None and self._conversation.discardable_bytes:
             self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
 
     def pause_writing(self) -> None:
@@ -103,13 +103,13 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def _on_silence(self) -> None:
         """Discard an incomplete packet, unless more of it has been received meanwhile."""
         self._silence = None
-        if self._is_closing() or not self._conversation.stale_bytes:
+        if self._is_closing() or not self._conversation.discardable_bytes:
             return
         now = self._loop.time()
         if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
-        while self._conversation.stale_bytes and not self._is_closing():
+        while self._conversation.discardable_bytes and not self._is_closing():
             # Noise may be followed by several complete packets; all of them must be found now, without further bytes.
             self._act(self._conversation.discard_incomplete(now))
 

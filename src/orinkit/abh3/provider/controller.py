@@ -16,7 +16,7 @@ from orinkit.abh3.provider.variables import Motor, VariableEntry, as_variant, en
 from orinkit.abh3.table.records import Feedback, Flags, Record
 from orinkit.abh3.table.signals import dialect_of
 from orinkit.cao import coerce
-from orinkit.cao.error_description import DESCRIBE, describe_error
+from orinkit.cao.error_description import DESCRIBE, get_error_description
 from orinkit.cao.provider import READABLE, WRITABLE, ControllerObject, VariableObject, not_found
 from orinkit.cao.results import client_gave_up
 from orinkit.core import hresult
@@ -58,7 +58,7 @@ class ABH3Controller(ControllerObject):
         shared: The bus.
         motor: The driver on that bus.
         wanted: The driver and the settings selected by the client.
-        reason: Function that returns the text of the client's last error with a given return code.
+        describe_error: Function that returns the text of the client's last error with a given return code.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class ABH3Controller(ControllerObject):
         shared: SharedBus,
         motor: Motor,
         wanted: DriverSelection,
-        reason: Callable[[int], str],
+        describe_error: Callable[[int], str],
     ) -> None:
         super().__init__(name, help=tr("An ABH3 motor driver."))
         self.shared = shared
@@ -76,7 +76,7 @@ class ABH3Controller(ControllerObject):
         self.key: tuple[Key, int] = (shared.key, motor.address)
         self._owner = owner
         self._wanted = wanted
-        self._reason = reason
+        self._describe_error = describe_error
         self._entries = entries_of(dialect_of(wanted.dialect))
         self._call_lock = asyncio.Lock()
         self._called = monotonic()
@@ -113,7 +113,7 @@ class ABH3Controller(ControllerObject):
         """Execute one of :data:`COMMANDS`; names are case-insensitive."""
         wanted = command.strip().lower()
         if wanted == DESCRIBE:
-            return describe_error(self._reason, parameter)
+            return get_error_description(self._describe_error, parameter)
         name = next((known for known in COMMANDS if known.lower() == wanted), None)
         if name is None:
             names = ", ".join(COMMANDS)

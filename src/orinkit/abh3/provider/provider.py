@@ -72,7 +72,7 @@ class ABH3Provider(Provider):
             host = make_host(known.dialect, known.settings)
             shared = await self._buses.enter(known)
             motor: Motor = AsyncDriver(shared.bus, host)
-            controller = await self._checked(ABH3Controller(name, self, shared, motor, known, client.reason))
+            controller = await self._checked(ABH3Controller(name, self, shared, motor, known, client.describe_error))
         self._clients.add(controller)
         return controller
 

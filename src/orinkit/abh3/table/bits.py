@@ -57,8 +57,7 @@ class Bit:
 def _axis(first: int, letter: str, names: tuple[tuple[int, str, str, TerminalGate], ...]) -> tuple[Bit, ...]:
     small = letter.replace("/", "").lower()
     return tuple(
-        Bit(first + offset, f"{small}_{name}", title, gate, (("axis", letter),))
-        for offset, name, title, gate in names
+        Bit(first + offset, f"{small}_{name}", title, gate, (("axis", letter),)) for offset, name, title, gate in names
     )
 
 

@@ -225,7 +225,10 @@ class Decoder:
 
     def _quantity(self, field: SignalField, quantity: Quantity, record: Record) -> Quantity:
         """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
-        is_current = field.torque_input and int(record.raw_values.get("inputs", 0)) & self.dialect.inputs.masks[field.torque_input]
+        is_current = (
+            field.torque_input
+            and int(record.raw_values.get("inputs", 0)) & self.dialect.inputs.masks[field.torque_input]
+        )
         return CURRENT if is_current else quantity
 
     # --- broadcasts (sections 2.3 to 2.9) and requests ----------------------------------------------------------------

@@ -33,6 +33,6 @@ def _argument(argument: Argument) -> str:
     text = f"{argument.name}: {type_text(argument.vt)}"
     if not argument.optional:
         return text
-    if argument.unsent:
+    if argument.omitted_by_default:
         return f"[{text}]"
     return f"{text} = {'VT_EMPTY' if argument.default is None else json.dumps(argument.default)}"

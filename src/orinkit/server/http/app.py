@@ -143,8 +143,8 @@ class App:
         context = self._context
         network = exchange.connection.network
         failure = context.guesses.failed(network, asyncio.get_running_loop().time())
-        if failure.reported:
-            logger.warning("%s: %d HTTP requests with a wrong token or without one", network, failure.reported)
+        if failure.failures_to_log:
+            logger.warning("%s: %d HTTP requests with a wrong token or without one", network, failure.failures_to_log)
         if not failure.delay or context.closing:
             return
         context.held[network] += 1

@@ -223,7 +223,7 @@ class HttpSession:
     def set_options(self, options: ServiceOptions) -> None:
         """Apply the options of Service_Start."""
         default = self._context.invoke_timeout
-        self.requested_silence_limit = options.alive
+        self.requested_silence_limit = options.max_silence
         self.invoke_timeout = default if options.invoke_timeout is None else options.invoke_timeout
         if self.address_session is not None:
             self.address_session.set_options(options)

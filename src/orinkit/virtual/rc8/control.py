@@ -97,8 +97,10 @@ class ControlProvider(Provider):
             CallError: E_ACCESSDENIED.
         """
         failure = self._guesses.failed("", time.monotonic())  # one counter for all clients: all are on this machine
-        if failure.reported:
-            logger.warning("control port: %d clients with a wrong secret, or with none, were refused", failure.reported)
+        if failure.failures_to_log:
+            logger.warning(
+                "control port: %d clients with a wrong secret, or with none, were refused", failure.failures_to_log
+            )
         if not failure.delay or not self._held.acquire(blocking=False):
             raise _denied(given=given)
 

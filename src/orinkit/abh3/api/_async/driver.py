@@ -392,7 +392,9 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.end_reason_if_delayed(now)  # checked first: a driver that has stopped by itself must not start again
+            end = timer.end_reason_if_delayed(
+                now
+            )  # checked first: a driver that has stopped by itself must not start again
             if end is None and timer.next_time <= now:
                 await self._repeat_command(timer)
             end = end or timer.end_reason(monotonic())
