@@ -15,7 +15,7 @@ import orinkit
 from orinkit.core import i18n
 from orinkit.device.discovery import (
     Installed,
-    LoadFailed,
+    ProviderLoadFailed,
     installed,
     load,
     load_installed,
@@ -219,7 +219,7 @@ def test_served_providers_are_logged(site, tmp_path, caplog):
 
 def test_an_error_in_a_class_names_its_file(tmp_path):
     source = "import orinkit\nclass G(orinkit.Device):\n    def connect(self): pass\n"
-    with pytest.raises(LoadFailed, match=r"TypeError: G\.connect must be .* \(mod_mistaken\.py:2\)$"):
+    with pytest.raises(ProviderLoadFailed, match=r"TypeError: G\.connect must be .* \(mod_mistaken\.py:2\)$"):
         load(write(tmp_path / "mod_mistaken.py", source))
 
 
@@ -328,7 +328,7 @@ def test_wrong_targets(tmp_path, which):
     path = tmp_path / "mod_wrong.py"
     if source is not None:
         path.write_text(source, encoding="utf-8")
-    with pytest.raises(LoadFailed) as caught:
+    with pytest.raises(ProviderLoadFailed) as caught:
         load(target.replace("{}", str(path)))
     text = str(caught.value)
     assert said in text
@@ -338,7 +338,7 @@ def test_wrong_targets(tmp_path, which):
 
 def test_a_module_that_failed_is_imported_again(tmp_path):
     path = write(tmp_path / "mod_mended.py", "raise OSError\n")
-    with pytest.raises(LoadFailed):
+    with pytest.raises(ProviderLoadFailed):
         load(path)
     write(tmp_path / "mod_mended.py", device("Test.Mended"))
     assert names(load(path)) == ["Test.Mended"]
@@ -346,7 +346,7 @@ def test_a_module_that_failed_is_imported_again(tmp_path):
 
 def test_a_directory_is_not_a_file(tmp_path):
     (tmp_path / "dir.py").mkdir()
-    with pytest.raises(LoadFailed, match="the file does not exist"):
+    with pytest.raises(ProviderLoadFailed, match="the file does not exist"):
         load(str(tmp_path / "dir.py"))
 
 
@@ -358,14 +358,16 @@ def test_ctrl_c_in_a_module_propagates(tmp_path):
 def test_the_error_suggests_a_file_with_the_name_of_the_module(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "mod_here.py", device("Test.Here"))
-    with pytest.raises(LoadFailed, match=r"neither a module nor a provider mod_here exists; .* Try: mod_here.py:Class"):
+    with pytest.raises(
+        ProviderLoadFailed, match=r"neither a module nor a provider mod_here exists; .* Try: mod_here.py:Class"
+    ):
         load("mod_here:Gripper")
 
 
 def test_a_name_that_cannot_be_added(site):
     source = "import orinkit\nclass G(orinkit.Device):\n    provider_names = property(lambda self: ['Test.Own'])\n"
     install(site, "my-gripper", f"{GRIPPER} = pkg_g", pkg_g=source)
-    with pytest.raises(LoadFailed, match=f"{GRIPPER} = pkg_g: AttributeError"):
+    with pytest.raises(ProviderLoadFailed, match=f"{GRIPPER} = pkg_g: AttributeError"):
         load(GRIPPER)
 
 
@@ -381,7 +383,7 @@ def test_wrong_targets_in_japanese(tmp_path, which):
     path = tmp_path / "mod_wrong.py"
     if source is not None:
         path.write_text(source, encoding="utf-8")
-    with pytest.raises(LoadFailed) as caught:
+    with pytest.raises(ProviderLoadFailed) as caught:
         load(target.replace("{}", str(path)))
     assert said not in str(caught.value)
     assert any("ぁ" <= sign <= "ん" for sign in str(caught.value))

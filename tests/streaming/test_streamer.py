@@ -141,7 +141,10 @@ def test_a_target_before_a_halt_is_not_taken_up_again(shared: StreamMemory) -> N
     [
         (0x202, {}),
         (0x201, {"limits": PathLimits(100.0, 200.0, 300.0, 40.0, 50.0, 60.0), "start": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)}),
-        (0x102, {"window": UserWindow(128, 16), "outputs": Outputs(1, 2, (128, b"\x01\xff")), "unlimited_joints": (0.5,)}),
+        (
+            0x102,
+            {"window": UserWindow(128, 16), "outputs": Outputs(1, 2, (128, b"\x01\xff")), "unlimited_joints": (0.5,)},
+        ),
         (0x002, {"receive": ReceiveFormat(0x14, microseconds=False), "send": SendBits(0x20), "idle": 2.5}),
     ],
 )
@@ -296,9 +299,7 @@ def test_a_controller_is_asked_when_the_arm_has_come_to_rest(shared: StreamMemor
         [True, 1.0, 2.0],
     ],
 )
-def test_a_controller_that_does_not_tell_is_asked_once(
-    shared: StreamMemory, watch: ParentMonitor, answer: Any
-) -> None:
+def test_a_controller_that_does_not_tell_is_asked_once(shared: StreamMemory, watch: ParentMonitor, answer: Any) -> None:
     def script(cycle: int) -> None:
         if cycle == 10:
             shared.set_target((10.0, *HOME[1:]), monotonic_ns())

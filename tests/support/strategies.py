@@ -9,7 +9,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from orinkit.values.conversions import exact_date, ole_datetime, ole_days
+from orinkit.values.conversions import lossless_datetime, ole_datetime, ole_days
 from orinkit.values.types import TABLE
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
@@ -33,7 +33,7 @@ def strings() -> st.SearchStrategy[str]:
 def dates() -> st.SearchStrategy[datetime | float]:
     """Return a strategy for decoded values of VT_DATE: a datetime if it is exact, otherwise the days as float."""
     moments = st.datetimes(datetime(1, 1, 1), datetime(9999, 12, 30)).map(lambda moment: ole_datetime(ole_days(moment)))
-    return st.one_of(moments, st.floats().map(exact_date))
+    return st.one_of(moments, st.floats().map(lossless_datetime))
 
 
 CONTENTS: dict[VarType, st.SearchStrategy[Any]] = {

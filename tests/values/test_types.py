@@ -118,7 +118,7 @@ def test_values_that_do_not_fit_are_refused(row):
 @by_row
 def test_whole_numbers_have_bounds(row):
     if row.bounds is None:
-        assert row.number not in {"integer", "code"}
+        assert row.number_kind not in {"integer", "code"}
         return
     low, high = row.bounds
     assert [Variant(row.code, each).value for each in row.bounds] == [low, high]
@@ -133,7 +133,7 @@ def test_elements_count_against_the_limit(row):
         return
     element = Variant(VarType.EMPTY) if row.code == VarType.VARIANT else content(row)
     data = codec.encode_variant(Variant(row.code | ARRAY, [element] * 64))
-    counted = 64 // row.elements_for_one
+    counted = 64 // row.elements_per_unit
     codec.decode(data, limits=codec.PacketLimits(variants=counted), exact=True)
     if counted:
         with pytest.raises(LimitExceeded):
@@ -142,21 +142,21 @@ def test_elements_count_against_the_limit(row):
 
 @by_row
 def test_arguments_accept_all_numeric_types(row):
-    assert (row.code in INTEGERS, row.code in REALS) == (row.number == "integer", row.number == "real")
-    assert (row.code in NUMERIC) == (row.number in {"integer", "real", "decimal"})
+    assert (row.code in INTEGERS, row.code in REALS) == (row.number_kind == "integer", row.number == "real")
+    assert (row.code in NUMERIC) == (row.number_kind in {"integer", "real", "decimal"})
     if row.code == VarType.VARIANT:
         return
     conversion = pytest.importorskip("orinkit.virtual.rc8.variables.conversion", exc_type=MissingExtra)
     one = Variant(row.code, content(row))
-    if row.number:
+    if row.number_kind:
         assert coerce.to_number(one) == coerce.to_real(one) == 1
-    if row.number in {"integer", "real"}:
+    if row.number_kind in {"integer", "real"}:
         assert conversion.singles(2)(Variant(row.code | ARRAY, [1, 1])) == (1, 1)
     if row.code in NUMERIC:
         assert conversion.number(one) == conversion.double(one) == 1
         assert conversion.singles(2)(Variant(VARIANT_ARRAY, [one, one])) == (1, 1)
         assert read_targets(Variant(row.code | ARRAY, [1] * 7))[0].value == (1,) * 7
-    if row.number == "integer" and row.size in (2, 4):
+    if row.number_kind == "integer" and row.size in (2, 4):
         assert coerce.to_handle(one) == 1
 
 
@@ -184,7 +184,7 @@ def line_of(row: TypeRow) -> str:
     python = "" if row.python is None else f"`{'None' if row.empty else row.python.__name__}`"
     np = pytest.importorskip("numpy")
     numpy = ", ".join("str" if dtype == "U" else np.dtype(dtype).name for dtype in row.dtypes)
-    counted = "" if row.empty else "any number" if row.elements_for_one > 1000 else str(row.elements_for_one)
+    counted = "" if row.empty else "any number" if row.elements_per_unit > 1000 else str(row.elements_per_unit)
     text = row.text.wanted if row.text else ""
     return f"| {row.name} | {int(row.code)} | {row.size or ''} | {python} | {numpy} | {counted} | {text} |".replace(
         "  ", " "

@@ -19,7 +19,7 @@ from orinkit.values.variant import Variant
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 _NUMBERS: Final = frozenset(
-    int(row.code) for row in TABLE if row.number
+    int(row.code) for row in TABLE if row.number_kind
 )  # includes VT_ERROR, because a return code is a number
 _HANDLES: Final = frozenset(vt for vt in INTEGERS if SIZES[vt] in (2, 4))
 _LONGEST: Final = 4400  # limit on the characters of a number; int() reads at most 4,300 digits

@@ -13,7 +13,7 @@
     │   ├── ConnectionLost                 it broke while in use
     │   └── ConnectionClosed               it was used after it was closed locally
     ├── MissingExtra (ImportError)         a feature needs a package that is not installed
-    ├── LoadFailed                         a user-written provider could not be loaded
+    ├── ProviderLoadFailed                 a user-written provider could not be loaded
     ├── ObjectReleased                     an object was used after it was closed
     ├── StreamError                        streaming in slave mode ended or could not start
     ├── CallTimeout (TimeoutError)         no reply in time; the call may or may not have been executed
@@ -115,7 +115,7 @@ class ConnectionClosed(TransportError):
     """The connection was used after it had been closed locally."""
 
 
-class LoadFailed(OrinError):
+class ProviderLoadFailed(OrinError):
     """A provider could not be loaded; the message gives its name, the cause and the place of the failure."""
 
 

@@ -37,7 +37,7 @@ from typing import Final, NamedTuple, TypeGuard
 
 from orinkit.cao.provider import Provider
 from orinkit.cao.session import ProviderRegistry
-from orinkit.core.errors import LoadFailed as LoadFailed
+from orinkit.core.errors import ProviderLoadFailed as ProviderLoadFailed
 from orinkit.core.i18n import tr
 
 logger = logging.getLogger("orinkit.providers")
@@ -87,7 +87,7 @@ def load(target: str) -> Provider:
             provider class.
 
     Raises:
-        LoadFailed: If the target does not exist, raises an exception, or is not a provider.
+        ProviderLoadFailed: If the target does not exist, raises an exception, or is not a provider.
     """
     target = target.strip()
     file = _FILE.fullmatch(target)
@@ -121,7 +121,7 @@ def load_installed(beside: Sequence[Provider] = (), *, exclude: Collection[str] 
             if not any(provider is other for other in others):
                 ProviderRegistry([*others, provider])  # fails if the provider has another dialect
                 found.append(provider)
-        except (LoadFailed, ValueError) as error:
+        except (ProviderLoadFailed, ValueError) as error:
             text = tr("%s (%s) was not loaded: %s")
             logger.warning(text, entry.name, _distribution(entry) or entry.value, error)
     reserve_names(found)
@@ -242,7 +242,7 @@ def _import(target: str, name: str) -> ModuleType:
     """Import a module by name.
 
     Raises:
-        LoadFailed: If the module cannot be imported.
+        ProviderLoadFailed: If the module cannot be imported.
     """
     if not all(part.isidentifier() for part in name.split(".")):
         raise _failed(
@@ -277,7 +277,7 @@ def _import_file(target: str, path: Path) -> ModuleType:
     """Import a file; return the existing module if it has already been imported.
 
     Raises:
-        LoadFailed: If the file cannot be imported.
+        ProviderLoadFailed: If the file cannot be imported.
     """
     try:
         path = path.resolve()
@@ -345,7 +345,7 @@ def _find(target: str, module: ModuleType, attribute: str) -> object:
     """Return the object that an attribute names; without an attribute, the only provider class of the module.
 
     Raises:
-        LoadFailed: If the attribute does not exist, or the module does not define exactly one provider class.
+        ProviderLoadFailed: If the attribute does not exist, or the module does not define exactly one provider class.
     """
     classes = _classes(module)
     if attribute:
@@ -388,7 +388,7 @@ def _create(target: str, found: object) -> Provider:
     """Return a provider, or create it by calling a provider class or a function.
 
     Raises:
-        LoadFailed: If the object is not a provider, or creating it fails.
+        ProviderLoadFailed: If the object is not a provider, or creating it fails.
     """
     provider = found
     if _is_factory(found):
@@ -416,7 +416,7 @@ def _check_arguments(target: str, maker: Callable[[], object]) -> None:
     """Check that a class or function can be called without arguments.
 
     Raises:
-        LoadFailed: If it requires arguments.
+        ProviderLoadFailed: If it requires arguments.
     """
     try:
         signature = inspect.signature(maker)
@@ -436,7 +436,7 @@ def _with_names(target: str, provider: Provider, also: str = "") -> Provider:
     """Check the names of a provider, add another one, and return the provider.
 
     Raises:
-        LoadFailed: If the provider has no names, or an invalid one.
+        ProviderLoadFailed: If the provider has no names, or an invalid one.
     """
     try:
         names = provider.provider_names
@@ -457,9 +457,9 @@ def _with_names(target: str, provider: Provider, also: str = "") -> Provider:
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def _failed(target: str, reason: str) -> LoadFailed:
+def _failed(target: str, reason: str) -> ProviderLoadFailed:
     shown = target if len(target) <= _SHOWN else f"...{target[3 - _SHOWN :]}"  # the end of a path is more informative
-    return LoadFailed(f"{shown or repr(shown)}: {reason}")
+    return ProviderLoadFailed(f"{shown or repr(shown)}: {reason}")
 
 
 def _reason(error: BaseException) -> str:

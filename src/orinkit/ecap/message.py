@@ -381,7 +381,7 @@ _MARGIN: Final = 80  # characters; at least the longest match of _HEAD
 _FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
 _HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
 # The types of arrays whose elements are slow to parse. The elements of VARIANT arrays are counted by their brackets.
-_SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_for_one == 1} - {VARIANT_ARRAY}
+_SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_per_unit == 1} - {VARIANT_ARRAY}
 # The costs are the estimated times to parse a character, in microseconds. _ALLOWANCE is the time allowed for each
 # permitted element, also in microseconds; with the default limits, the total is one second. The costs of brackets and
 # of commas of slow types are overestimated: PacketLimits.variants limits such arrays after parsing.

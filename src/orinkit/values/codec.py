@@ -358,7 +358,7 @@ class _ValueReader:
             after = position + size * count
             if after > self.end:
                 raise _count_mismatch(vt, count, position, self.end - position)
-            self._spend(count // row.elements_for_one)
+            self._spend(count // row.elements_per_unit)
             return self._fixed(row, row.format, array, count, position), after
         if base == VarType.BSTR:
             return self._strings(array, count, position)

@@ -190,7 +190,7 @@ def to_datetime(value: datetime | float) -> datetime | float:
         return value
 
 
-def exact_date(days: float) -> datetime | float:
+def lossless_datetime(days: float) -> datetime | float:
     """Return OLE days as ``datetime`` if the ``datetime`` is encoded as the same bytes; otherwise return the days."""
     moment = to_datetime(days)
     return (

@@ -12,7 +12,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import ElementFormat
 
-Number: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
+NumberKind: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
 """Kind of number that a type contains.
 
 ``"code"`` is a whole number that is not a quantity; ``""`` means that the type does not contain a number.
@@ -48,13 +48,13 @@ class TypeRow:
         python: The Python type that is converted to this type by default.
         dtypes: The numpy dtypes that are converted to this type by default: kind and bytes (``i2``), or a kind alone for
             all sizes (``U``).
-        number: Kind of number that the type contains.
+        number_kind: Kind of number that the type contains.
         to_wire: Function that converts the content to the value that :mod:`struct` packs; ``None`` if no conversion is
             necessary.
         from_wire: Function that converts the value that :mod:`struct` unpacks to plain Python; ``None`` if no
             conversion is necessary.
         from_wire_exact: Lossless variant of ``from_wire``; ``None`` if ``from_wire`` is lossless.
-        elements_for_one: Number of elements that count as one element towards the limit
+        elements_per_unit: Number of elements that count as one element towards the limit
             :attr:`~orinkit.values.codec.PacketLimits.variants`. It is larger for types that are faster to read.
         text: Form of an element as text; ``None`` if the notation has a special rule for the type.
         size: Size of one element in bytes; 0 if it is not fixed.
@@ -67,18 +67,18 @@ class TypeRow:
     empty: bool = False
     python: type | None = None
     dtypes: tuple[str, ...] = ()
-    number: Number = ""
+    number_kind: NumberKind = ""
     to_wire: Callable[[Any], Any] | None = None
     from_wire: Callable[[Any], Any] | None = None
     from_wire_exact: Callable[[Any], Any] | None = None
-    elements_for_one: int = 16
+    elements_per_unit: int = 16
     text: ElementFormat | None = None
     size: int = field(init=False)
     bounds: tuple[int, int] | None = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", struct.calcsize(f"<{self.format}") if self.format else 0)
-        whole = self.format is not None and self.number in ("integer", "code")
+        whole = self.format is not None and self.number_kind in ("integer", "code")
         object.__setattr__(self, "bounds", bounds_of(str(self.format)) if whole else None)
 
     @property

@@ -46,11 +46,11 @@ ARRAY: Final = 0x2000
 
 
 def _integer(
-    code: VarType, layout: str, *dtypes: str, python: type | None = None, elements_for_one: int = 16
+    code: VarType, layout: str, *dtypes: str, python: type | None = None, elements_per_unit: int = 16
 ) -> TypeRow:
     return TypeRow(
-        code, conversions.integer, layout, python=python, dtypes=dtypes, number="integer",
-        elements_for_one=elements_for_one, text=notation_numbers.whole(*bounds_of(layout)),
+        code, conversions.integer, layout, python=python, dtypes=dtypes, number_kind="integer",
+        elements_per_unit=elements_per_unit, text=notation_numbers.whole(*bounds_of(layout)),
     )  # fmt: skip
 
 
@@ -59,26 +59,26 @@ TABLE: Final = (
     TypeRow(VarType.NULL, conversions.nothing, empty=True),
     _integer(VarType.I2, "h", "i2"),
     _integer(VarType.I4, "i", "i4", "i8", "u8", python=int),  # the default for whole numbers
-    TypeRow(VarType.R4, conversions.single, "f", dtypes=("f4",), number="real", text=notation_numbers.SINGLE),
-    TypeRow(VarType.R8, conversions.real, "d", python=float, dtypes=("f8",), number="real", text=notation_numbers.DOUBLE),
+    TypeRow(VarType.R4, conversions.single, "f", dtypes=("f4",), number_kind="real", text=notation_numbers.SINGLE),
+    TypeRow(VarType.R8, conversions.real, "d", python=float, dtypes=("f8",), number_kind="real", text=notation_numbers.DOUBLE),
     TypeRow(
-        VarType.CY, conversions.currency, "q", python=Decimal, number="decimal", to_wire=conversions.amount_to_wire,
-        from_wire=conversions.amount_from_wire, elements_for_one=1, text=notation_numbers.AMOUNT,
+        VarType.CY, conversions.currency, "q", python=Decimal, number_kind="decimal", to_wire=conversions.amount_to_wire,
+        from_wire=conversions.amount_from_wire, elements_per_unit=1, text=notation_numbers.AMOUNT,
     ),
     TypeRow(
         VarType.DATE, conversions.date, "d", python=datetime, to_wire=conversions.date_to_wire,
-        from_wire=conversions.to_datetime, from_wire_exact=conversions.exact_date, elements_for_one=1,
+        from_wire=conversions.to_datetime, from_wire_exact=conversions.lossless_datetime, elements_per_unit=1,
         text=notation_numbers.MOMENT,
     ),
-    TypeRow(VarType.BSTR, conversions.string, python=str, dtypes=("U",), elements_for_one=1),
-    TypeRow(VarType.ERROR, conversions.code, "I", number="code", text=notation_numbers.ERROR),
+    TypeRow(VarType.BSTR, conversions.string, python=str, dtypes=("U",), elements_per_unit=1),
+    TypeRow(VarType.ERROR, conversions.code, "I", number_kind="code", text=notation_numbers.ERROR),
     TypeRow(
         VarType.BOOL, conversions.boolean, "h", python=bool, dtypes=("b1",), to_wire=conversions.flag_to_wire,
         from_wire=bool, text=notation_numbers.FLAG,
     ),
-    TypeRow(VarType.VARIANT, conversions.only_in_arrays, elements_for_one=1),
+    TypeRow(VarType.VARIANT, conversions.only_in_arrays, elements_per_unit=1),
     _integer(VarType.I1, "b", "i1"),
-    _integer(VarType.UI1, "B", "u1", elements_for_one=1 << 32),  # an array is bytes; elements are not processed individually
+    _integer(VarType.UI1, "B", "u1", elements_per_unit=1 << 32),  # an array is bytes; elements are not processed individually
     _integer(VarType.UI2, "H", "u2"),
     _integer(VarType.UI4, "I", "u4"),
     _integer(VarType.I8, "q"),
@@ -98,9 +98,9 @@ SIZES: Final[dict[int, int]] = {int(row.code): row.size for row in TABLE if row.
 
 EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
 """The types without data: VT_EMPTY and VT_NULL."""
-INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number == "integer")
-REALS: Final = frozenset(int(row.code) for row in TABLE if row.number == "real")
-NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number == "decimal"}
+INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number_kind == "integer")
+REALS: Final = frozenset(int(row.code) for row in TABLE if row.number_kind == "real")
+NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number_kind == "decimal"}
 """The types of quantities, without truth values and error codes."""
 
 BY_PYTHON: Final[dict[type, int]] = {row.python: row.code for row in TABLE if row.python is not None}

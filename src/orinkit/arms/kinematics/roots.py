@@ -49,13 +49,13 @@ class Samples:
         lines: Indices of the functions, one for each row, (L,).
         angles: (L, S), rising or falling along a row.
         values: (L, S); NaN outside the domain.
-        margins: Distances of the angles from the edge of the domain, negative outside it, (L, S).
+        domain_margins: Distances of the angles from the edge of the domain, negative outside it, (L, S).
     """
 
     lines: Lines
     angles: Array
     values: Array
-    margins: Array
+    domain_margins: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +105,10 @@ def _resampled(function: Function, samples: Samples, steepness: float) -> list[S
     flat = _FLAT
     for _ in range(_LEVELS):
         step = samples.angles[:1, 1:2] - samples.angles[:1, :1]
-        first, last = np.abs(samples.margins[:, :-1]), np.abs(samples.margins[:, 1:])
-        hidden = (first + last < steepness * step) & (samples.margins[:, :-1] * samples.margins[:, 1:] >= 0.0)
+        first, last = np.abs(samples.domain_margins[:, :-1]), np.abs(samples.domain_margins[:, 1:])
+        hidden = (first + last < steepness * step) & (
+            samples.domain_margins[:, :-1] * samples.domain_margins[:, 1:] >= 0.0
+        )
         doubtful = hidden | (np.abs(samples.values[:, :-1]) + np.abs(samples.values[:, 1:]) < flat)
         row, column = np.nonzero(doubtful)
         angles = samples.angles[row, column][:, None] + step * (np.arange(-1, _REFINEMENT + 2) / _REFINEMENT)
@@ -197,7 +199,7 @@ def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Arra
     Each item contains the indices of the functions; the angles of the samples inside, outside and farther inside; and
     the values and margins farther inside.
     """
-    inside = samples.margins >= _EDGE_MARGIN
+    inside = samples.domain_margins >= _EDGE_MARGIN
     for outward, rows in ((1, inside[:, 1:-1] & ~inside[:, 2:]), (-1, inside[:, 1:-1] & ~inside[:, :-2])):
         row, column = np.nonzero(rows)
         here, farther = (row, column + 1), (row, column + 1 - outward)
@@ -207,7 +209,7 @@ def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Arra
             samples.angles[row, column + 1 + outward],
             samples.angles[farther],
             samples.values[farther],
-            samples.margins[farther],
+            samples.domain_margins[farther],
         )
 
 

@@ -12,7 +12,7 @@ from orinkit.cao.session import ProviderRegistry
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.i18n import tr
-from orinkit.device.discovery import LoadFailed, load, log_served, reserve_names, warn_of_clashes
+from orinkit.device.discovery import ProviderLoadFailed, load, log_served, reserve_names, warn_of_clashes
 
 _LISTENING: Final = ServerOptions()
 
@@ -50,7 +50,7 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
             if not any(provider is other for other in providers):
                 ProviderRegistry([*providers, provider])
                 providers.append(provider)
-        except LoadFailed as error:
+        except ProviderLoadFailed as error:
             raise CommandError(str(error), 2) from error
         except ValueError as error:  # the provider has another dialect
             raise CommandError(f"{target}: {error}", 2) from error
