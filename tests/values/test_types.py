@@ -142,7 +142,7 @@ def test_elements_count_against_the_limit(row):
 
 @by_row
 def test_arguments_accept_all_numeric_types(row):
-    assert (row.code in INTEGERS, row.code in REALS) == (row.number_kind == "integer", row.number == "real")
+    assert (row.code in INTEGERS, row.code in REALS) == (row.number_kind == "integer", row.number_kind == "real")
     assert (row.code in NUMERIC) == (row.number_kind in {"integer", "real", "decimal"})
     if row.code == VarType.VARIANT:
         return

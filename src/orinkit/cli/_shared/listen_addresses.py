@@ -13,7 +13,7 @@ from orinkit.cli._shared.http import HTTP
 from orinkit.core.i18n import tr
 from orinkit.server.aio_server import DEFAULT_URL
 from orinkit.transport.address import parse_address
-from orinkit.transport.registry import ServeOption, aliases, entries, rows
+from orinkit.transport.registry import ServeOption, aliases, entry_points, rows
 
 LISTENING: Final = Group(tr("Network"), sort_key=8)
 
@@ -73,7 +73,7 @@ def _transports() -> Iterator[ListenTransport]:
         if row.option is not None:
             yield ListenTransport(row.scheme, tr(row.option.help), row.option, row.http)
     taken = {row.scheme for row in rows()}
-    for scheme, entry in entries().items():
+    for scheme, entry in entry_points().items():
         if scheme not in taken and scheme.replace("-", "_").isidentifier():
             text = tr("Address to listen on over {scheme} (from {place}); may be repeated.", scheme=scheme, place=entry.value)  # fmt: skip
             yield ListenTransport(scheme, text, ServeOption(text))  # the transport's package is imported on first use

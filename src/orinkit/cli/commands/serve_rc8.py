@@ -200,7 +200,7 @@ def serve_rc8(
         begin_log(listening)
         served = load_targets(provider, [rc8])
         if not no_providers:
-            served += load_installed(served, but=provider)
+            served += load_installed(served, exclude=provider)
         name_and_log_providers(served, rc8)
         return run(served, listening, _control(rc8, control, secret, control_secret_file))
     finally:
