@@ -128,7 +128,7 @@ def test_a_live_target_is_reached_within_the_limits(session: Session, arm: Arm) 
 def gathered() -> Iterator[None]:
     """Keep pushed set-points in the queue, so that it does not run empty if the program is suspended afterwards."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StreamMemory, "feed_queue", lambda _: None)
+        patch.setattr(StreamMemory, "select_queue", lambda _: None)
         yield
 
 
