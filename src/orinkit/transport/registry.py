@@ -106,7 +106,7 @@ class Transport(NamedTuple):
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
-        listener: ``async (address, Connections) -> Listener``, for a server. If ``http`` is True, it receives
+        listener: ``async (address, ServerContext) -> Listener``, for a server. If ``http`` is True, it receives
             HttpOptions too.
         refusal: ``(address) -> InvalidAddress``: returns the exception if the transport has no link, or no listener.
         option: The option of ``orinkit serve``.
