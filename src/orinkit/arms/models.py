@@ -211,7 +211,7 @@ class _ModelReader:
         lower = self._number(row.get("lower"), f"{key}.lower")
         upper = self._number(row.get("upper"), f"{key}.upper")
         if lower >= upper:
-            self._fail(f"{key}.lower", tr("{lower:g} must be below upper, {upper:g}", lower=lower, upper=upper))
+            self._fail(f"{key}.lower", tr("{lower:g} must be below upper ({upper:g})", lower=lower, upper=upper))
         velocity = self._positive(row.get("velocity"), f"{key}.velocity")
         acceleration = self._positive(
             row.get("acceleration", velocity / DEFAULT_SECONDS_TO_SPEED), f"{key}.acceleration"

@@ -97,7 +97,7 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
     values = ", ".join(map(show, found.arguments))
     if request is None and kind_of(found.code) == "request":
         function = FUNCTIONS.get(found.code)
-        name = function.name if function else tr("function {code}?", code=found.code)
+        name = function.name if function else tr("unknown function {code}", code=found.code)
         return f"{name}({values})"
     info = hresult.lookup(found.code)
     if info.failed:
@@ -367,7 +367,9 @@ class _Dissector:
             description = tr("{size} after the arguments", size=_bytes(area))
             if area == _CRC_SIZE and crc == end:
                 right = _U16.pack(packet.checksum(self.frame[1 : self.at])).hex(" ")
-                description = tr("{said}; as a CRC, {right} would be correct", said=description, right=right)
+                description = tr(
+                    "{said}; if they are a CRC, the correct value is {right}", said=description, right=right
+                )
             self.take(area, tr("reserved area"), description)
         if self.at == crc < end:
             self.take(_CRC_SIZE, "CRC", tr("correct (serial line)"))

@@ -315,7 +315,10 @@ class Bus:
         """
         if self.address is None:
             raise InvalidValue(
-                tr("a bus that was not opened by its address cannot be reopened. Try: pass its address (can://...)")
+                tr(
+                    "a bus can be reopened only if it was opened by an address. Try: open the bus with its "
+                    "address (can://...)"
+                )
             )
         return self.address
 

@@ -24,7 +24,7 @@ def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> li
         raise error_for(
             hresult.E_INVALIDARG,
             tr(
-                "got {count} arguments, {name} has {wanted}",
+                "got {count} arguments, expected {wanted} for {name}",
                 count=len(given),
                 name=function.name,
                 wanted=len(expected),

@@ -147,8 +147,8 @@ class CallTimeout(OrinError, TimeoutError):
     def __str__(self) -> str:
         if self.executing:
             return tr(
-                "{function}: not finished within its deadline of {seconds:g} s; the controller reported that it was "
-                "still executing and may complete it later. Try: a longer deadline",
+                "{function}: not finished within its deadline of {seconds:g} s; the controller reported that the "
+                "call was still executing, and may complete it later. Try: a longer deadline",
                 function=self.function,
                 seconds=self.seconds,
             )
@@ -194,24 +194,26 @@ class DriverTimeout(CallTimeout):
     def __str__(self) -> str:
         if self.function == "stop_and_wait":
             return tr(
-                "ABH3 {address} did not reach standstill within {seconds:g} s. Try: a longer timeout; check its "
-                "deceleration time",
+                "ABH3 {address} did not reach standstill within {seconds:g} s. Try: a longer timeout, or check "
+                "the deceleration time of the driver",
                 address=self.address,
                 seconds=self.seconds,
             )
         if "req" in self.function:
             return tr(
-                "{function}: no reply from ABH3 {address} within {seconds:g} s. Try: if it replies to commands, check its "
-                "broadcast group; otherwise check that it is on, that the bit rate, its address and the host's address "
-                "match its parameters, and that the bus is terminated",
+                "{function}: no reply from ABH3 {address} within {seconds:g} s. Try: if the driver replies to "
+                "commands, check its broadcast group (a parameter); otherwise check that the driver is on, that "
+                "the bit rate and both addresses (driver and host) match the parameters of the driver, and that "
+                "the bus is terminated",
                 function=self.function,
                 address=self.address,
                 seconds=self.seconds,
             )
         return tr(
-            "{function}: no reply from ABH3 {address} within {seconds:g} s; the driver may or may not have accepted the command. "
-            "Try: check that the driver is on, that the bit rate, the driver's address and the host's address match its "
-            "parameters, that the bus is terminated, and that replies are enabled (single packet 0 mode)",
+            "{function}: no reply from ABH3 {address} within {seconds:g} s; the driver may or may not have "
+            "accepted the command. Try: check that the driver is on, that the bit rate and both addresses (driver "
+            "and host) match the parameters of the driver, that the bus is terminated, and that the driver is set "
+            "to reply (parameter single packet 0 mode)",
             function=self.function,
             address=self.address,
             seconds=self.seconds,

@@ -149,7 +149,7 @@ def _form_bytes(value: bytes) -> bytes:
     if bad:
         found = quoted(value[bad.start() : bad.start() + 3].decode("ascii", "replace"))
         raise refused(
-            tr('{found} is not an escape: "%" and two hexadecimal digits. Try: encode a "%" as %25', found=found)
+            tr('{found} is not an escape ("%" and two hexadecimal digits). Try: encode a "%" as %25', found=found)
         )
     return b"".join(map(_unescaped, _slices(value)))
 
@@ -214,7 +214,9 @@ def _no_function(body: bytes) -> CallError:
     found = _quoted(body)
     begins = tr("the body begins with {found}", found=found)
     empty = tr("the body is empty")
-    return refused(tr("no Func: {found}. Try: Func=3,Arg1=...,Arg2=...", found=begins if body else empty))
+    return refused(
+        tr("the field Func is missing: {found}. Try: Func=3,Arg1=...,Arg2=...", found=begins if body else empty)
+    )
 
 
 def _unknown(piece: bytes) -> CallError:

@@ -108,7 +108,7 @@ def explain_request(body: bytes) -> str:
         return tr("not an e-CAP request: {detail}", detail=error.detail)
     word = fields.pop("func").text.strip(BLANKS)
     function = FUNCTIONS.get(_whole(word) or 0)
-    words = [function.name if function else tr("function {word}?", word=printable(word))]
+    words = [function.name if function else tr("unknown function {word}", word=printable(word))]
     arguments = function.arguments if function else ()
     for number, argument in enumerate(arguments, 1):
         text = printable(fields.pop(f"arg{number}", _EMPTY).text)
@@ -200,7 +200,7 @@ def _read(
         code, reason = error.code, str(error)
     except CallError as error:
         code, reason = error.code, error.detail
-    plus = tr('. Try: encode a "+" as %2B; a literal "+" is a blank')
+    plus = tr('. Try: encode a "+" as %2B; a literal "+" means a space')
     raise error_for(code, function.where(number) + reason + (plus if field.plus else ""))
 
 
@@ -238,7 +238,7 @@ def _read_handle(text: str) -> Variant:
         raise error_for(
             error.code,
             tr(
-                "{found} is not a handle: a number returned by Controller_Connect, Controller_GetVariable or "
+                "{found} is not a handle. Try: a number returned by Controller_Connect, Controller_GetVariable or "
                 "a similar function",
                 found=found,
             ),
@@ -403,7 +403,10 @@ def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
             left -= _cost(text, left)
     if left < 0:
         raise LimitExceeded(
-            tr("the arrays have too many elements as text. Try: use smaller arrays, several calls, or b-CAP"),
+            tr(
+                "the arrays have too many elements for e-CAP, which transfers arrays as text. Try: use smaller "
+                "arrays, several calls, or b-CAP"
+            ),
             hresult.E_ARGSIZEOVER,
         )
 

@@ -188,7 +188,11 @@ def _sets_local_state(function: Function[..., Any], arguments: tuple[Any, ...]) 
 
 
 def _not_sent(url: str, function: Function[..., Any]) -> str:
-    return tr("gateway to {url}: {name} was not sent because its client no longer waits", url=url, name=function.name)
+    return tr(
+        "gateway to {url}: {name} was not sent because its client no longer waits for the reply",
+        url=url,
+        name=function.name,
+    )
 
 
 def _without_create(option: str) -> str:
@@ -323,8 +327,8 @@ def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
     if wrong or len(set(names)) < given:
         raise ValueError(
             tr(
-                "with several controllers, each one needs a unique name, which must not be localhost or the host "
-                "of one of their addresses: {names}",
+                "with several controllers, each controller needs a unique name other than localhost and the hosts "
+                "in the addresses of the controllers; got {names}",
                 names=", ".join(map(repr, names)),
             )
         )

@@ -280,7 +280,7 @@ class UpstreamConnection:
 
     def disconnect(self) -> None:
         """Close the connection to the controller in the background; the next call opens it again."""
-        self._spawn(self._lose(ConnectionClosed(tr("no signs of life from its client"))))
+        self._spawn(self._lose(ConnectionClosed(tr("no signs of life from the client"))))
 
     async def wait_closed(self) -> None:
         """Wait until a closing connection of this event loop is closed, at most 2 s."""

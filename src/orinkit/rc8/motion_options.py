@@ -174,7 +174,7 @@ def _flag(part: str, value: str) -> bool:
     flag = _FLAGS.get(value.upper())
     if flag is None:
         raise _invalid(
-            tr("{part}: NEXT takes no value, or 1 or 0", part=quoted(part)),
+            tr("{part}: expected NEXT without a value, NEXT=1 or NEXT=0", part=quoted(part)),
         )
     return flag
 

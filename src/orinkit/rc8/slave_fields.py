@@ -134,8 +134,8 @@ FIELDS: Final[tuple[SlaveField, ...]] = (
     SlaveField(name="user", label=N_("user I/O to send"), form=FieldType.BYTES, place=3, receive=ReceiveBits.USER, send=SendBits.USER,
           by_word=False, answer_label=N_("user I/O"), offset_label=N_("offset of user I/O to send"),
           size_label=N_("size of user I/O to send"), text=N_("states of the user I/O, hexadecimal bytes")),
-    SlaveField(name="window", label=N_("user I/O requested for the result"), form=FieldType.WINDOW, place=4, receive=ReceiveBits.USER, by_word=False,
-          offset_label=N_("offset of the user I/O requested for the result"), size_label=N_("size of the user I/O requested for the result")),
+    SlaveField(name="window", label=N_("user I/O to receive"), form=FieldType.WINDOW, place=4, receive=ReceiveBits.USER, by_word=False,
+          offset_label=N_("offset of user I/O to receive"), size_label=N_("size of user I/O to receive")),
     SlaveField(name="current", label=N_("motor currents"), form=FieldType.REALS, place=6, count=8, receive=ReceiveBits.CURRENT,
           text=N_("motor currents, A")),
 )  # fmt: skip

@@ -106,7 +106,8 @@ def mode_number(buffering: int, kind: str) -> int:
         if (mode.buffering, mode.kind) == (buffering, kind):
             return mode.number
     raise InvalidValue(
-        tr("slave mode {buffering} for {kind} does not exist. Try: 0, 1 or 2, each for \"P\", \"J\" and \"T\"", buffering=brief(buffering), kind=brief(kind))
+        tr("slave mode {buffering} with pose type {kind} does not exist. Try: mode 0, 1 or 2, with pose type "
+            "\"P\", \"J\" or \"T\"", buffering=brief(buffering), kind=brief(kind))
     )  # fmt: skip
 
 

@@ -125,8 +125,8 @@ def _read_unusual(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float
     if axes is None:
         raise invalid(
             tr(
-                "value {place} of a {kind} is {shown}; flags of extended joints are 0x400040 (7), 0x400080 (8) and "
-                "0x4000C0 (both)",
+                "value {place} of a {kind} is {shown}; expected a flag of extended joints: 0x400040 (joint 7), "
+                "0x400080 (joint 8) or 0x4000C0 (both)",
                 place=size + 1,
                 kind=kind,
                 shown=shown,

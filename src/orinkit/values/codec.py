@@ -273,7 +273,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     if stop > end or length < 6:
         raise _packet_error(
             tr(
-                "argument length {length} at offset {position} does not fit the {present} bytes present",
+                "argument length {length} at offset {position} does not match the {present} bytes that follow",
                 length=length,
                 position=position,
                 present=end - position - 4,
@@ -293,7 +293,7 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
 def _count_mismatch(vt: int, count: int, position: int, present: int) -> ProtocolError:
     return _packet_error(
         tr(
-            "{count} x {type} at offset {position} does not agree with its {present} bytes of data",
+            "at offset {position}, {present} bytes of data do not match {count} x {type}",
             count=count,
             type=type_name(vt),
             position=position,
@@ -405,7 +405,8 @@ class _ValueReader:
             if after > self.end or length % 2:
                 raise _packet_error(
                     tr(
-                        "string of {length} bytes at offset {position}, {present} are present",
+                        "the length of the string at offset {position} must be even and at most {present} bytes, "
+                        "not {length}",
                         length=length,
                         position=position,
                         present=self.end - position - 4,

@@ -222,7 +222,7 @@ class _NotationParser:
     def _bracketed(self) -> Variant:
         self._check_depth()
         if not self._skip("("):
-            raise self._expected(tr('"(" and a VARIANT like (3,100)'))
+            raise self._expected(tr("a VARIANT in parentheses, for example (3,100)"))
         self.depth += 1
         result = self.variant()
         if not self._skip(")"):

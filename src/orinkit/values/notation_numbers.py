@@ -162,4 +162,4 @@ AMOUNT: Final = ElementFormat(
 )
 MOMENT: Final = ElementFormat(_read_moment, _write_moment, N_("a date like 2026-11-21 10:00:00 or a number of days"))
 ERROR: Final = ElementFormat(_read_error, _write_error, N_("a 32-bit code, decimal or 0x hexadecimal"))
-FLAG: Final = ElementFormat(_read_flag, _write_flag, N_("-1, 1 or True, 0 or False"))
+FLAG: Final = ElementFormat(_read_flag, _write_flag, N_("True, 1, -1, False or 0"))

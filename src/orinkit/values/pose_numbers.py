@@ -103,7 +103,9 @@ def check_kind(kind: str) -> None:
         InvalidValue: If the pose type is not valid.
     """
     if kind not in COUNTS:
-        raise InvalidValue(tr('the kind of a target must be "P", "T", "J", "V" or "", not {kind}', kind=brief(kind)))
+        raise InvalidValue(
+            tr('the pose type of a target must be "P", "T", "J", "V" or "" (unspecified), not {kind}', kind=brief(kind))
+        )
 
 
 def check_index(kind: str, index: int) -> None:
@@ -115,7 +117,7 @@ def check_index(kind: str, index: int) -> None:
     if not kind or isinstance(index, bool) or not 0 <= index <= MAX_WHOLE:
         raise InvalidValue(
             tr(
-                "invalid variable of kind {kind!r} and number {index}; a kind and a number from 0 are required",
+                "invalid variable of kind {kind!r} and number {index}; a kind and a number of 0 or more are required",
                 kind=kind,
                 index=brief(index),
             )

@@ -148,7 +148,7 @@ def read_target(scanner: Scanner) -> TargetParts:
         value = scanner.whole(0, MAX_WHOLE, N_("the number of a variable {kind}"), kind=kind)
         scanner.need("]")
     else:
-        value = scanner.whole(0, MAX_WHOLE, N_('the number of a variable {kind}, or "(" and its values'), kind=kind)
+        value = scanner.whole(0, MAX_WHOLE, N_('the number of a variable {kind}, or "(" followed by values'), kind=kind)
     return TargetParts(kind, value, mark, _read_extra(scanner))
 
 

@@ -231,8 +231,8 @@ class ABH3Controller(ControllerObject):
             hresult.E_ABORT,
             tr(
                 "the motor was stopped: this client made no call for {idle:g} s (option Idle), the driver did not "
-                "reply, or another client called Stop. Try: send START and COMMAND again, after ResetErrors if "
-                "ERRORS is not 0",
+                "reply, or another client called Stop. Try: set START and COMMAND again; if ERRORS is not 0, "
+                "first call ResetErrors and set SERVO_ON",
                 idle=self._wanted.idle,
             ),
         )

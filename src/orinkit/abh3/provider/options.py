@@ -91,7 +91,8 @@ def parse_selection(option: str, defaults: Mapping[str, Any], *, own_bus: str | 
     if period and not _SHORTEST_PERIOD <= period <= _LONGEST_PERIOD:
         raise invalid(
             tr(
-                "KeepAlive must be 0 or {shortest} to {slowest} s, not {period:g} s: a driver stops by itself after 0.5 s",
+                "KeepAlive must be 0 or {shortest} to {slowest} s, not {period:g} s: a driver stops by itself if "
+                "no command arrives for 0.5 s",
                 shortest=_SHORTEST_PERIOD,
                 slowest=_LONGEST_PERIOD,
                 period=period,
@@ -132,7 +133,10 @@ def _is_at(url: str, address: CanAddress) -> bool:
 def _chosen(options: Options, given: list[str]) -> CanAddress:
     if not given or ("Bus" in given and len(given) > 1) or given == ["Bitrate"]:
         raise invalid(
-            tr("no CAN bus is selected. Try: Interface=socketcan, Channel=can0 (and Bitrate=500000); or only Bus=URL")
+            tr(
+                "the options do not select a CAN bus. Try: Interface=socketcan, Channel=can0 and, if necessary, "
+                "Bitrate=500000; or Bus=URL without these three options"
+            )
         )
     address = parse_address(options.text_of("Bus") if "Bus" in given else _url(options))
     if not isinstance(address, CanAddress):

@@ -74,5 +74,7 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
         )
     word = whole(value)
     if word is None:
-        raise InvalidValue(tr("a word must be a whole number, not {value}", value=brief(value)))
+        raise InvalidValue(
+            tr("with raw=True, the value must be a whole number (a 32-bit word), not {value}", value=brief(value))
+        )
     return word

@@ -371,12 +371,12 @@ def _monitors() -> Iterator[TelItem]:
     yield TelItem(0x1005, "pack", N_("control voltage"), "V")
     yield TelItem(0x1012, "pack", N_("A/Y velocity"), "min^-1")
     yield TelItem(0x1022, "pack", N_("B/X velocity"), "min^-1")
-    yield TelItem(0x1031, "pack", N_("A torque"), "%")
-    yield TelItem(0x103B, "pack", N_("A load"), "%")
-    yield TelItem(0x1041, "pack", N_("B torque"), "%")
-    yield TelItem(0x104B, "pack", N_("B load"), "%")
-    yield TelItem(0x1054, "int", N_("A pulse count"), "pulse")
-    yield TelItem(0x1064, "int", N_("B pulse count"), "pulse")
+    yield TelItem(0x1031, "pack", N_("A axis torque"), "%")
+    yield TelItem(0x103B, "pack", N_("A axis load"), "%")
+    yield TelItem(0x1041, "pack", N_("B axis torque"), "%")
+    yield TelItem(0x104B, "pack", N_("B axis load"), "%")
+    yield TelItem(0x1054, "int", N_("A axis pulse count"), "pulse")
+    yield TelItem(0x1064, "int", N_("B axis pulse count"), "pulse")
 
 
 _OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # address of A/Y in data set 0, offset of B/X
@@ -388,7 +388,7 @@ _OF_A_SET: Final[tuple[tuple[int, int, Kind, str, str], ...]] = (  # address of 
     (0x5050, 0x60, "pack", N_("{axis} deceleration S-curve #{number}"), "%"),
     (0x5060, 0x60, "pack", N_("{axis} P gain #{number}"), ""),
     (0x5070, 0x60, "pack", N_("{axis} I gain #{number}"), ""),
-    (0x50E0, 0x10, "int", N_("{axis} source of the data (0 the driver, 2 CAN) #{number}"), ""),
+    (0x50E0, 0x10, "int", N_("{axis} data source #{number} (0: driver, 2: CAN)"), ""),
 )
 _SWITCHES: Final = (
     (0x5100, N_("{axis} servo on")),
@@ -407,7 +407,7 @@ _CAN: Final = (
     (0x4114, N_("single packet priority"), ""),
     (0x4115, N_("multi-packet priority"), ""),
     (0x4116, N_("broadcast priority"), ""),
-    (0x4117, N_("time-out after which commands are set to 0; 0 for none"), "ms"),
+    (0x4117, N_("command time-out after which the driver sets its commands to 0, 0 for none"), "ms"),
     (0x4118, N_("command time-out after which the driver reports an error, 0 for none"), "ms"),
     (0x4119, N_("wait in multi-packet data transfer"), "ms"),
     (0x411A, N_("logic of the control flags"), ""),
@@ -417,7 +417,10 @@ _CAN: Final = (
 
 def _parameters() -> Iterator[TelItem]:
     yield from (TelItem(address, "int", title, unit) for address, title, unit in _CAN)
-    yield from (TelItem(0x4108 + n, "int", N_("broadcast {number} mode"), "ms", (("number", n),)) for n in range(8))
+    yield from (
+        TelItem(0x4108 + n, "int", N_("period of broadcast {number}, 0 for on request only"), "ms", (("number", n),))
+        for n in range(8)
+    )
     yield from (
         TelItem(0x4110 + n, "int", N_("broadcast reception {number}"), "", (("number", n + 1),)) for n in range(4)
     )

@@ -99,10 +99,10 @@ INPUTS_V1: Final = (
     Bit(8, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalGate.OR),
     *_axis(12, "B/X", (*_of_an_axis(TerminalGate.NOT_AND), _POLARITY_BX_V1)),
     Bit(19, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalGate.OR),
-    Bit(24, "ay_torque", N_("A/Y torque (0: speed)"), TerminalGate.AND),
-    Bit(25, "bx_torque", N_("B/X torque (0: speed)"), TerminalGate.AND),
+    Bit(24, "ay_torque", N_("A/Y torque mode (0: velocity mode)"), TerminalGate.AND),
+    Bit(25, "bx_torque", N_("B/X torque mode (0: velocity mode)"), TerminalGate.AND),
     Bit(26, "slave", N_("slave (0: master)"), TerminalGate.AND),
-    Bit(28, "brake_release", N_("brake released (0: with servo and error)"), TerminalGate.AND),
+    Bit(28, "brake_release", N_("brake released (0: the brake follows servo and errors)"), TerminalGate.AND),
     Bit(31, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalGate.OR),
 )  # fmt: skip
 CONTROL_V1: Final = (
@@ -113,10 +113,10 @@ CONTROL_V1: Final = (
 INPUTS_V2: Final = (
     *_axis(0, "A/Y", (*_of_an_axis(TerminalGate.AND), _POLARITY)),
     *_axis(8, "B/X", (*_of_an_axis(TerminalGate.AND), _POLARITY)),
-    Bit(16, "ay_torque", N_("A/Y torque (0: speed)"), TerminalGate.AND),
-    Bit(17, "bx_torque", N_("B/X torque (0: speed)"), TerminalGate.AND),
-    Bit(18, "slave", N_("master and slave"), TerminalGate.AND),
-    Bit(19, "brake_release", N_("brake released (0: with servo and error)"), TerminalGate.AND),
+    Bit(16, "ay_torque", N_("A/Y torque mode (0: velocity mode)"), TerminalGate.AND),
+    Bit(17, "bx_torque", N_("B/X torque mode (0: velocity mode)"), TerminalGate.AND),
+    Bit(18, "slave", N_("master/slave operation enabled"), TerminalGate.AND),
+    Bit(19, "brake_release", N_("brake released (0: the brake follows servo and errors)"), TerminalGate.AND),
     Bit(20, "a_pulse_clear", N_("A axis pulse count cleared (rising edge)"), TerminalGate.OR),
     Bit(21, "b_pulse_clear", N_("B axis pulse count cleared (rising edge)"), TerminalGate.OR),
     Bit(22, "error_reset", N_("error reset (errors are cleared when it changes from 0 to 1; servo off while it is 1)"), TerminalGate.OR),

@@ -187,7 +187,7 @@ class Decoder:
         from_host = self._from_host(parts)
         if from_host is None:
             data = frame.data.hex(" ").upper() or "-"
-            fault = FrameFault(N_("single packet with unknown host: {data}"), (("data", data),))
+            fault = FrameFault(N_("single packet of which the host cannot be determined: {data}"), (("data", data),))
             return DecodedFrame(frame, UNKNOWN, parts.sa, _destination(parts), fault=fault)
         if parts.dp and from_host:
             values = (DecodedValue("wanted", _REQUESTED, DP1R),)
@@ -239,7 +239,8 @@ class Decoder:
         data = frame.data.hex(" ").upper() or "-"
         if self.group not in (None, group):
             fault = FrameFault(
-                N_("{name} of group {group}: {data}"), (("name", name), ("group", group), ("data", data))
+                N_("{name} of another broadcast group, {group}: {data}"),
+                (("name", name), ("group", group), ("data", data)),
             )
             return DecodedFrame(frame, UNKNOWN, parts.sa, None, fault=fault)
         self._learn(parts.sa, is_host=False)

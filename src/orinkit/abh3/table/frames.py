@@ -90,7 +90,7 @@ class Codec:
         kinds = ", ".join(kind.__name__ for kind in self._records.values())
         raise InvalidValue(
             tr(
-                "dialect {dialect} has no record {kind}; it has {kinds}",
+                "dialect {dialect} has no frame of class {kind}; its frame classes: {kinds}",
                 dialect=self.dialect.name,
                 kind=type(record).__name__,
                 kinds=kinds,

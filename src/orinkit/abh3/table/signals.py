@@ -259,7 +259,7 @@ _COMMANDS: Final = (
 )
 _COMMON: Final = (
     FrameLayout("DP1R", N_("pulse counts"), "2.2",
-        _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
+        _of(PULSES, "i", ("a_pulses", N_("A axis pulse count")), ("b_pulses", N_("B axis pulse count"))),
         dp=1, undocumented=True),
     FrameLayout("BR2", N_("velocities"), "2.5", _of(VELOCITY, "h",
         ("ay_velocity_command", N_("A/Y velocity command")),
@@ -269,9 +269,9 @@ _COMMON: Final = (
     FrameLayout("BR3", N_("currents and loads"), "2.6", (
         *_of(CURRENT, "h", ("ay_current_command", N_("A/Y current command")),
              ("bx_current_command", N_("B/X current command"))),
-        *_of(LOAD, "H", ("a_load", N_("A load")), ("b_load", N_("B load")))), broadcast=3),
+        *_of(LOAD, "H", ("a_load", N_("A axis load")), ("b_load", N_("B axis load")))), broadcast=3),
     FrameLayout("BR4", N_("pulse counts"), "2.7",
-        _of(PULSES, "i", ("a_pulses", N_("A pulse count")), ("b_pulses", N_("B pulse count"))),
+        _of(PULSES, "i", ("a_pulses", N_("A axis pulse count")), ("b_pulses", N_("B axis pulse count"))),
         broadcast=4),
     FrameLayout("BR5", N_("analog inputs and supplies"), "2.8", (
         *_of(ANALOG, "h", ("analog_0", N_("analog input 0")), ("analog_1", N_("analog input 1"))),
@@ -349,7 +349,7 @@ def _dialect(
 _CONTROL_V1: Final = Word("control", N_("control flags"), _bits.CONTROL_V1)
 _IO_V1: Final = Word("io", N_("I/O flags"), _bits.IO_V1)
 V1: Final = _dialect(
-    "v1", N_("the document, 2021"),
+    "v1", N_("manufacturer's document of 2021"),
     (
         Word("inputs", N_("inputs"), _bits.INPUTS_V1),
         _CONTROL_V1,
@@ -357,8 +357,8 @@ V1: Final = _dialect(
         Word("warnings", N_("warning flags"), _bits.FAULTS_V1),
         _IO_V1,
     ),
-    _of(VELOCITY, "h", ("a_velocity", N_("A velocity feedback")), ("b_velocity", N_("B velocity feedback")),
-        ("y_velocity", N_("Y velocity feedback")), ("x_velocity", N_("X velocity feedback"))),
+    _of(VELOCITY, "h", ("a_velocity", N_("A axis velocity feedback")), ("b_velocity", N_("B axis velocity feedback")),
+        ("y_velocity", N_("Y axis velocity feedback")), ("x_velocity", N_("X axis velocity feedback"))),
     (_flags("control", _CONTROL_V1), _flags("io", _IO_V1)),
 )  # fmt: skip
 """The dialect in the document."""

@@ -218,7 +218,7 @@ class Kinematics:
         """
         frames = _finite_frames(flanges)
         if frames.ndim != 3:
-            raise ValueError(tr("a path must have the shape (N, 4, 4), not {shape}", shape=frames.shape))
+            raise ValueError(tr("a path must be an array with the shape (N, 4, 4), not {shape}", shape=frames.shape))
         first = joints_of(start)[:ARM_AXES]
         if not len(frames):
             return np.empty((0, ARM_AXES))
@@ -285,7 +285,7 @@ class Kinematics:
     def _checked_frame(self, flange: ArrayLike) -> Array:
         frame = _finite_frames(flange)
         if frame.ndim != 2:
-            raise ValueError(tr("a flange must have the shape (4, 4), not {shape}", shape=frame.shape))
+            raise ValueError(tr("a flange pose must be an array with the shape (4, 4), not {shape}", shape=frame.shape))
         return frame
 
     def _in_reach(self, frames: Array) -> Mask:
@@ -366,7 +366,9 @@ class Kinematics:
 def _finite_frames(flanges: ArrayLike) -> Array:
     frames = np.asarray(flanges, dtype=np.float64)
     if frames.ndim < 2 or frames.shape[-2:] != (4, 4):
-        raise ValueError(tr("a frame must have the shape (4, 4), not {shape}", shape=frames.shape))
+        raise ValueError(
+            tr("a coordinate frame must be an array with the shape (4, 4), not {shape}", shape=frames.shape)
+        )
     rotations = frames[..., :3, :3]
     if not np.isfinite(frames).all() or (rotations.size and np.abs(rotations).max() > 1.0 + _ROTATION_NOISE):
         raise error_for(

@@ -75,7 +75,7 @@ def _transports() -> Iterator[ListenTransport]:
     taken = {row.scheme for row in rows()}
     for scheme, entry in entry_points().items():
         if scheme not in taken and scheme.replace("-", "_").isidentifier():
-            text = tr("Address to listen on over {scheme} (from {place}); may be repeated.", scheme=scheme, place=entry.value)  # fmt: skip
+            text = tr("Address to listen on over {scheme}, a transport from {place}; may be repeated.", scheme=scheme, place=entry.value)  # fmt: skip
             yield ListenTransport(scheme, text, ServeOption(text))  # the transport's package is imported on first use
 
 

@@ -58,7 +58,7 @@ def explain_errors(controller: orinkit.Controller, url: str) -> Iterator[None]:
                 if first in error.detail or errors[-1].code == error.code
                 else tr("the controller reports {error}", error=first)
             )
-            clear = tr("to clear it: orinkit call {url} Controller_Execute ClearError", url=url)
+            clear = tr("to clear the error: orinkit call {url} Controller_Execute ClearError", url=url)
             error.detail = "; ".join(filter(None, (error.detail, reported, clear)))
         raise
 

@@ -254,8 +254,8 @@ def _warnings(listening: ServerOptions) -> Iterator[str]:
     if access.token_file is not None and beside:
         options = ", ".join(beside)
         yield tr(
-            "orinkit: warning: --token-file protects --http only; b-CAP has no token: any client that "
-            "reaches {options} can use the device",
+            "orinkit: warning: --token-file protects --http only; b-CAP has no token: any client that can connect "
+            "to the address of {options} can use the device",
             options=options,
         )
 

@@ -112,8 +112,8 @@ def decode(
         Parameter(
             allow_leading_hyphen=True,
             help=tr(
-"Log file: output of candump or python -m can.logger (.log, .txt), or .asc, .blf, .csv, "
-".trc; - reads such output from stdin."),
+"Log file: .log or .txt (output of candump or python -m can.logger), .asc, .blf, .csv or .trc; - reads output of "
+"candump or python -m can.logger from stdin."),
         ),
     ],
     /,

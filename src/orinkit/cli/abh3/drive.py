@@ -200,7 +200,7 @@ def drive(
         float | None, Parameter(help=tr("Command of B/X in min^-1; 0 by default."))
     ] = None,
     torque: Annotated[
-        bool, Parameter(help=tr("--ay and --bx are currents in %; only the driver limits the velocity then."))
+        bool, Parameter(help=tr("Torque mode: --ay and --bx are currents in %. In this mode only the driver limits the velocity."))
     ] = False,
     period: Annotated[
         float, Parameter(help=tr("Time in s between commands, and between output lines."))
@@ -329,7 +329,7 @@ def _command(
     while (now := monotonic()) < end:
         if now - sent > _MAX_COMMAND_DELAY:
             raise CommandError(tr(
-"no command was sent for {seconds:.1f} s: the driver may have stopped and is not restarted", seconds=now - sent))  # fmt: skip
+"no command was sent for {seconds:.1f} s, so the driver may have stopped; orinkit does not restart it", seconds=now - sent))  # fmt: skip
         feedback = _read(driver, lambda: driver.command(*commands), now - began)
         sent = now
         shown.show(feedback)

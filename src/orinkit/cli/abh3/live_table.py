@@ -117,7 +117,7 @@ class LiveTable:
 
         table = Table(expand=True)
         table.add_column(tr("frame"))
-        for title in ("1/s", tr("age s"), tr("count")):
+        for title in ("1/s", tr("age [s]"), tr("count")):
             table.add_column(title, justify="right")
         table.add_column(tr("content"), ratio=1)
         for cells in self._rows.lines():

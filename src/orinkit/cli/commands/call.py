@@ -40,7 +40,8 @@ class ObjectOptions:
 
     variable: Annotated[
         str | None,
-        Parameter(help=tr("Name of a variable, of the controller or of the object named above.")),
+        Parameter(help=tr("Name of a variable of the controller, or of the object given by --robot, --task, --extension or "
+            "--file.")),
     ] = None  # fmt: skip
     command: Annotated[str | None, Parameter(help=tr("Name of a command."))] = None
     handle: Annotated[

@@ -17,7 +17,10 @@ def functions(
     filter: Annotated[  # noqa: A002 - shown as FILTER on the help page
         str | None,
         Parameter(
-            help=tr("Id or name of a function to show its details; any other text lists the functions that contain it.")
+            help=tr(
+                "Id or name of a function to show its details. For any other text, the functions whose name or "
+                "description contains the text are listed."
+            )
         ),
     ] = None,
     /,
@@ -69,7 +72,7 @@ def card(entry: Function[..., Any]) -> list[str]:
         (tr("section"), entry.section),
     ]
     if entry.released_by:
-        rows.append((tr("released by"), entry.released_by))
+        rows.append((tr("handle released by"), entry.released_by))
     widest = max(width(label) for label, _ in rows)
     return [bold(signature(entry)), entry.text, "", *(f"{padded(label, widest)}  {value}" for label, value in rows)]
 

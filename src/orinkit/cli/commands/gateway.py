@@ -44,7 +44,7 @@ def gateway(
         Parameter(
             group=_UPSTREAM,
             show_default=_all,
-            help=tr("Provider name to forward; by default all. May be repeated."),
+            help=tr("Forward only calls for this provider name; by default for all names. May be repeated."),
         ),
     ] = ("*",),
     timeout: Annotated[
@@ -87,21 +87,23 @@ def gateway(
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Allow only these functions (names as in the documents): \"Robot_*\"; may be repeated."),
+            help=tr("Allow only functions whose name (as in the documents) matches this pattern, for example "
+                "\"Robot_*\"; may be repeated."),
         ),
     ] = (),
     allow_variable: Annotated[
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Allow only these variables: \"IO1??\"; may be repeated."),
+            help=tr("Allow only variables whose name matches this pattern, for example \"IO1??\"; may be repeated."),
         ),
     ] = (),
     allow_command: Annotated[
         tuple[str, ...],
         Parameter(
             group=_RULES,
-            help=tr("Allow only these commands of Execute: \"Get*\"; may be repeated."),
+            help=tr("Allow only commands of Execute whose name matches this pattern, for example \"Get*\"; may be "
+                "repeated."),
         ),
     ] = (),
     listening: ServerOptions = _LISTENING,

@@ -158,9 +158,11 @@ def pendant(
     /,
     *value: Annotated[
         str,
-        Parameter(help=tr("Arguments of the action, as above; DISTANCE in deg, WIDTH in mm.")),
+        Parameter(help=tr("Arguments of the action, as listed for ACTION; DISTANCE is in deg, WIDTH in mm.")),
     ],
-    wait: Annotated[bool, Parameter(help=tr("Wait until the action jog or motor has ended."))] = False,
+    wait: Annotated[
+        bool, Parameter(help=tr("Wait until the action has ended; only for the actions jog and motor."))
+    ] = False,
     json: Annotated[
         bool,
         Parameter(help=tr("Print the whole status as one JSON document.")),
@@ -170,7 +172,8 @@ def pendant(
         Parameter(
             group=CONNECTION,
             help=tr(
-                "File with the secret of the control port; by default the one stored by a server of the same account."
+                "File with the secret of the control port; by default the file that a server running under the "
+                "same account has stored."
             ),
         ),
     ] = None,
@@ -283,7 +286,7 @@ _LABELS: Final = {
     "motor": N_("motor"), "moving": N_("moving"), "held": N_("paused"),
     "arm_holder": N_("arm taken by"), "error": N_("error"), "joints": N_("joints"),
     "programs": N_("programs running"), "slave_mode": N_("slave mode"),
-    "slave_limit": N_("slave limit"), "hand.position": N_("hand: position"),
+    "slave_limit": N_("limits in slave mode"), "hand.position": N_("hand: position"),
     "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
     "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),
     "hand.workpiece": N_("hand: workpiece"),

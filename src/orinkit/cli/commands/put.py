@@ -42,7 +42,11 @@ def put(
 
     new = read_values(value)
     if len(value) == 1 and _DECIMAL_COMMA.fullmatch(value[0]) and new.type != VarType.BSTR:
-        note = tr("{value} is VARIANT notation: {type}", value=value[0], type=type_name(new.type))
+        note = tr(
+            "{value} is interpreted as VARIANT notation (type,value), not as a decimal number: {type}",
+            value=value[0],
+            type=type_name(new.type),
+        )
         print(f"orinkit: {note} {one_line(text(new))}", file=sys.stderr)
     try:
         with connection.opened(url) as controller:
@@ -62,8 +66,8 @@ _DECIMAL_COMMA: Final = re.compile(r"\s*\d+,\d+\s*")
 
 def _type_hint() -> str:
     return tr(
-        "On the command line: several numbers form an array (put URL P1 400 0 300 180 0 180 5), "
-        "8,100 is the text 100, and a text with spaces must be quoted."
+        "On the command line: several numbers form an array (put URL P1 400 0 300 180 0 180 5), 8,100 means the "
+        "text 100 (VARIANT type 8 is text), and a text with spaces must be quoted."
     )
 
 

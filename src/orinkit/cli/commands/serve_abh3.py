@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 else:
     CaoListenAddresses = listen_addresses_class(
         tr(
-            "HOST:PORT to listen on for CAO clients, or PORT alone for 127.0.0.1; may be repeated. "
-            "Port 0 selects a free port. Without any of these options, CAO clients cannot connect."
+            "HOST:PORT to listen on for CAO clients, or PORT alone for 127.0.0.1; may be repeated. Port 0 selects "
+            "a free port. If no option for an address to listen on is given, CAO clients cannot connect."
         )
     )
 
@@ -68,7 +68,7 @@ def serve_abh3(
             group=_DRIVER,
             converter=whole_numbers,
             show_default=default_text,
-            help=tr("Address of the driver, 0 to 253; repeat it for several drivers on the bus."),
+            help=tr("Address of the driver, 0 to 253. Repeat the option to put several drivers on the bus."),
         ),
     ] = (1,),
     host: Annotated[
@@ -94,7 +94,8 @@ def serve_abh3(
         str,
         Parameter(
             group=_DRIVER,
-            help=tr("Meaning of the commands: motor (A and B), or travel (Y travels, X turns)."),
+            help=tr("Axis model: with motor, the commands apply to the motors A and B; with travel, to travelling (Y) "
+                "and turning (X)."),
         ),
     ] = "motor",
     broadcast: Annotated[

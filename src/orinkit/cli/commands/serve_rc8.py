@@ -83,7 +83,7 @@ def serve_rc8(
         str,
         Parameter(
             group=ROBOT,
-            help=tr("Executable token (who may start motions): any, tp, io, ethernet or ethernet:ADDRESS."),
+            help=tr("Executable token (the device that may start motions): any, tp, io, ethernet or ethernet:ADDRESS."),
         ),
     ] = "any",  # noqa: S107 - not a password
     motor_on: MotorOn = False,
@@ -116,8 +116,8 @@ def serve_rc8(
             group=ROBOT,
             converter=whole_number,
             help=tr(
-"Limits in slave mode (RC8 4.8): 0 servo, 1 servo x external speed, 2 command, 3 command "
-"x external speed."),
+"Limits in slave mode (RC8 4.8): 0 servo limits, 1 servo limits multiplied by the external speed, 2 command "
+"limits, 3 command limits multiplied by the external speed."),
         ),
     ] = 0,
     strict_time: Annotated[
@@ -125,8 +125,8 @@ def serve_rc8(
         Parameter(
             group=ROBOT,
             help=tr(
-"Do not wait for a late set-point in slave mode (by default up to 250 ms): as on a real controller, it is an "
-"error immediately, or in mode 1 the arm stops in place."),
+"Do not wait for late set-points in slave mode. As on a real controller, a late set-point immediately causes an "
+"error; in mode 1 the arm stops in place instead. By default, the virtual controller waits up to 250 ms."),
         ),
     ] = False,
     time_scale: Annotated[
@@ -158,8 +158,8 @@ def serve_rc8(
         Parameter(
             group=LISTENING,
             help=tr(
-"HOST:PORT on this machine for orinkit pendant; its URL is printed as \"ready control "
-"URL\", followed by its secret. Port 0 selects a free port."),
+"Control port for orinkit pendant: HOST:PORT on this machine. The server prints \"ready control URL\", and then the "
+"secret unless --control-secret-file already contains one. Port 0 selects a free port."),
         ),
     ] = None,
     control_secret_file: Annotated[

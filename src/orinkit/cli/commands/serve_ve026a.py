@@ -33,7 +33,8 @@ def serve_ve026a(
         Parameter(
             group=ROBOT,
             help=tr(
-"Do not wait for a late set-point (by default up to 250 ms): it is an error immediately, as on a real VE026A."),
+"Do not wait for late set-points: a late set-point immediately causes an error, as on a real VE026A. By default, "
+"the virtual VE026A waits up to 250 ms."),
         ),
     ] = False,
     time_scale: Annotated[

@@ -85,7 +85,8 @@ def stream(
     ] = None,
     move: Annotated[
         bool,
-        Parameter(help=tr("First move to the first set-point: by a PTP motion, or in slave mode if the robot is a VE026A.")),
+        Parameter(help=tr("Before the trajectory, move to its first set-point: by a PTP motion, or in slave mode if the robot "
+            "is a VE026A.")),
     ] = False,
     no_motor: Annotated[
         bool, Parameter(help=tr("Do not switch the motor on; it must be on already."))
@@ -267,7 +268,7 @@ def _prepared(robot: orinkit.Robot, job: _StreamRequest) -> tuple[Limits | PathL
         try:
             _check(points, limits, tuple(where(robot)), job)
         except TrajectoryError as error:
-            text = tr("{error}. Try: --move", error=error)
+            text = tr("{error}; the option --move does this", error=error)
             raise TrajectoryError(text, error.sample, error.axis) from None
     return limits, points
 

@@ -138,11 +138,15 @@ def timing_of(samples: Iterable[Sample]) -> Timing:
 def ended_because(reason: str, idle: float | None) -> StreamError:
     """Create the exception for a stream that ended without an error."""
     texts = {
-        "stopped": tr("this program was stopped (SIGSTOP), so the arm was stopped and slave mode left. Try: recover()"),
-        "idle": tr(
-            "no set-point for {idle} s, so slave mode was left. Try: recover(), or slave_mode(idle=None)", idle=idle
+        "stopped": tr(
+            "this program was stopped (SIGSTOP), so the arm was stopped and slave mode was ended. Try: recover()"
         ),
-        "terminated": tr("the streaming process was terminated (SIGTERM), so the arm was stopped and slave mode left"),
+        "idle": tr(
+            "no set-point for {idle} s, so slave mode was ended. Try: recover(), or slave_mode(idle=None)", idle=idle
+        ),
+        "terminated": tr(
+            "the streaming process was terminated (SIGTERM), so the arm was stopped and slave mode was ended"
+        ),
     }
     return StreamError(texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block"))
 

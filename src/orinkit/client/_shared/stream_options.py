@@ -96,7 +96,9 @@ def read_options(
     if on_range not in ("clamp", "refuse"):
         _refuse("on_range", on_range, "clamp, refuse")
     if limits is not None and not isinstance(limits, Limits if wanted.kind == "J" else PathLimits):
-        raise InvalidValue(tr("limits must be Limits for joints (pose J), PathLimits for positions (pose P, T)"))
+        raise InvalidValue(
+            tr("limits must be an object of class Limits for joints (pose J), or PathLimits for positions (pose P, T)")
+        )
     options = StreamOptions(
         wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
         check_range("speed", speed, 0.1, _FULL), check_range("period", period, 0.0005, _MAX_PERIOD),

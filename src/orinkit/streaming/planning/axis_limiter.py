@@ -230,8 +230,8 @@ class AxisLimiter:
         end, room = (self.upper, self.upper - now) if step > 0.0 else (self.lower, now - self.lower)
         rate, most = abs(step) / self._period, self._fastest(room) / self._period
         return tr(
-            "{name}: from {rate:g}/s at {value:g} the axis cannot brake before the end of its range, {end:g}: the "
-            "velocity is {excess:.3g}/s too high, at most {most:g}/s are possible here",
+            "{name}: at {value:g} the velocity of {rate:g}/s is {excess:.3g}/s too high: the axis may move at "
+            "{most:g}/s at most to stop before the end of its range, {end:g}",
             name=self.name,
             value=value,
             rate=rate,

@@ -160,7 +160,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
         InvalidValue: If the file cannot be read, or is not a trajectory; the message contains its name and the line.
     """
     if path.suffix.lower() == ".mcap":
-        raise wrong(path, 0, tr("a trajectory must be a CSV file. Try: record as .csv"))  # fmt: skip
+        raise wrong(path, 0, tr("a trajectory must be a CSV file. Try: record the motion in a .csv file"))  # fmt: skip
     table = CsvTable(path)
     rows = table.rows()
     first = next(rows, None)
@@ -292,8 +292,8 @@ def _named_layout(path: Path, header: CsvRow) -> _CsvLayout:
             path,
             header.line,
             tr(
-                "no columns of a trajectory. Try: j1,j2,j3,j4,j5,j6 or x,y,z,rx,ry,rz, or a file "
-                "written by orinkit move --record"
+                "the header contains no columns of a trajectory. Try: the columns j1,j2,j3,j4,j5,j6 or "
+                "x,y,z,rx,ry,rz, or a file written by orinkit move --record"
             ),
         )
     return layout

@@ -210,7 +210,8 @@ def joints_away(start: Sequence[float], first: Sequence[float]) -> str:
     far = max(range(len(first)), key=lambda axis: abs(first[axis] - start[axis]))
     by = f"{abs(first[far] - start[far]):.{_SHOWN}f}"
     return tr(
-        "the arm is at {here}, but the trajectory begins at {first}; J{axis} is off by {by}. Try: move there first",
+        "the arm is at {here}, but the trajectory begins at {first}; J{axis} is off by {by}. Try: move to the "
+        "beginning of the trajectory first",
         here=_short("J", start),
         first=_short("J", first),
         axis=far + 1,
@@ -230,7 +231,8 @@ def tool_away(start: Sequence[float], first: Sequence[float], distance: float, a
     """
     by = f"{distance:.{_SHOWN}f} mm, {angle:.{_SHOWN}f} deg"
     return tr(
-        "the tool is at {here}, but the trajectory begins at {first}; it is off by {by}. Try: move there first",
+        "the tool is at {here}, but the trajectory begins at {first}; the tool is off by {by}. Try: move to the "
+        "beginning of the trajectory first",
         here=_short(kind, start),
         first=_short(kind, first),
         by=by,

@@ -227,7 +227,8 @@ def _too_long(seconds: float) -> TrajectoryError:
 def _impossible(fault: TrajectoryError | None) -> TrajectoryError:
     return TrajectoryError(
         tr(
-            "the trajectory could not be slowed down to keep the limits: {fault}. Try: smoother points",
+            "the trajectory could not be slowed down enough to stay within the limits: {fault}. Try: points that "
+            "form a smoother path",
             fault=fault,
         ),
         *((fault.sample, fault.axis) if fault is not None else ()),

@@ -330,7 +330,12 @@ def _columns(points: Points, size: int) -> list[tuple[float, ...]]:
     except (TypeError, ValueError):
         usable = False
     if not usable:
-        raise TrajectoryError(tr("each set-point must be {size} finite numbers. Try: read_trajectory", size=size))
+        raise TrajectoryError(
+            tr(
+                "each set-point must be {size} finite numbers. Try: create the trajectory with read_trajectory",
+                size=size,
+            )
+        )
     return columns
 
 

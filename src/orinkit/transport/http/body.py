@@ -57,7 +57,7 @@ class Body:
             ProtocolError: If the body is empty.
         """
         if not self._data:
-            raise self._strange(tr("an empty reply"))
+            raise self._strange(tr("it sent an empty reply"))
         if self._detail and b"," not in self._data:
             self._data += b"," + self._detail
         return bytes(self._data)

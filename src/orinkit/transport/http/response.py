@@ -88,11 +88,17 @@ _EXCEPTIONS: Final[dict[int, Callable[[str], OrinError]]] = {
 }
 _NO_ECAP: Final = N_("That is not an e-CAP response. Try: check host, port and path of the e-CAP server")
 _HINTS: Final = {
-    403: N_("The server denies access to this client. Try: check its message, or ask its administrator"),
-    405: N_("The server does not accept POST at this path. Try: the path of e-CAP"),
+    403: N_(
+        "The server denies access to this client. Try: read the message of the server, or ask the administrator "
+        "of the server"
+    ),
+    405: N_("The server does not accept POST at this path. Try: an address with the path of the e-CAP service"),
     407: N_("A proxy requires a password. Try: an address that is reachable without a proxy"),
     408: N_("The request took too long to arrive; it was not executed. Try: repeat the request over a faster network"),
-    421: N_("The server does not serve this host name. Try: its IP address, or configure the server for this name"),
+    421: N_(
+        "The server does not serve this host name. Try: the IP address of the server, or configure the server for "
+        "this host name"
+    ),
     429: N_("Too many requests; this one was not executed. Try: repeat the request later"),
     500: N_("The server failed; it is unknown whether the call was executed. Try: check the server's log"),
     502: N_(
@@ -189,7 +195,7 @@ class HttpServerInfo:
         for name, value in known:
             if name == "content-encoding" and value.strip().lower() not in _PLAIN:
                 what = tidy(value)
-                raise self._strange(tr("a reply compressed with {what}", what=what))
+                raise self._strange(tr("it sent a reply compressed with {what}", what=what))
             if name == "content-length" and value.isdecimal() and int(value) > self.most:
                 raise self._too_long()
         detail = next((value for name, value in known if name == _DETAIL), "")
@@ -245,7 +251,7 @@ class HttpServerInfo:
         if begin[:2] == _ALERT:
             raise self._speaks_tls()
         if begin[:BEGIN] != _HTTP[: len(begin)]:
-            raise self._strange(tr("data that is not HTTP, {begin!r}", begin=begin[:BEGIN]))
+            raise self._strange(tr("it sent data that is not HTTP, {begin!r}", begin=begin[:BEGIN]))
 
     def broken(self, reason: Exception, *, ended: bool) -> OrinError:
         """Return the exception for a response that violates HTTP.
@@ -321,7 +327,8 @@ def no_certificates(cafile: str, error: Exception) -> InvalidValue:
     """Return the exception for a file without certificates."""
     return InvalidValue(
         tr(
-            "cannot use cafile (--cafile) {cafile!r:.200}: {error}. Try: a PEM file, -----BEGIN CERTIFICATE-----",
+            "cannot use cafile (--cafile) {cafile!r:.200}: {error}. Try: a PEM file, which contains -----BEGIN "
+            "CERTIFICATE-----",
             cafile=cafile,
             error=error,
         )
@@ -365,12 +372,13 @@ def _wrong_token() -> str:
 
 
 def _missing_token() -> str:
-    return tr("The server requires a token. Try: token= (--token-file)")
+    return tr("The server requires a token. Try: pass token= (--token-file)")
 
 
 def _redirected(where: str) -> str:
     return tr(
-        "The server redirects to another address; redirects are not followed. Try: connect to {where} if it is correct",
+        "The server redirects to another address; redirects are not followed. Try: connect to {where} if that "
+        "address is correct",
         where=where,
     )
 

@@ -64,7 +64,7 @@ class AsyncStreamLink(ProcessBound, ABC):
             raise lost(self._error or tr("closed by the peer"))
         if self._transport.get_write_buffer_size() > _UNSENT:
             self.close()
-            raise lost(tr("the peer does not read"))
+            raise lost(tr("the peer does not read the data sent to it"))
         try:
             self._transport.write(data)
         except OSError as error:

@@ -116,12 +116,12 @@ def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
 
     Args:
         address: The address of the peer.
-        error: The error: refused (on Windows, reset) if the peer's machine has replied that no program listens there.
+        error: The error: refused (on Windows, reset) if the peer's machine has replied that no program listens at the address.
         heard: True if something was received from the peer before.
     """
     refused = isinstance(error, ConnectionRefusedError | ConnectionResetError)
     if not heard:
-        nobody = tr("no program listens there")
+        nobody = tr("no program listens at this address")
         return connect_failed(address, OSError(nobody) if refused else error)
     if not refused:
         return lost(error)

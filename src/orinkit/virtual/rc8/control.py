@@ -120,8 +120,8 @@ def _denied(*, given: bool) -> CallError:
         hresult.E_ACCESSDENIED,
         wrong
         + tr(
-            ". Try: add Secret=... to the option, as printed by the server; orinkit pendant, run under the account of "
-            "the server, finds it by itself"
+            ". Try: add Secret=... to the option string, with the secret that the server printed. orinkit pendant "
+            "finds the secret automatically if it runs under the same account as the server"
         ),
     )
 

@@ -234,8 +234,8 @@ class Hand:
             if width is not None and not low <= width <= high:  # rejects NaN as well
                 raise ValueError(
                     tr(
-                        "a workpiece of {width:g} mm does not fit; its width must be {low:g} to {high:g} mm at this "
-                        "opening",
+                        "a workpiece of {width:g} mm does not fit; at the current opening of the hand, its width "
+                        "must be {low:g} to {high:g} mm",
                         width=width,
                         low=low,
                         high=high,

@@ -253,7 +253,9 @@ class TaskHost:
             if error.code == hresult.VARIABLE_INDEX_INVALID:  # programs have another code for it
                 raise error_for(hresult.GLOBAL_VARIABLE_OUT_OF_RANGE, error.detail) from None
             if error.code == hresult.DISP_E_TYPEMISMATCH:
-                raise error_for(hresult.VARIABLE_CHANGE_FAILED, tr("the value has another type")) from None
+                raise error_for(
+                    hresult.VARIABLE_CHANGE_FAILED, tr("the type of the value does not match the type of the variable")
+                ) from None
             raise
 
 

@@ -38,8 +38,8 @@ class SlaveLimit(IntEnum):
         except ValueError:
             raise ValueError(
                 tr(
-                    "slave limit must be 0 (servo), 1 (servo x external speed), 2 (command) or 3 (command x external "
-                    "speed), not {number!r}",
+                    "the limits in slave mode must be 0 (servo), 1 (servo x external speed), 2 (command) or 3 "
+                    "(command x external speed), not {number!r}",
                     number=number,
                 )
             ) from None
@@ -82,7 +82,7 @@ class Token:
                 raise ValueError(address)
         except ValueError:
             raise ValueError(
-                tr("unknown token {text!r}. Try: any, tp, io, ethernet or ethernet:ADDRESS", text=text)
+                tr("unknown executable token {text!r}. Try: any, tp, io, ethernet or ethernet:ADDRESS", text=text)
             ) from None
         return cls(kind, address)
 

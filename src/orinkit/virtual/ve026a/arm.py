@@ -217,7 +217,9 @@ class VE026AArm:
         if index is not None:
             axis = self.model.axes[index]
             given, lower, upper = f"{joints[index]:.6g}", f"{axis.lower:g}", f"{axis.upper:g}"
-            detail = tr("{given} deg, the range is {lower} to {upper} deg", given=given, lower=lower, upper=upper)
+            detail = tr(
+                "{given} deg is outside the range of {lower} to {upper} deg", given=given, lower=lower, upper=upper
+            )
             self.fail(OUT_OF_RANGE_AXIS1 + index, detail)
             raise device_error(OUT_OF_RANGE_AXIS1 + index, detail)
         return self.slave.put(joints)
@@ -303,7 +305,11 @@ class VE026AArm:
         self._operation = None
         if operation.work is TimedOperation.CLEAR_ERROR and self.emergency:
             self.error = EMERGENCY_STOP
-            operation.done.set_exception(device_error(EMERGENCY_STOP, tr("it is still pressed. Try: release it first")))
+            operation.done.set_exception(
+                device_error(
+                    EMERGENCY_STOP, tr("the emergency stop is still pressed. Try: release the emergency stop first")
+                )
+            )
             return
         if operation.work is TimedOperation.CLEAR_ERROR:
             self.error = hresult.S_OK
@@ -357,7 +363,7 @@ class VE026AArm:
                 tr("another client is in slave mode"),
             )
         if self._operation is not None:
-            raise _busy(tr("Motor or ClearError is in progress"))
+            raise _busy(tr("the command Motor or ClearError is in progress"))
         if no_error and self.error != hresult.S_OK:
             raise device_error(self.error, tr("the error has not been cleared. Try: ClearError"))
 

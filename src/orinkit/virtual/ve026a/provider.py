@@ -163,5 +163,5 @@ def _checked(arm: VE026AArm, joints: Sequence[float]) -> Joints:
         or arm.exceeded(completed)
     ):
         given = ", ".join(f"{value:g}" for value in joints)
-        raise ValueError(tr("invalid joints of {name}: {given}", name=arm.model.name, given=given))
+        raise ValueError(tr("joint position {given} is not valid for {name}", name=arm.model.name, given=given))
     return completed

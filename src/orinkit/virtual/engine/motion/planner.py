@@ -63,7 +63,7 @@ class Rates:
     def __post_init__(self) -> None:
         for value in (self.speed, self.accel, self.decel):
             if not 0 < value <= 1:
-                raise ValueError(tr("a rate must be above 0 and at most 1, not {value!r}", value=value))
+                raise ValueError(tr("speed, accel and decel must be above 0 and at most 1, not {value!r}", value=value))
         if self.time is not None and not (math.isfinite(self.time) and self.time > 0):
             raise ValueError(tr("the time of a motion must be above 0 s and finite, not {time!r}", time=self.time))
 

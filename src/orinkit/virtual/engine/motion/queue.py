@@ -195,7 +195,7 @@ class MotionQueue:
                 tr("the arm is stopping. Try: repeat the call when the arm is at standstill"),
             )
         if self.state is QueueState.FOLLOWING:
-            raise ValueError(tr("the queue follows external commands"))
+            raise ValueError(tr("the arm follows external commands, so no motion can be added"))
         if self.full:
             raise ValueError(tr("the queue is full, with {most} motions", most=ROOM))
         if any(abs(a - b) > _SAME_JOINTS for a, b in zip(motion.start, self.end_joints, strict=True)):

@@ -85,7 +85,7 @@ def read_name(name: str) -> FileName:
     if folder:
         parts.pop()
     if len(parts) > MOST_PARTS:
-        raise _refused(name, tr("more than {most} parts", most=MOST_PARTS))
+        raise _refused(name, tr("the path has more than {most} levels", most=MOST_PARTS))
     for part in parts:
         fault = _fault(part)
         if fault is not None:
@@ -126,7 +126,7 @@ def extension(name: str) -> str:
 
 def _fault(part: str) -> str | None:
     if not part:
-        return tr("it has an empty part")
+        return tr("it contains an empty folder or file name")
     if part in (".", ".."):
         return tr('"{part}" is not allowed', part=part)
     if ":" in part:
@@ -135,11 +135,11 @@ def _fault(part: str) -> str | None:
     if invalid is not None:
         return tr("the character {sign!r} is not allowed", sign=invalid[0])
     if part[-1] in ". ":
-        return tr("a part ends in a dot or a space")
+        return tr("a folder or file name in it ends in a dot or a space")
     if part.split(".")[0].rstrip(" ").upper() in _DEVICES:
-        return tr("{part!r} is the name of a device", part=part[:_SHOWN])
+        return tr("{part!r} is a reserved device name of Windows", part=part[:_SHOWN])
     if len(part.encode("utf-8")) > MOST_PART_BYTES:
-        return tr("a part has more than {most} bytes in UTF-8", most=MOST_PART_BYTES)
+        return tr("a folder or file name in it has more than {most} bytes in UTF-8", most=MOST_PART_BYTES)
     if part_key(part).startswith(part_key(TEMPORARY_PREFIX)):
         return tr("the prefix {prefix} is reserved for temporary files", prefix=TEMPORARY_PREFIX)
     return None

@@ -146,7 +146,10 @@ def _grip(hand: Hand, parameter: Variant) -> Deferred[None] | None:
     if len(given) != 2:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("expected the parameters [N, closing], got {given} parameters", given=len(given)),
+            tr(
+                "expected the parameters [force in N, True to close or False to open], got {given} parameters",
+                given=len(given),
+            ),
         )
     force, closing = conversion.double(given[0]), conversion.boolean(given[1])
     return _completion(hand.grip(force, closing=closing), at_once)

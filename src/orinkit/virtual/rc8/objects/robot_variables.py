@@ -84,7 +84,7 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
         *_poses("DEST", state_report.destination, N_("Destination of the motion")),
         RobotVariable("@SERVO_ON", VarType.BOOL, lambda arm: arm.motor.on, N_("The motor is on"), _servo),
         RobotVariable("@BUSY_STATUS", VarType.BOOL, lambda arm: arm.busy, N_("A motion is in progress or paused")),
-        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("Type of arm: 0 vertical six-axis")),
+        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("Type of arm: 0 is a vertical arm with six axes")),
         RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Name of the robot type")),
         RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Current tool"), _tool),
         RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Current work"), _work),

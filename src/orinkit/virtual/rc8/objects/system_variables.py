@@ -113,7 +113,7 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
         SystemVariable("@VERSION", VarType.BSTR, lambda s: s.identity.version, N_("Software version")),
         SystemVariable("@SERIAL_NO", VarType.BSTR, lambda s: s.identity.serial_no, N_("Serial number")),
         SystemVariable("@IO_ALLOC_MODE", VarType.I4, lambda _: types.IO_ALLOCATION_MINI,
-                       N_("I/O allocation: 0 mini")),
+                       N_("I/O allocation mode: 0 is mini")),
         *map(_count, types.USER_CLASSES),
         SystemVariable("@VAR_IO_LEN", VarType.I4, lambda s: s.variables.io_points, N_("Number of I/O points")),
     )

@@ -69,7 +69,7 @@ def _real(calculate: Callable[..., float]) -> Callable[..., float]:
             return values.finite(calculate(*(float(number(value)) for value in arguments)))
         except (ValueError, OverflowError):
             shown = ", ".join(map(values.text, arguments))
-            raise out_of_range(tr("undefined for {shown}", shown=shown)) from None
+            raise out_of_range(tr("the function is undefined for {shown}", shown=shown)) from None
 
     return run
 

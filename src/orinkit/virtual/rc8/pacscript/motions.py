@@ -227,7 +227,7 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
     _require(node, items, 2, 3, tr("a plane, an angle and optionally a pivot"))
     plane = items[0].value
     if isinstance(plane, JointValue):
-        raise not_supported(tr("Rotate about three points"), plane.at)
+        raise not_supported(tr("Rotate in a plane given by three points"), plane.at)
     name = plane.text.upper() if isinstance(plane, Name) else ""
     if name not in _PLANES:
         raise CompileError(

@@ -284,7 +284,8 @@ class Moves:
             raise error_for(
                 hresult.INTERPOLATION_NOT_SUPPORTED,
                 tr(
-                    "interpolation {interpolation} is not supported here. Try: 1 (PTP) or 2 (linear)",
+                    "interpolation {interpolation} is not supported for approach and depart motions. Try: 1 (PTP) "
+                    "or 2 (linear)",
                     interpolation=interpolation,
                 ),
             )
