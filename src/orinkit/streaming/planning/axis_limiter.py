@@ -1,4 +1,7 @@
-"""Limiter of a single axis: keeps every command of a stream within the limits."""
+"""Limiter of a single axis: keeps every command of a stream within the limits of the axis.
+
+Set-points are the positions that the program requests. A command is the position that is sent to the controller.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,13 @@ from orinkit.streaming.planning.jerk_limited import PART
 TOLERANCE: Final = 1e-9
 """Relative tolerance by which a set-point may exceed a limit, because the program that computed it rounds."""
 SLIGHT: Final = 1e-3
-"""A command counts as planned if its distance to the planned one is below this fraction of the largest step change."""
+"""A command counts as planned if it differs from the planned one by at most this fraction of ``AxisLimiter.change``."""
 FINEST: Final = 1e4
-"""Smallest permitted limit on a step and on a step change in a period, in spacings of floating-point numbers."""
+"""Smallest permitted limit on a step, and on the difference of two steps, in spacings of floating-point numbers."""
 ROUNDING: Final = 8.0
 """Margin between planned steps and the limits, in spacings of floating-point numbers."""
 JUMPS: Final = 2
-"""Number of consecutive jumps that are ignored: one outlier among the set-points causes two jumps."""
+"""Number of consecutive jumps of the set-points that are ignored: one outlier causes two jumps."""
 PUSHED: Final = 0.7
 """Largest acceleration that set-points are assumed to have, as a fraction of the limit."""
 
@@ -26,7 +29,10 @@ _GREATEST: Final = 1e300
 
 
 class AxisState(NamedTuple):
-    """Position (deg or mm), velocity and acceleration (per s) of an axis, absolute or relative to a moving target."""
+    """The position, velocity and acceleration of an axis, absolute or relative to moving set-points.
+
+    The units are deg or mm, and s.
+    """
 
     position: float
     velocity: float
@@ -34,12 +40,14 @@ class AxisState(NamedTuple):
 
 
 class TargetMotion(NamedTuple):
-    """The motion of the set-points of one axis.
+    """The estimated motion of the set-points of one axis.
+
+    A jump is a change of the set-points that exceeds the limit of the velocity or of the acceleration.
 
     Attributes:
         velocity: Velocity at the set-point before the last one, per second.
         acceleration: Acceleration, per second squared.
-        jump_count: Number of consecutive jumps for which this motion was kept.
+        jump_count: Number of consecutive jumps of the set-points since this motion was estimated.
     """
 
     velocity: float = 0.0
@@ -47,12 +55,15 @@ class TargetMotion(NamedTuple):
     jump_count: int = 0
 
     def relative_state(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
-        """Return the state of an axis relative to the moving set-points, one period before the last set-point.
+        """Return the state of an axis at its last command, relative to the moving set-points.
+
+        The next command corresponds to the last set-point. Therefore the last command is compared with the position of
+        the set-points one period before the last set-point.
 
         Args:
-            offset: Offset of the axis from the last set-point.
-            velocity: Velocity of the axis.
-            acceleration: Acceleration of the axis.
+            offset: Last command minus last set-point.
+            velocity: Velocity of the axis at its last command, per second.
+            acceleration: Acceleration of the axis at its last command, per second squared.
             period: Period, s.
         """
         way = (self.velocity + 0.5 * self.acceleration * period) * period
@@ -63,8 +74,8 @@ class AxisLimiter:
     """Keeps every command of an axis within the limits.
 
     A step is the difference of two consecutive commands. A step is admissible if it is within the limits of velocity
-    and acceleration, and if the axis can then brake before the end of its range, with steps that decrease by ``change``
-    in each period.
+    and acceleration, and if the axis can still stop before the end of its range. During that stop, each step is shorter
+    than the previous one by ``change``, the largest admissible difference of two steps.
     """
 
     __slots__ = (
@@ -108,10 +119,10 @@ class AxisLimiter:
         self._period = period
 
     def start_position(self, joint: float) -> float:
-        """Return the position at which a stream can start if the axis stands at ``joint``.
+        """Return the position with which a stream starts: ``joint``, clipped to the range.
 
         Raises:
-            InvalidValue: If the axis is outside its range.
+            InvalidValue: If ``joint`` is so far outside the range that the axis cannot return within one period.
         """
         clamped = self.clamp(joint)
         if abs(clamped - joint) > self.change:
@@ -119,11 +130,11 @@ class AxisLimiter:
         return clamped
 
     def clamp(self, value: float) -> float:
-        """Return the nearest position in the range."""
+        """Return the position in the range that is nearest to ``value``."""
         return self.lower if value < self.lower else min(value, self.upper)
 
     def fits(self, before: float, now: float, value: float) -> bool:
-        """Return True if a command may follow the commands ``before`` and ``now``."""
+        """Return True if ``value`` is an admissible command after the last two commands, ``before`` and ``now``."""
         step = value - now
         return (
             -self.max_step <= step <= self.max_step
@@ -133,9 +144,10 @@ class AxisLimiter:
         )
 
     def within(self, before: float, now: float, wanted: float) -> float:
-        """Return the admissible command nearest to the desired one, after the commands ``before`` and ``now``.
+        """Return the admissible command nearest to ``wanted``, after the last two commands, ``before`` and ``now``.
 
-        The range is applied last. This may change the step by a rounding error; the other limits have a margin for it.
+        The command is clipped to the range last. This may change the step by a rounding error. The limits of velocity
+        and acceleration have a margin for that error.
         """
         step = now - before
         move = min(max(wanted - now, step - self.change, -self.most), step + self.change, self.most)
@@ -143,19 +155,21 @@ class AxisLimiter:
         return self.clamp(wanted if move == wanted - now else now + move)
 
     def towards(self, now: float, goal: float) -> float:
-        """Return the farthest command towards a goal after which the axis can still stop at the goal."""
+        """Return the next command towards a goal: the largest step after which the axis can still stop at the goal."""
         way = goal - now
         step = min(self._fastest(abs(way)), abs(way))
         return goal if step == abs(way) else now + math.copysign(step, way)
 
     def target_motion(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
-        """Return the motion of three set-points; after a jump, return the previous motion for up to two periods.
+        """Return the motion estimated from the last three set-points.
+
+        After a jump, the velocity of the previous estimate is kept for up to two periods.
 
         Args:
             before: The first set-point.
             last: The second set-point.
             aim: The third set-point.
-            held: The previous motion; ``None`` if it is unknown.
+            held: The previous estimate; ``None`` if there is none.
         """
         step, step_before = aim - last, last - before
         change = step - step_before
@@ -169,7 +183,7 @@ class AxisLimiter:
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
 
     def motion(self, earlier: float, before: float, now: float) -> tuple[float, float]:
-        """Return velocity and acceleration at the last of three commands, as the initial state of a smooth motion."""
+        """Return the velocity and acceleration at the last of three commands, with which a smooth motion can begin."""
         step = now - before
         if step == 0.0:  # the axis is at standstill, regardless of its previous deceleration
             return 0.0, 0.0
@@ -182,13 +196,13 @@ class AxisLimiter:
         return way * velocity, way * clamp_acceleration(velocity, acceleration, self.velocity, self.jerk)
 
     def complaint(self, before: float, now: float, value: float, behind: float) -> str:
-        """Return the message for a command that may not follow the last two.
+        """Return the message for a command that is not admissible after the last two commands.
 
         Args:
             before: The command before the last one.
             now: The last command.
             value: The rejected command.
-            behind: Distance from the last command to the last set-point.
+            behind: Distance from the last command to the last set-point, deg or mm.
         """
         step = value - now
         change = abs(step - (now - before))
@@ -256,13 +270,13 @@ class AxisLimiter:
 
 
 def fastest(room: float, change: float) -> float:
-    """Return the largest step from which the axis can stop within a distance.
+    """Return the largest step after which an axis can still stop within a distance.
 
-    A step of up to (n + 1) changes is followed by n further steps before standstill. Each of them is one change smaller
-    than the previous step.
+    If the step is at most (n + 1) times ``change``, n further steps follow before standstill. Each of them is shorter
+    than the previous step by ``change``.
 
     Args:
-        room: The distance, deg or mm.
+        room: The distance that the step and the following stop may cover together, deg or mm.
         change: The largest difference between two steps.
     """
     if room <= 0.0:
@@ -272,13 +286,13 @@ def fastest(room: float, change: float) -> float:
 
 
 def clamp_acceleration(velocity: float, acceleration: float, most: float, jerk: float) -> float:
-    """Return the nearest acceleration from which the velocity neither exceeds its limit nor changes its sign.
+    """Return the acceleration, limited so that the velocity can neither exceed its limit nor change its sign.
 
     Args:
         velocity: Velocity, from 0 to ``most``.
         acceleration: Acceleration; negative values brake.
         most: The largest velocity.
-        jerk: The jerk with which the acceleration is reduced to 0.
+        jerk: The jerk with which the acceleration is then reduced to 0.
     """
     least = -math.sqrt(2.0 * jerk * velocity)
     return min(max(acceleration, least), math.sqrt(2.0 * jerk * (most - velocity)))

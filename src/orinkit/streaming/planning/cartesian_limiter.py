@@ -1,8 +1,8 @@
-"""Limiter of the tip of a tool, or of its orientation: keeps a stream of poses within limits.
+"""Limiter of the position of the tool tip, or of the orientation of the tool: keeps a stream of poses within limits.
 
 A step is the difference of two consecutive commands as a vector. For the tip it is in mm. For the orientation it is the
-axis of the rotation in the base frame times the angle in degrees. The lengths of the step and of its change are
-limited, independently of their direction.
+axis of the rotation in the base frame times the angle in degrees. The limits apply to the length of a step, and to the
+length of the difference of two steps. The direction has no effect.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _TINY: Final = 1e-100  # the inverse of a smaller length could overflow
 
 
 class _Frame(NamedTuple):
-    """The axes in which a motion is planned, and the share of the limits that each of them has."""
+    """The axes in which a motion is planned, and the fraction of the limits that each axis may use."""
 
     basis: Basis
     shares: Vector
@@ -55,7 +55,7 @@ _FIXED_FRAME: Final = _Frame(
 
 
 class TargetMotion3D(NamedTuple):
-    """The motion of set-points in space, see :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion`."""
+    """The motion of set-points in space; see :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion`."""
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
@@ -66,21 +66,22 @@ class CartesianLimiter:
     """Keeps the position or the orientation of the commanded pose within limits.
 
     Args:
-        name: Name of the quantity for messages, which translate it.
+        name: Name of the limited quantity in English; messages contain its translation.
         unit: Unit of a step.
         speed: Largest velocity, per second.
         acceleration: Largest acceleration, per second squared.
         jerk: Jerk of planned motions, per second cubed.
         period: Period, s.
-        spacing: Spacing of the floating-point numbers from which steps are computed.
-        turning: True for the orientation.
+        spacing: Rounding error of a step: the spacing of the floating-point numbers from which it is computed.
+        turning: True if the orientation is limited, False if the position is limited.
 
     Attributes:
         step: The last step.
-        near: Distance to the last set-point within which the command has caught up.
+        near: Largest distance between the last command and the last set-point at which the command counts as having
+            caught up.
 
     Raises:
-        InvalidValue: If the period is so short that a limit would be lost in rounding.
+        InvalidValue: If the period is so short that the largest step would be lost in rounding.
         MissingExtra: If ruckig is not installed.
     """
 
@@ -141,7 +142,7 @@ class CartesianLimiter:
         return norm(step) <= self._max_step and norm(minus(step, self.step)) <= self._max_step_change
 
     def keep(self, step: Vector, moved: Vector) -> None:
-        """Store a step to a set-point of the program as the last step.
+        """Store a step that ends exactly at a set-point of the program as the last step.
 
         Args:
             step: A step that :meth:`fits` accepts.
@@ -156,10 +157,10 @@ class CartesianLimiter:
         self._last_target_step, self._target_motion = NOTHING, None
 
     def chase(self, way: Vector, moved: Vector) -> tuple[Vector, bool]:
-        """Return the next step towards moving set-points, and True if it reaches the last set-point.
+        """Return the next step towards moving set-points, and True if this step reaches the last set-point.
 
         Args:
-            way: Vector to the last set-point.
+            way: Vector from the last command to the last set-point.
             moved: Difference of the last two set-points.
         """
         target_motion = self._estimate_target_motion(moved)
@@ -167,12 +168,12 @@ class CartesianLimiter:
         return self.towards(way, target_motion, anew=True)
 
     def towards(self, way: Vector, target_motion: TargetMotion3D | None = None, *, anew: bool) -> tuple[Vector, bool]:
-        """Return the next step of a smooth motion to a goal, and True if it reaches the goal.
+        """Return the next step of a smooth motion to a goal, and True if this step reaches the goal.
 
         Args:
             way: Vector to the goal.
             target_motion: Motion of the goal; ``None`` if the goal does not move.
-            anew: True if the goal differs from that of the last step.
+            anew: True if the last step had another goal.
         """
         self._estimate_state()
         target_motion = target_motion or TargetMotion3D()
@@ -287,9 +288,10 @@ class CartesianLimiter:
         smooth.limit(speeds, speeds, accelerations, accelerations, times(shares, jerk))
 
     def _advance(self, wanted: Vector, velocity: Vector, accel: Vector, *, planned: bool) -> Vector:
-        """Make the admissible step nearest to the desired one.
+        """Make the admissible step nearest to the desired one, and return it.
 
-        The velocity and the acceleration after the desired step are valid only if it was ``planned``.
+        ``velocity`` and ``accel`` are the state after the desired step. If that step was not ``planned``, this state is
+        not known, and is estimated when it is next required.
         """
         step = self._clip(wanted)
         self._before, self.step = self.step, step
@@ -309,7 +311,7 @@ class CartesianLimiter:
         )
 
     def _estimate_state(self) -> None:
-        """Estimate velocity and acceleration if the last step was not planned."""
+        """Estimate the current velocity and acceleration from the last two steps, unless the last step was planned."""
         if self._state_known:
             return
         self._state_known = True
@@ -364,13 +366,16 @@ def _frame_for_stop(velocity: Vector, accel: Vector) -> _Frame:
 
 
 def _shares(across: float) -> Vector:
-    """Return the shares of three axes in the limits; their vector sum never exceeds the limit."""
+    """Return the fraction of the limits that each of three axes may use; their vector sum never exceeds the limits.
+
+    ``across`` is the fraction that the second and the third axis require.
+    """
     across = min(max(across, _MIN_SHARE), _EQUAL_SHARE)
     return math.sqrt(1.0 - 2.0 * across * across), across, across
 
 
 def _basis(first: Vector) -> Basis:
-    """Return three orthogonal unit vectors, the first one along a vector."""
+    """Return three orthogonal unit vectors; the first one has the direction of ``first``."""
     x = times(first, 1.0 / norm(first))
     least = min(range(3), key=lambda axis: abs(x[axis]))
     y = cross(x, (float(least == 0), float(least == 1), float(least == 2)))

@@ -14,11 +14,11 @@ from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
 
 PART: Final = 0.999
-"""Fraction of the velocity and acceleration limits that smooth motions use, so that no sample exceeds a limit."""
+"""Fraction of the velocity and acceleration limits that smooth motions use, so that no command exceeds a limit."""
 SNAP: Final = 1e-6
-"""Distance, deg or mm, within which a goal is reached."""
+"""Distance from a goal, deg or mm, up to which the goal counts as reached."""
 SLOWEST: Final = 0.02
-"""Fraction of the largest velocity that always remains available for catching up."""
+"""Fraction of the largest velocity that always remains available for catching up with set-points."""
 
 _EXTRA_JERK: Final = 3.0  # largest additional jerk for catching up, as a multiple of the limit
 _FULL: Final = 0.1  # acceleration of the set-points, as a fraction of the limit, from which all of it is available
@@ -32,8 +32,8 @@ class JerkLimitedMotion:
     Args:
         count: Number of axes.
         period: Period, s.
-        halting: True if the motion ends at standstill at any position, instead of at a goal.
-        ranges: Lower and upper positions. If given, the axes are synchronized: they arrive at the same
+        halting: True for a stop, which ends at any position; False for a motion to a goal.
+        ranges: Lowest and highest position of each axis. If given, the axes are synchronized: they arrive at the same
             time. A motion that begins at standstill follows a straight line. If that path would leave the ranges, or
             cannot be computed, each axis moves independently, as fast as possible.
 
@@ -109,16 +109,16 @@ class JerkLimitedMotion:
             self.resynchronize()
 
     def resynchronize(self) -> None:
-        """Synchronize the axes again."""
+        """Synchronize the axes again, after :meth:`step` has ended the synchronization."""
         if self._ranges is not None:
             self._input.synchronization = self._together
 
     def step(self, position: Sequence[float], velocity: Sequence[float], acceleration: Sequence[float]) -> bool | None:
-        """Compute the state one period after a state.
+        """Compute the state one period after the given state, and store it in the attributes.
 
         Returns:
-            True if the motion has ended; ``None`` if the state cannot be computed. Then the attributes keep the values
-            of the last step.
+            True if the motion has ended, False if it continues; ``None`` if the state cannot be computed. In the last
+            case, the attributes keep the values of the previous step.
         """
         ended = self._update(position, velocity, acceleration)
         if ended is not None:
@@ -183,7 +183,7 @@ def catch_up_jerk(jerk: float, part: float) -> float:
 
     Args:
         jerk: Jerk limit of smooth motions.
-        part: Acceleration of the set-points as a fraction of the limit.
+        part: Acceleration of the set-points as a fraction of the acceleration limit.
     """
     return jerk * (1.0 + _EXTRA_JERK * min(part / _FULL, 1.0))
 

@@ -1,13 +1,13 @@
 """Planner of a stream of joint positions, whose commands never violate the limits that the controller checks (RC8 4).
 
-The controller stops an arm if the distance of two set-points exceeds its velocity limit, if the change of two steps
-exceeds its acceleration limit, or if the arm leaves its range. The commands of a :class:`JointPlanner` never cause such
-a stop, regardless of its input.
+The controller stops an arm in three cases: the step from one set-point to the next exceeds the velocity limit; the
+difference of two consecutive steps exceeds the acceleration limit; or an axis leaves its range. The commands of a
+:class:`JointPlanner` never cause such a stop, regardless of its input.
 
-Ruckig plans smooth (jerk-limited) motions. Its result passes through a limiter of each axis,
-:class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`: the next step is within the limits of velocity and
-acceleration, and after it the axis can still brake before the end of its range. Such a step always exists, because the
-axis can continue to brake.
+Ruckig plans smooth (jerk-limited) motions. A limiter of each axis,
+:class:`orinkit.streaming.planning.axis_limiter.AxisLimiter`, then corrects the next step. It ensures that the step is
+within the limits of velocity and acceleration, and that the axis can still brake before the end of its range. Such a
+step always exists, because the axis can continue to brake.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ _FLOATS: Final = {float}
 
 
 class JointPlanner:
-    """Computes the commands of a stream of joint positions, one per period, from standstill.
+    """Computes the commands of a stream of joint positions, one per period; the arm is initially at standstill.
+
+    A command is the joint position that is sent to the controller.
 
     :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. For any
     input, consecutive commands c[k] satisfy these conditions, with a relative tolerance of 10^-9::
@@ -48,8 +50,8 @@ class JointPlanner:
         at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:
-        InvalidValue: If the period is not a positive finite number, or so short that a limit would be lost in rounding;
-            or if the arm is outside its range.
+        InvalidValue: If the period is not a positive finite number, or so short that the largest step would be lost in
+            rounding; or if the arm is outside its range.
         MissingExtra: If ruckig is not installed.
     """
 
@@ -179,9 +181,9 @@ class JointPlanner:
     def _approach(self, values: tuple[float, ...], fits: list[bool]) -> tuple[float, ...]:
         """Return the next command if not all axes can reach a set-point.
 
-        The motion is planned relative to the moving set-points, and ends at standstill relative to them. Thus it ends
-        although the set-points continue to move. If they accelerate, the motion may have more jerk, so that it can
-        follow changes of their acceleration.
+        The motion is planned relative to the moving set-points, and ends at standstill relative to them. Thus the
+        motion can end although the set-points continue to move. If the set-points accelerate, the motion may have more
+        jerk, so that it can follow changes of their acceleration.
         """
         self._estimate_state()
         axes, now, period = self._axes, self.command, self._period
@@ -229,7 +231,7 @@ class JointPlanner:
             self._limit(smooth, [TargetMotion()] * count)
 
     def _limit(self, smooth: JerkLimitedMotion, motions: Sequence[TargetMotion]) -> None:
-        """Set limits relative to moving set-points."""
+        """Set the limits of a motion that is planned relative to moving set-points."""
         rows = list(zip(self._axes, motions, strict=True))
         smooth.limit(
             [max(axis.velocity - motion.velocity, SLOWEST * axis.velocity) for axis, motion in rows],
@@ -248,9 +250,11 @@ class JointPlanner:
         *,
         planned: bool = True,
     ) -> None:
-        """Make the admissible command nearest to the desired one.
+        """Make the admissible command nearest to the desired one, and store the state of the axes after it.
 
-        The velocity and the acceleration after the desired command are valid only if it was ``planned``.
+        ``velocity`` and ``acceleration`` are the state after the desired command. They are replaced by estimates if
+        that command was not ``planned``, and for each axis that cannot reach it. ``exact`` is True for each axis that
+        reaches its set-point: its position is not changed, and its state is estimated.
         """
         before, now = self._before, self.command
         exact = exact or (False,) * len(now)
@@ -274,7 +278,7 @@ class JointPlanner:
         return command
 
     def _estimate_state(self) -> None:
-        """Estimate velocity and acceleration if the last command was a set-point of the program."""
+        """Estimate the current velocity and acceleration if the last command was a set-point of the program."""
         if not self._state_known:
             rows = zip(self._axes, self._earlier, self._before, self.command, strict=True)
             motions = [axis.motion(*commands) for axis, *commands in rows]

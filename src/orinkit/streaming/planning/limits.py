@@ -31,9 +31,9 @@ class Limits:
             client plans, so that these are smooth.
 
     Raises:
-        InvalidValue: If the numbers of values differ, or are not 1 to 8; a value is not finite, or its magnitude
-            exceeds 10^9; a velocity, an acceleration or a jerk is not positive; or a lower position is not below the
-            upper one.
+        InvalidValue: If the attributes do not all have the same number of values, from 1 to 8; if a value is not
+            finite, or its magnitude exceeds 10^9; if a velocity, an acceleration or a jerk is not positive; or if a
+            lower position is not below the upper one.
     """
 
     lower: tuple[float, ...]
@@ -75,8 +75,8 @@ class Limits:
     def of_model(cls, model: ArmModel) -> Limits:
         """Return the limits of an arm.
 
-        DENSO publishes neither jerks nor accelerations. The jerks, acceleration / 0.05 s, and the accelerations of
-        :class:`orinkit.arms.Axis` are assumptions of this project.
+        DENSO publishes neither jerks nor accelerations. This project assumes the accelerations of
+        :class:`orinkit.arms.Axis`, and a jerk of acceleration / 0.05 s.
 
         Args:
             model: The arm, including extended joints.
@@ -113,7 +113,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class PathLimits:
-    """Limits of a stream of poses, P or T: for the tip of the tool, and for its orientation.
+    """Limits of a stream of poses, P or T: for the position of the tool tip, and for the orientation of the tool.
 
     Only the controller can check that a pose is reachable and that the joints are fast enough.
 
@@ -144,7 +144,7 @@ class PathLimits:
 
     @classmethod
     def of_model(cls, model: ArmModel) -> PathLimits:
-        """Return the limits of an arm on a path.
+        """Return the limits of an arm for a stream of poses.
 
         DENSO publishes none of these limits. The values of the model, and the jerks (acceleration / 0.05 s), are
         assumptions of this project.

@@ -10,7 +10,10 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 
 
 class Planner(Protocol):
-    """Computes commands within the limits from set-points or live targets.
+    """Computes commands within the limits, from set-points or from a live target.
+
+    A command is the joint position or the pose that is sent to the controller. A live target is a goal of the motion
+    that the program may change at any time.
 
     Attributes:
         command: The last command.
@@ -41,7 +44,7 @@ def planner_for(limits: Limits | PathLimits, period: float, start: Sequence[floa
     """Return a planner for joint positions or for poses.
 
     Args:
-        limits: Limits of the arm, or of the tool.
+        limits: Limits of the axes for joint positions, of the tool for poses.
         period: Period of a cycle, s.
         start: The pose at which the arm stands.
         kind: Pose type of the set-points.

@@ -48,18 +48,20 @@ class _Pose(NamedTuple):
 
 
 class PosePlanner:
-    """Computes the commands of a stream of P or T, one per period, from standstill.
+    """Computes the commands of a stream of P or T, one per period; the arm is initially at standstill.
 
-    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. From one
-    command to the next, the tip moves by at most speed * period, and this vector changes by at most
-    acceleration * period^2. The same applies to the rotation between two orientations, expressed as a vector: its axis
-    in the base frame times its angle in degrees. These conditions hold for any input, with a relative tolerance of
-    10^-9, plus 10^-12 degrees for the rounding of angles.
+    :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. A
+    command is the pose that is sent to the controller. The step of the tool tip from one command to the next is at most
+    speed * period long. The difference of two consecutive steps, as vectors, is at most acceleration * period^2 long.
+    The same applies to the rotation between two orientations, expressed as a vector: its axis in the base frame times
+    its angle in degrees. These conditions hold for any input, with a relative tolerance of 10^-9, plus 10^-12 degrees
+    for the rounding of angles.
 
     Args:
         limits: Limits of the tool.
         period: Time between two commands, s.
-        pose: The pose at which the arm stands: X, Y, Z mm, RX, RY, RZ deg, Fig; or X, Y, Z, O, A, Fig.
+        pose: The pose at which the arm stands: X, Y, Z mm, RX, RY, RZ deg, Fig for P; X, Y, Z, the vectors O and A, Fig
+            for T.
         kind: Pose type, ``"P"`` or ``"T"``.
 
     Attributes:
@@ -67,8 +69,8 @@ class PosePlanner:
         at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:
-        InvalidValue: If the period is not a positive finite number, or so short that a limit would be lost in rounding;
-            or if the pose is not valid, or more than 100 m from the base.
+        InvalidValue: If the period is not a positive finite number, or so short that the largest step would be lost in
+            rounding; or if the pose is not valid, or more than 100 m from the base.
         MissingExtra: If ruckig is not installed.
     """
 
@@ -100,10 +102,11 @@ class PosePlanner:
     def goto(self, target: Sequence[float]) -> tuple[float, ...]:
         """Return the next command of a smooth motion to a target, which may change with each call.
 
-        Position and orientation arrive independently. The orientation turns in the shorter direction.
+        The position and the orientation may reach the target at different times. The orientation turns in the shorter
+        direction.
 
         Args:
-            target: A pose. Its figure is used immediately.
+            target: A pose. The next command already has its figure.
 
         Raises:
             InvalidValue: If the pose is not valid.
@@ -214,7 +217,10 @@ class PosePlanner:
         return _within_reach(goal.place) if there else plus(self._place, step)
 
     def _send_turned(self, goal: _Pose, place: Vector, rotation: Vector, *, there: bool) -> None:
-        """Make a command from a position and a rotation; if ``there`` is True, use the orientation of the goal."""
+        """Make a command with the position ``place`` and the last orientation, turned by ``rotation``.
+
+        If ``there`` is True, use the orientation of the goal instead of the turned one.
+        """
         if there:
             self._send((*place, *goal.values[3:]), place, goal.turn)
             return

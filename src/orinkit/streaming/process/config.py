@@ -19,18 +19,18 @@ class StreamerConfig:
         controller: Handle of the Controller object.
         handle: Handle of the Robot object.
         mode: Slave mode: buffering and pose type.
-        send, receive, window: Formats of slvMove.
+        send, receive, window: Formats of the parameter and of the result of slvMove, and the user I/O to receive.
         outputs: Outputs sent with the first set-point.
         period: Period of a cycle, s.
         limits: Limits of the planner.
-        start: Pose at which the arm stands, with as many values as the planner has.
+        start: Pose at which the arm stands, with as many values as a command of the planner.
         unlimited_joints: Values of the joints for which there are no limits; they are sent unchanged.
         serial: Serial number of the next packet.
         timeout: Time-out of a reply, s.
         idle: Time in s without a set-point in the queue after which slave mode is left; ``None`` for no limit.
         parent_pid: Process id of the program.
         dialect: Name of the controller's dialect.
-        tries: Number of times that a request is sent in total, on transports that may lose packets.
+        tries: Largest number of attempts for a request, on transports that may lose packets.
     """
 
     controller: int

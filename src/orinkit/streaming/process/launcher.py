@@ -43,10 +43,11 @@ class StreamerProcess:
     Attributes:
         shared: Shared memory of the two processes.
         real_time: Real-time properties of the process; ``None`` until it is ready.
-        began: True after the process has taken over the connection.
-        streaming: True while the process is in slave mode.
+        began: True after :meth:`begin`, from which on the process uses the connection.
+        streaming: True while the process has slave mode turned on.
         ended: True after streaming has ended: the process does not use the connection any more.
-        reason: Reason why streaming ended.
+        reason: Reason why streaming ended: a value of :data:`~orinkit.streaming.process.streamer.Reason`; ``"died"`` if
+            the process ended unexpectedly or was killed; ``""`` while it has not ended.
         error: Error with which streaming ended; ``None`` if there was none.
         serial: Serial number of the next packet, after streaming has ended.
 
@@ -87,7 +88,7 @@ class StreamerProcess:
             theirs.close()
 
     def begin(self, setup: StreamerConfig) -> None:
-        """Make the process enter slave mode and stream."""
+        """Make the process turn slave mode on and send set-points."""
         self.began = True
         self._channel.send(setup.to_message())
 
@@ -164,7 +165,7 @@ class StreamerProcess:
 
 
 def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.Popen[bytes]:
-    """Start a process that inherits these descriptors.
+    """Start a streaming process that inherits these descriptors.
 
     Raises:
         OSError: If the process cannot be started.

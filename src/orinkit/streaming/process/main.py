@@ -23,14 +23,14 @@ _FOREVER = 1e6
 def main(
     channel_descriptor: int, link_descriptor: int, memory_descriptor: int, adopt: Reference, profile: Reference
 ) -> None:
-    """Stream for the program at the other end of the channel.
+    """Stream set-points for the program at the other end of the channel.
 
     Args:
         channel_descriptor: Descriptor of the channel.
         link_descriptor: Descriptor of the link.
         memory_descriptor: Descriptor of the shared memory.
-        adopt: Function of the transport that returns a link for the descriptor.
-        profile: Profile of the transport.
+        adopt: Reference to the function of the transport that returns a link for the descriptor.
+        profile: Reference to the profile of the transport.
     """
     for name in ("SIGINT", "SIGHUP"):  # the program handles Ctrl-C and the end of the terminal
         if hasattr(signal, name):

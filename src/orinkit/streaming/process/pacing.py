@@ -22,7 +22,7 @@ class Delivery(NamedTuple):
     Attributes:
         sent: Time of sending, monotonic clock, s.
         replied_at: Time of the reply, monotonic clock, s.
-        code: S_OK or S_BUF_FULL.
+        code: Return code of slvMove: S_OK or S_BUF_FULL.
         reply: The feedback in the reply.
     """
 
@@ -37,7 +37,7 @@ Call = Callable[[Any], Delivery]
 
 
 class Pacer(Protocol):
-    """Sends set-points in one of the modes."""
+    """Sends set-points at the times that one of the three modes requires."""
 
     def deliver(self, parameter: Any) -> Delivery:
         """Send a set-point; return when the next set-point may be computed."""
@@ -94,7 +94,10 @@ class TimedPacer:
         self._tick = monotonic()
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Send a set-point; return when the controller has taken it, or, without time stamps, after a period."""
+        """Send a set-point; return when the controller has taken it.
+
+        If the replies contain no time stamps, return after a period.
+        """
         first = self._call(parameter)
         began = first.reply.timestamp
         if began is None:
@@ -114,7 +117,7 @@ class TimedPacer:
 
 
 def _next_tick(tick: float, period: float) -> float:
-    """Return the tick that follows a tick; if it has passed, or is more than a period away, a period from now."""
+    """Return the time one period after a tick; if it is not within one period from now, return now plus a period."""
     now = monotonic()
     following = tick + period
     return following if now < following <= now + period else now + period
@@ -128,4 +131,4 @@ def sleep_until(moment: float) -> None:
 
 
 FLOWS: Final[dict[int, Callable[[Call, float], Pacer]]] = {0: BufferFillPacer, 1: TimedPacer, 2: HandshakePacer}
-"""Pacers by the number of the buffering in RC8 table 4-4."""
+"""Pacers for each kind of buffering in RC8 table 4-4: ``SlaveMode.buffering`` is the key."""

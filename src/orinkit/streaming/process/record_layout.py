@@ -1,4 +1,7 @@
-"""Layout of the fields of slave mode in records of 8-byte words, derived from the rows of the table."""
+"""Layout of the fields of slave mode in records of 8-byte words.
+
+The layout is derived from the table in :mod:`orinkit.rc8.slave_fields`.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +23,18 @@ _Codec: TypeAlias = tuple[int, _Writer, _Reader]  # number of words, writer, rea
 
 
 class RecordLayout:
-    """The layout of fields in a record; a separate word of flags has a bit for each field.
+    """The layout of fields in a record.
+
+    Flags, which are stored outside these fields, have a bit for each field. The bit is set if the record contains a
+    value of the field.
 
     Args:
-        fields: Rows of the table, at most 32.
-        sent: True for fields that are sent: a field of bytes then also contains the number of the first I/O point.
+        fields: Rows of the table of fields, at most 32.
+        sent: True if the fields are sent to the controller. Fields of bytes then also contain the number of the first
+            I/O point.
 
     Attributes:
-        size: Number of words of the fields.
+        size: Number of words of all fields, without the flags.
     """
 
     __slots__ = ("_known", "_places", "_readers", "size")
@@ -44,7 +51,7 @@ class RecordLayout:
             self.size += words
 
     def write(self, view: memoryview, word: int, values: Iterable[tuple[str, Any]]) -> int:
-        """Write the values that are not ``None``, beginning at a word; return the flags of their fields."""
+        """Write the values that are not ``None`` into the record that begins at a word; return the flags."""
         start, flags = word * WORD, 0
         for name, value in values:
             if value is None:
@@ -58,7 +65,7 @@ class RecordLayout:
         return flags
 
     def read(self, view: memoryview, word: int, flags: int) -> dict[str, Any]:
-        """Return the values of the fields whose flags are set."""
+        """Return the values of the fields whose flags are set, from the record that begins at a word."""
         start = word * WORD
         readers = self._readers.get(flags)
         if readers is None:

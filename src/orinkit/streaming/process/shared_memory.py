@@ -23,16 +23,16 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.process.record_layout import WORD, RecordLayout
 
 QUEUE_ROOM: Final = 4096
-"""Capacity of the queue of set-points: 32 s at 8 ms."""
+"""Capacity of the queue, set-points: enough for 32 s with a period of 8 ms."""
 SAMPLE_ROOM: Final = 4096
 """Capacity of the buffer of samples that the program has not read yet."""
 
 BEHIND: Final = 15
-"""Maximum number of cycles by which an arm lags: 3 set-points that the controller queues (RC8 table 4-4), and about
-0.1 s until the encoders follow (in DENSO's published implementations)."""
+"""Maximum number of cycles by which an arm lags behind its set-points: 3 set-points that the controller queues (RC8
+table 4-4), and about 0.1 s until the encoders follow (in DENSO's published implementations)."""
 
 RESTS: Final = 3
-"""Number of equal set-points at the end; with two of them, the controller detects standstill (RC8 4.5)."""
+"""Number of equal set-points at the end of a motion; two of them make the controller detect standstill (RC8 4.5)."""
 
 _MOST_VALUES: Final = 13  # number of values of a pose with extended joints
 
@@ -50,7 +50,7 @@ class StreamCommand(IntEnum):
 
     RUN = 0
     HALT = 1
-    """Stop the arm, discard the queue, and hold the arm."""
+    """Stop the arm, discard the queue, and hold the arm in slave mode."""
     FINISH = 2
     """Send the queued set-points, then leave slave mode."""
     LEAVE = 3
@@ -120,7 +120,7 @@ class Outputs:
         return {name: value for name, value in self.items() if value is not None}
 
     def items(self) -> Iterable[tuple[str, Any]]:
-        """Return names and values, including ``None``."""
+        """Return the names and values of all outputs, including those that are ``None``."""
         return zip(_OUTPUT_NAMES, _values(self), strict=True)
 
     def updated(self, other: Outputs) -> Outputs:
@@ -208,7 +208,7 @@ class StreamMemory:
 
     @property
     def order_done(self) -> bool:
-        """True if the last command is done."""
+        """True if the streaming process has executed the last command."""
         return self._words[_Word.ORDER_DONE] == self._words[_Word.ORDER]
 
     @property
@@ -235,7 +235,7 @@ class StreamMemory:
 
     @property
     def discarded_until(self) -> int:
-        """The number of set-points queued before the queue was last discarded."""
+        """The number of set-points that had been queued when the queue was last discarded."""
         return int(self._words[_Word.DISCARDED])
 
     @property
@@ -295,7 +295,9 @@ class StreamMemory:
 
     @property
     def lateness(self) -> Lateness:
-        """Statistics of the set-points that would be too late for a real controller; 0 if the controller reports none.
+        """Statistics of the set-points that would be too late for a real controller.
+
+        All values are 0 if the controller reports none.
 
         ``longest`` refers to the set-points of the last report only.
         """
@@ -318,7 +320,7 @@ class StreamMemory:
         return self._words[_Word.RESTS] > BEHIND
 
     def sample(self, number: int) -> RawSample | None:
-        """Return a sample; ``None`` if it was overwritten."""
+        """Return the sample with a number; ``None`` if it was overwritten."""
         words, numbers = self._words, self._numbers
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         flags = words[at + 3]
@@ -339,7 +341,7 @@ class StreamMemory:
 
     @property
     def wanted(self) -> StreamCommand:
-        """The command of the program."""
+        """The last command of the program."""
         return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
     def mark_done(self) -> None:
@@ -367,7 +369,7 @@ class StreamMemory:
         return values, outputs
 
     def newer_target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
-        """Return number, time and values of the live target if it is newer than ``seen``, otherwise ``None``.
+        """Return number, time in ns and values of the live target; ``None`` if its number is still ``seen``.
 
         Also return ``None`` while the program is writing the target.
         """
@@ -381,7 +383,7 @@ class StreamMemory:
         return (done, when, values) if words[_Word.TARGET_BEGUN] == done else None
 
     def newer_outputs(self, seen: int) -> tuple[int, Outputs] | None:
-        """Return number and values of the outputs if they are newer than ``seen``, otherwise ``None``.
+        """Return number and values of the outputs; ``None`` if their number is still ``seen``.
 
         Also return ``None`` while the program is writing the outputs.
         """
@@ -393,7 +395,7 @@ class StreamMemory:
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
     def report_counts(self, *, sent: int, dry: int, rests: int) -> None:
-        """Report the numbers of set-points sent, of underflows, and of equal set-points since the standstill."""
+        """Report the numbers of queued set-points sent, of underflows, and of set-points sent at standstill."""
         words = self._words
         words[_Word.TAKEN], words[_Word.UNDERFLOWS], words[_Word.RESTS] = sent, dry, rests
 
@@ -404,7 +406,7 @@ class StreamMemory:
         self._words[_Word.LATE] += more.count
 
     def add(self, sample: RawSample) -> None:
-        """Write a sample, which replaces the oldest one."""
+        """Write a sample; if the buffer is full, the sample replaces the oldest one."""
         words = self._words
         number = words[_Word.SAMPLES]
         if not number:

@@ -65,7 +65,7 @@ Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated
 
 
 class ParentMonitor:
-    """Monitors that the program is running."""
+    """Detects that the program that started the streaming process has ended or was stopped."""
 
     def __init__(self, channel: Channel, process: int) -> None:
         self._channel = channel
@@ -93,7 +93,7 @@ class ParentMonitor:
         return "stopped" if self._has_stopped(now) else ""
 
     def _has_stopped(self, now: float) -> bool:
-        """Return True if the program has been stopped for longer than permitted."""
+        """Return True if the program has been stopped (SIGSTOP) for more than 0.25 s."""
         if not self._is_stopped():
             self._stopped_at = None
         elif self._stopped_at is None:
@@ -133,7 +133,7 @@ class StreamerConnection:
         self.conversation.serial = setup.serial
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
-        """Execute a command of the robot; return code and result."""
+        """Execute a command of the robot; return its return code and its result."""
         began = monotonic()
         answer = self._call(functions.robot_execute, (self._handle, command, parameter), self._timeout, self._tries)
         self._trip = monotonic() - began
@@ -150,10 +150,10 @@ class StreamerConnection:
         return Delivery(sent, monotonic(), code, read_reply(self._receive, value))
 
     def lateness(self, skip_first: int) -> Lateness | None:
-        """Return the lateness of the set-points, without the first ``skip_first`` late ones.
+        """Return the statistics of the late set-points, without the first ``skip_first`` of them.
 
-        A real controller does not have this command, and ``None`` is returned. Therefore call this method once before
-        slave mode is on. If it returns ``None``, do not call it again.
+        A real controller does not have the command slvGetLateness; ``None`` is then returned. Therefore call this
+        method once before slave mode is on. If it returns ``None``, do not call it again.
         """
         try:
             return read_lateness(self.execute(LATENESS, skip_first)[1])
@@ -174,7 +174,7 @@ class StreamerConnection:
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
     def send_close(self) -> None:
-        """Notify the controller that the connection ends, on transports on which it cannot detect that."""
+        """Notify the controller that the connection ends, on transports on which the controller cannot detect that."""
         send_close(self._link, self.conversation.close_sequence())
 
     def leave(self) -> None:
@@ -234,7 +234,7 @@ class _ControllerClock:
     _ticks: int = field(default=0)
 
     def read(self, stamp: int) -> float:
-        """Return the time of a stamp, s."""
+        """Return the time of a time stamp, s, without the wrap-around."""
         last = stamp if self._last is None else self._last
         self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
         self._last = stamp
@@ -318,12 +318,12 @@ class Streamer:
         return self._watch.end_reason()
 
     def _finished(self) -> bool:
-        """Return True if all queued set-points were sent; a live target need not be reached."""
+        """Return True if the stream may end: all queued set-points were sent, or the queue is not in use."""
         shared = self._shared
         return shared.source is not SetPointSource.QUEUE or (not shared.queued and self._was_dry and self._aim is None)
 
     def _waits(self) -> bool:
-        """Return True if set-points were sent, the arm stands, and the queue is empty."""
+        """Return True if the stream waits for set-points: some were sent, the arm stands, and the queue is empty."""
         shared = self._shared
         return shared.source is SetPointSource.QUEUE and not shared.queued and self._sent > 0 and self._rests > 0
 
@@ -358,9 +358,9 @@ class Streamer:
         return self._towards(values, self._planner.track(values))
 
     def _ready(self) -> bool:
-        """Return True if streaming can begin.
+        """Return True if the next set-point may be taken from the queue.
 
-        It begins with a few queued set-points, so that a set-point that is slightly late has no effect.
+        After a pause, this requires a few queued set-points, so that a set-point that is slightly late has no effect.
         """
         waiting = self._shared.queued
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
@@ -369,7 +369,7 @@ class Streamer:
         return self._patience <= 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
-        """Return the next command if there is no set-point: the last command if the arm is slow enough, else a stop."""
+        """Return the next command if there is no set-point: the last command if the limits permit that, else a stop."""
         if self._was_dry:
             return self._planner.stop()
         self._was_dry = True
@@ -382,7 +382,7 @@ class Streamer:
         return self._planner.track(last)
 
     def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
-        """Remember the last set-point if the command has not reached it."""
+        """Store a set-point as the goal of the next commands if a command has not reached it; return the command."""
         self._aim = None if command == point else point
         return command
 

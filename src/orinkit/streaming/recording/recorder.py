@@ -168,10 +168,10 @@ class _Csv:
 
 
 class _Group:
-    """Columns for one value of a sample.
+    """The columns of a CSV file that contain one value of a sample, for example all columns of a pose.
 
     Args:
-        value: Callback that returns the value.
+        value: Callback that returns the value of a sample.
         names: Names of the columns.
         form: Format of a number.
     """
@@ -184,7 +184,7 @@ class _Group:
         self._form = form
 
     def texts(self, sample: Sample) -> list[str]:
-        """Return one text per column; it is empty if the sample does not have the value."""
+        """Return one text per column; the texts are empty if the sample does not have the value."""
         value = self._value(sample)
         if value is None:
             return [""] * len(self.names)
@@ -275,7 +275,7 @@ class _Mcap:
             self._file.close()
 
     def _begin(self, kind: PoseKind, period: float) -> int:
-        """Write the data before the samples; return the channel of the samples."""
+        """Write the schemas and the properties of the recording; return the number of the channel for samples."""
         self._writer.start(profile="", library="orinkit")
         samples = self._channel(SAMPLE_TOPIC, "orinkit.streaming.Sample", _sample_schema())
         info = self._channel(INFO_TOPIC, "orinkit.streaming.Info", _info_schema())

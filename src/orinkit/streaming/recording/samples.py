@@ -57,4 +57,4 @@ class Sample:
 
 
 OWN: Final = frozenset(each.name for each in fields(Sample)) & {row.name for row in RECEIVED}
-"""Fields of the reply that have an attribute."""
+"""Names of the fields of the reply for which :class:`Sample` has an attribute."""

@@ -138,12 +138,12 @@ class CsvTable:
 
 @dataclass(frozen=True, slots=True)
 class _CsvLayout:
-    """The columns of a trajectory in a row.
+    """The columns of a CSV file that contain a trajectory.
 
     Attributes:
         kind: Pose type of the values.
         columns: Columns of the values; ``None`` for a value that is 0 in all rows.
-        time: Column of the time.
+        time: Column of the time; ``None`` if there is none.
     """
 
     kind: PoseKind
@@ -191,7 +191,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
 
 
 def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
-    """Refuse rows of more than six unnamed columns if the first column looks like a time: it would be used as J1."""
+    """Refuse rows of more than six unnamed columns if the first column looks like a time, not like J1."""
     first = [point[0] for point in points]
     if len(points[0]) <= _FEWEST_JOINTS or len(first) < _FEWEST_TIMES or first[0] != 0.0:
         return

@@ -1,7 +1,7 @@
-"""First and second differences of set-points, which a controller checks.
+"""First and second differences of set-points; a controller checks both.
 
-The arm stands at ``start`` before the trajectory, and at the last point afterwards. Each list has one entry per sample,
-and one more entry for the change to standstill after the last sample.
+The arm stands at ``start`` before the trajectory, and at the last point afterwards. Each list of differences has one
+entry per sample, and one more entry for the change to standstill after the last sample.
 """
 
 from __future__ import annotations

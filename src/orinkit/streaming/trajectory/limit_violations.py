@@ -57,7 +57,10 @@ _SHOWN: Final = 3  # number of decimals in messages
 
 
 class LimitViolation(NamedTuple):
-    """The first violation of a limit. If several limits are violated, the smallest of these tuples is reported.
+    """The first violation of a limit.
+
+    If several limits are violated, the smallest of the tuples is reported: the earliest violation, then the lowest
+    rank.
 
     Attributes:
         sample: Number of the sample, from 0; for the stop after the last sample, the number of samples.
@@ -73,16 +76,16 @@ class LimitViolation(NamedTuple):
 
 
 class LimitCheck(NamedTuple):
-    """A limit on differences of set-points.
+    """A limit, and the differences of set-points to which it applies.
 
     Attributes:
         rank, axis: As in :class:`LimitViolation`.
         values: The differences, one per sample and one after the last sample.
         most: The largest allowed difference.
-        limit: The limit in its own unit.
-        per: Divisor that converts a difference to that unit.
+        limit: The limit in ``unit``.
+        per: Divisor that converts a difference to ``unit``.
         unit: The unit.
-        text: Name of the limited quantity; translated for messages.
+        text: Name of the limited quantity in English; messages contain its translation.
     """
 
     rank: int
@@ -159,7 +162,7 @@ def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[Lim
 
 
 def broken(rules: Sequence[LimitCheck]) -> list[LimitViolation]:
-    """Return the first violation of each of the limits."""
+    """Return the first violation of each limit that is violated."""
     return [breach for rule in rules if (breach := rule.breach()) is not None]
 
 

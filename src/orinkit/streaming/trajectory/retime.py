@@ -35,7 +35,7 @@ def retime(
 ) -> list[tuple[float, ...]]:
     """Return the fastest trajectory along the same path within the limits.
 
-    It is nowhere faster than the given trajectory. It begins at the first point and ends at the last one, at
+    The result is nowhere faster than the given trajectory. It begins at the first point and ends at the last one, at
     standstill. A jump between two points becomes a straight motion (of the joints for J, of the tool for P and T). A
     trajectory within the limits is returned unchanged.
 
@@ -86,13 +86,13 @@ class _RetimeProblem(Protocol):
         """Raise TrajectoryError if a point is out of range, because retiming cannot correct that."""
 
     def constraints(self, curve: Curve) -> CurveConstraints:
-        """Return the constraints of the limits on a curve."""
+        """Return the constraints that the limits impose on a curve."""
 
     def within(self, point: tuple[float, ...]) -> tuple[float, ...]:
         """Return a point of the curve, clipped to the range; between samples, the curve may leave the range."""
 
     def excesses(self, points: Points) -> list[float]:
-        """Return the fractions of the limits that the samples use; the last value is for the stop after them."""
+        """Return, for each sample and for the stop after them, the largest fraction of a limit that is used."""
 
 
 class _JointProblem:

@@ -29,7 +29,7 @@ from orinkit.arms.geometry import DEGREE
 from orinkit.streaming.trajectory.spline import Cubic
 
 Terms: TypeAlias = list[tuple[float, float]]
-"""Coefficients (of u, of z) of accelerations; each weighted sum must be from -1 to 1."""
+"""Pairs of coefficients (of u, of z) of accelerations; the weighted sum of each pair must be from -1 to 1."""
 
 _MOST_CELLS: Final = 64  # cells of an interval between samples
 _MARGIN: Final = (
@@ -49,10 +49,10 @@ class CurveConstraints(Protocol):
     """The constraints that limits impose on a curve."""
 
     def feasible_at_full_rate(self) -> list[bool]:
-        """Return, for each interval between samples, True if the full rate is within the limits."""
+        """Return, for each interval between samples, True if a rate of 1 sample per period is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
+        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
 
 
 class JointConstraints:
@@ -75,7 +75,7 @@ class JointConstraints:
         self._count = len(coordinates[0].b)
 
     def feasible_at_full_rate(self) -> list[bool]:
-        """Return, for each interval between samples, True if the full rate is within the limits."""
+        """Return, for each interval between samples, True if a rate of 1 sample per period is within the limits."""
         free = [True] * self._count
         for b, c, d, scale in self._joints:
             fastest = 1.0 / math.sqrt(scale)
@@ -91,7 +91,7 @@ class JointConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
+        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
         terms = []
         fastest = 1.0
         for b, c, d, scale in self._joints:
@@ -130,7 +130,7 @@ class PathConstraints:
         self._rotation, self._rotation_acceleration = rotation, rotation_acceleration
 
     def feasible_at_full_rate(self) -> list[bool]:
-        """Return, for each interval between samples, True if the full rate is within the limits."""
+        """Return, for each interval between samples, True if a rate of 1 sample per period is within the limits."""
         free = []
         for interval in range(len(self._place[0].b)):
             rows = [self.at(interval, place) for place in (0.0, 0.5, 1.0)]
@@ -138,7 +138,7 @@ class PathConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations, and the greatest z within the velocity limits."""
+        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
         rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
         slope, along, across = _along(rows)
         terms = _polygon_terms(slope, along, across, self._acceleration)
@@ -197,7 +197,8 @@ class Cells(NamedTuple):
     """The cells of a curve.
 
     Attributes:
-        feasible_at_full_rate: For each interval between samples, True if the full rate is within the limits.
+        feasible_at_full_rate: For each interval between samples, True if a rate of 1 sample per period is within the
+            limits.
         counts: Number of cells of each interval.
     """
 
@@ -333,7 +334,7 @@ def _cell_constraints(begin: Terms, end: Terms, width: float, part: float, cap: 
         end: Terms at the end of the cell, at which z is ``z + width * u``.
         width: Twice the length of the cell.
         part: Fraction of the limits that may be used.
-        cap: Upper bound of z so far.
+        cap: Upper bound of z that results from the velocity limits.
     """
     rows = []
     for slope, bend in begin:
@@ -357,8 +358,8 @@ def _max_controllable(rows: Terms, cap: float, following: float, least: float, w
 
     z is controllable if a u exists that is within all limits and leads to a controllable z at the next grid point:
     ``least <= z + width * u <= following``. ``least`` is slightly above 0, because an arm that stops before a place
-    that must be passed slowly could not continue. The width of the interval of u is a concave function of z. Therefore
-    Newton's method converges from above to the z at which the width is 0, without undershooting.
+    that must be passed slowly could not continue. The width of the interval of permitted u is a concave function of z.
+    Therefore Newton's method converges from above to the z at which the width is 0, without undershooting.
     """
     z = cap
     for _ in range(_MAX_NEWTON_STEPS):
@@ -398,7 +399,7 @@ def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, f
 
 
 def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Return the length of the first derivative, and the components of the second one along and across it."""
+    """Return the length of the first derivative, and the parts of the second derivative along and across the first."""
     slope = math.hypot(*[row[1] for row in rows])
     bend = math.hypot(*[row[2] for row in rows])
     if slope < _NOTHING:

@@ -1,7 +1,8 @@
 """Reading trajectories (set-points, one per period of the controller), and checking them before the arm moves.
 
-The controller stops the arm with an error if the step of a joint in a period exceeds its velocity limit, if the change
-of two steps exceeds its acceleration limit (0x8420404*), or if a joint leaves its range (RC8 4.5).
+The controller stops the arm with an error in three cases (RC8 4.5): the step of a joint in a period exceeds its
+velocity limit; the difference of two consecutive steps exceeds its acceleration limit (0x8420404*); or a joint leaves
+its range.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 LARGEST: Final = 1e6
 """The largest magnitude of a value, mm or deg."""
 TOLERANCE: Final = 5e-7
-"""Relative tolerance of the limits of a joint, for rounding. It is small, because a controller may be as strict."""
+"""Relative tolerance of the limits of a joint, for rounding errors. It is small: a controller may permit no more."""
 
 _NUMERIC: Final = frozenset({float, int})
 _SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
@@ -59,7 +60,8 @@ def read_trajectory(
         For each sample ``axes`` joints, the 7 values of a P, or the 10 of a T; an omitted figure is FIG_AUTO.
 
     Raises:
-        TrajectoryError: If the trajectory is empty or too long, or a value is not valid; with sample and axis.
+        TrajectoryError: If the trajectory is empty or too long, or a value is not valid; the exception contains sample
+            and axis.
         InvalidValue: If the file cannot be used; the message contains its name and the line.
     """
     _check_kind(kind, axes)
