@@ -21,7 +21,8 @@ class ClientContext:
         state: The controller.
         origin: Name and address of the client, for the logs.
         access: Access rights of the client.
-        when_input_processed: The callback of the client's connection (:class:`orinkit.cao.provider.ClientInfo`).
+        when_input_processed: Function that invokes a callback after all data received from the client so far has been
+            processed (:class:`orinkit.cao.provider.ClientInfo`); ``None`` if data is always processed immediately.
         formats: Formats of the arguments and results of the client's slvMove calls.
     """
 
@@ -66,11 +67,11 @@ class ClientContext:
         return False
 
     def write_refusal(self) -> int:
-        """Return the error code of a refused write, or 0 if the client may write."""
+        """Return 0 if the client may write, otherwise the error code with which a write is refused."""
         return 0 if self.access & AccessRight.WRITE else hresult.NO_WRITE_RIGHT
 
     def token_refusal(self, switches: Switches) -> int:
-        """Return the error code of a refused start, or 0 if the client has the executable token (RC8 2.1)."""
+        """Return 0 if the client has the executable token (RC8 2.1), otherwise the error code of a refused call."""
         return switches.token.refusal(self.origin.address)
 
     def __str__(self) -> str:

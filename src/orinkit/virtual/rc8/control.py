@@ -1,8 +1,8 @@
-"""The control port: the buttons of the controller for programs on the same machine, over b-CAP.
+"""The control port: a provider with which programs on the same machine operate the pendant, over b-CAP.
 
-The control port is a separate provider. Serve it on a separate port that only this machine can reach. A program that
-presses the emergency stop there is not a client of the controller: it needs no access rights, and it does not wait
-while a client moves the robot. Every user account of the machine can reach the port, so clients must send a secret.
+Serve this provider on a separate port that only this machine can reach. A program that presses the emergency stop there
+is not a client of the controller: it needs no access rights, and its calls do not wait for the calls of clients that
+move the robot. Every user account of the machine can reach the port, so each program must send a secret.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ControlProvider(Provider):
     """Provider of the buttons of a virtual RC8 for clients on this machine that send the secret.
 
     A client sends the secret in the option of Controller_Connect: ``Secret=...``. Other clients receive E_ACCESSDENIED.
-    From the sixth wrong secret on, replies are delayed by up to one second. Closing the provider does not affect the
+    From the sixth wrong secret on, refusals are delayed by up to one second. Closing the provider does not affect the
     virtual RC8.
 
     Args:
@@ -73,7 +73,7 @@ class ControlProvider(Provider):
         self._held = threading.Semaphore(_HELD)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:  # noqa: ARG002
-        """Return the panel, or refuse the client.
+        """Return the control panel of a client, or refuse the client.
 
         If the refusal has to be delayed, return a call that raises the exception after the delay.
 
@@ -127,17 +127,17 @@ def _denied(*, given: bool) -> CallError:
 
 
 class ControlPanel(ControllerObject):
-    """One client's control panel: every button is a command of Execute."""
+    """The Controller object of one client of the control port; every button is a command of Controller_Execute."""
 
     def __init__(self, rc8: VirtualRC8, name: str) -> None:
         super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
         self._rc8 = rc8
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Press a button (:data:`CONTROLS`).
+        """Execute the command of a button (:data:`CONTROLS`).
 
         Raises:
-            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error code with which the controller refuses the button.
+            CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error code with which the controller refuses the operation.
         """
         run = CONTROLS.get(command.strip().lower())
         if run is None:
@@ -167,7 +167,7 @@ def _token(rc8: VirtualRC8, parameter: Variant) -> None:
 
 
 def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Variant], None]:
-    """Return the handler of a button that is pressed and released; its parameter is a boolean, by default True."""
+    """Return the handler of a button whose parameter is True to press it (the default) or False to release it."""
 
     def run(rc8: VirtualRC8, parameter: Variant) -> None:
         press(rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
@@ -263,7 +263,7 @@ def _text(given: Variant) -> str:
 
 
 def _code(given: Variant) -> int | str:
-    """Return an error code from a number, a string of hex digits after 0x, or a name."""
+    """Return an error code as a number, or as its name; a string of hex digits after 0x is converted to a number."""
     if not isinstance(given.value, str):
         return conversion.whole(given)
     found = _HEX.fullmatch(given.value)

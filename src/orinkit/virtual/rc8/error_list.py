@@ -59,7 +59,7 @@ class ErrorList:
 
     @property
     def code(self) -> int:
-        """The newest current error, unsigned; 0 if there is none."""
+        """The return code of the newest current error, unsigned; 0 if there is none."""
         newest = self.current.newest
         return newest.code if newest else 0
 
@@ -75,7 +75,10 @@ class ErrorList:
         return self._in_language(info)
 
     def default_message(self, code: int) -> str:
-        """Return the text of an error raised with a code; an unknown code has the text of its range of codes."""
+        """Return the text of an error that is raised without a text of its own.
+
+        If the code is unknown, return the text of the range of codes to which it belongs.
+        """
         return self._in_language(hresult.lookup(code))
 
     def _in_language(self, info: ReturnCode) -> str:
@@ -85,12 +88,15 @@ class ErrorList:
 
 
 def level_of(code: int) -> int:
-    """Return the level of a code, 0 (notice) to 5 (fatal); an error without a level, such as those of CAO, has 1."""
+    """Return the level of a code, 0 (notice) to 5 (fatal).
+
+    Error codes that have no level, such as the codes of CAO, have level 1.
+    """
     info = hresult.lookup(code)
     return info.level if info.family not in _NOT_THE_CONTROLLERS else int(info.failed)
 
 
 def is_notice(code: int) -> bool:
-    """Return True if a code has no effect on robot, tasks and motor: a success, or a controller code of level 0."""
+    """Return True if a code is a success or a code of level 0, which has no effect on robot, tasks and motor."""
     info = hresult.lookup(code)
     return not info.failed or (info.level == 0 and info.family not in _NOT_THE_CONTROLLERS)

@@ -1,7 +1,7 @@
 """The electric hand: two parallel fingers that open, close and grip in the controller's 8 ms cycles.
 
-Documents and users of such hands report a stroke of 30 mm, speeds in percent and forces in newtons. The speed
-at 100 %, the acceleration, the range of the force and the taught positions are assumptions of this project.
+According to documents and users of such hands, the stroke is 30 mm, speeds are in percent and forces in newtons. The
+speed at 100 %, the acceleration, the range of the force and the taught positions are assumptions of this project.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.rc8.switches import Switches
 
 STROKE: Final = 30.0
-"""Distance between the fingers when the hand is open, mm; 0 when it is closed."""
+"""Distance between the fingers of the open hand, mm; if the hand is closed, the distance is 0."""
 
 SPEED: Final = 80.0
 """Finger speed at 100 %, mm/s."""
@@ -88,7 +88,7 @@ class _Move:
 
 
 class Hand:
-    """The electric hand, a task of the control loop.
+    """The electric hand; the control loop calls :meth:`step` in every cycle.
 
     Callers must hold the lock ``cycles``; only :meth:`put` acquires it itself. A new movement replaces the current one,
     which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a movement; a gripped workpiece stays gripped.
@@ -130,7 +130,7 @@ class Hand:
 
     @property
     def load(self) -> float:
-        """The gripping force in percent of the largest one."""
+        """The gripping force in percent of the largest force."""
         return self.force / MAX_FORCE * 100
 
     # --- movements ----------------------------------------------------------------------------------------------
@@ -155,8 +155,8 @@ class Hand:
         """Close (or open) until the fingers meet a workpiece, and grip it.
 
         Returns:
-            A Deferred that resolves when the workpiece is gripped and fails with GRIP_NOT_DETECTED at the end of the
-            stroke.
+            A Deferred that resolves when the workpiece is gripped. It fails with GRIP_NOT_DETECTED if the fingers reach
+            the end of the stroke without a workpiece.
 
         Raises:
             CallError: As for :meth:`move`.
@@ -164,7 +164,7 @@ class Hand:
         return self._begin(0.0 if closing else STROKE, speed, force, grips=True)
 
     def chuck(self, number: int) -> Deferred[None]:
-        """Close to a taught position and grip.
+        """Close to a taught position; if the fingers meet a workpiece, they grip it.
 
         Returns:
             A Deferred that resolves when a workpiece is gripped and fails with GRIP_NOT_DETECTED if none was met.
@@ -245,7 +245,7 @@ class Hand:
             self.force = 0.0
 
     def status(self) -> dict[str, object]:
-        """Return the state of the hand as plain values by name."""
+        """Return the state of the hand as a dictionary that can be converted to JSON."""
         return {
             "position": round(self.position, 6),
             "motor": self.motor,

@@ -1,7 +1,7 @@
 """The error log and the operation log: of limited length, newest record first, in the layout that clients read.
 
-Both records begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute, second,
-millisecond. The documents do not define all of the remaining elements. In this controller they are:
+The records of both logs begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute,
+second, millisecond. The documents do not define all of the remaining elements. In this controller they are:
 
 * error log: 9 program name, 10 line, 11 file ID, 12 message, 13 original code, 14 caller, 15 address of the caller;
 * operation log: 9 caller, 10 address of the caller, 11 text.
@@ -54,7 +54,7 @@ class ErrorRecord:
     address: str = ""
 
     def as_current(self) -> list[Value]:
-        """Return the result of GetCurErrorInfo.
+        """Return the record in the layout of GetCurErrorInfo.
 
         Element 3 contains the file ID in its high 16 bits and the line in its low 16 bits.
         """
@@ -63,7 +63,7 @@ class ErrorRecord:
         return [code, self.message, self.subcode, place, self.program, self.line, self.file_id]
 
     def as_logged(self) -> list[Value]:
-        """Return the result of GetErrorLog."""
+        """Return the record in the layout of GetErrorLog."""
         place: list[Value] = [self.program, self.line, self.file_id]
         origin: list[Value] = [hresult.signed(self.original), self.caller, self.address]
         return [hresult.signed(self.code), *_stamp(self.moment), *place, self.message, *origin]
@@ -88,7 +88,7 @@ class OperationRecord:
     address: str = ""
 
     def as_logged(self) -> list[Value]:
-        """Return the result of GetOprLog."""
+        """Return the record in the layout of GetOprLog."""
         return [self.code, *_stamp(self.moment), self.caller, self.address, self.text]
 
 

@@ -51,7 +51,7 @@ class Pendant:
         self._state.protective_stop(on)
 
     def auto_enable(self, on: bool = True) -> None:
-        """Set the auto-enable input."""
+        """Set the auto-enable input, or clear it (``False``)."""
         self._state.auto_enable(on)
 
     def deadman(self, on: bool = True) -> None:
@@ -80,7 +80,7 @@ class Pendant:
             self._state.arm.switch_motor(on)
 
     def jog(self, axis: int, distance: float) -> Ticket:
-        """Move one axis at a tenth of its speed, in manual mode with the enable switch held.
+        """Move one axis at a tenth of its speed, in manual or teach-check mode while the enable switch is held.
 
         Args:
             axis: Number of the axis, from 1.
@@ -160,7 +160,7 @@ class Pendant:
         self._state.machine_lock(on)
 
     def raise_error(self, code: int | str, message: str | None = None) -> None:
-        """Raise an error, given by its code or its name (:mod:`orinkit.core.hresult`).
+        """Raise an error in the controller, given by its code or its name (:mod:`orinkit.core.hresult`).
 
         Raises:
             ValueError: If the name does not exist.
@@ -180,7 +180,7 @@ class Pendant:
         self._state.restart()
 
     def status(self) -> Mapping[str, object]:
-        """Return the state of switches, arm and programs as plain values by name."""
+        """Return the state of switches, arm and programs as a mapping that can be converted to JSON."""
         with self._state.cycles:
             switches, arm = self._state.switches, self._state.arm
             return {

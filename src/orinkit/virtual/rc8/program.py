@@ -1,4 +1,7 @@
-"""The functions of the controller for a running program: variables, I/O, arm, time (PacScript's ``HostInterface``)."""
+"""The functions of the controller that a running program calls: variables, I/O, arm, time.
+
+They implement :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +35,10 @@ _HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
 
 
 class TaskHost:
-    """The host interface of one task.
+    """The functions of the controller for the program of one task.
 
     Args:
-        operator: The task.
+        operator: The task, as an operator of the arm.
         suspend: Callback that suspends the task.
         arm, moves: The arm, and the planner of its motions.
         variables: Global variables and I/O.
@@ -137,13 +140,13 @@ class TaskHost:
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to the approach position of a target."""
+        """Move to the pose at a distance from a target, in the -Z direction of the target's tool."""
         return self._motion(
             "Approach", options, lambda: self._moves.approach(interpolation, target, distance, mark, options)
         )
 
     def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
-        """Move back from the present position."""
+        """Move by a distance in the -Z direction of the tool."""
         return self._motion("Depart", options, lambda: self._moves.depart(interpolation, distance, mark, options))
 
     def drive(

@@ -1,4 +1,4 @@
-"""The virtual RC8 as a provider, and its operation in Python: errors, mode, emergency stop."""
+"""The virtual RC8 as a provider, with methods that raise errors, turn the mode switch and press the emergency stop."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class VirtualRC8(Provider):
         samples: Put the sample programs into the file store if it is empty.
         slave_licence: True if the licence of the slave function is registered; without it slave mode is refused.
         slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
-        strict_time: If True, the controller does not wait for a late set-point, as on a real controller: slave mode
-            ends with 0x84201482, or in mode 1 the arm stops in place. If False, the controller's time stands still
-            until the set-point arrives, for up to 250 ms. :attr:`set_point_lateness` counts late set-points.
+        strict_time: If True, a late set-point has the same effect as on a real controller: slave mode ends with
+            0x84201482, or in mode 1 the arm stops in place. If False, the controller's time stands still until the
+            set-point arrives, for up to 250 ms. :attr:`set_point_lateness` counts late set-points.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -184,7 +184,7 @@ class VirtualRC8(Provider):
 
     @property
     def set_point_lateness(self) -> Lateness:
-        """The lateness of the set-points of the current stream in slave mode, or of the last stream."""
+        """Number and delays of the late set-points in the current stream of slave mode, or in the last stream."""
         with self.guard:
             return self.state.arm.slave.lateness(0)
 

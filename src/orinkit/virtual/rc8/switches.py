@@ -46,7 +46,10 @@ class SlaveLimit(IntEnum):
 
 
 class TokenKind(Enum):
-    """The holder of the executable token (RC8 2.1): it may start programs, switch the motor on and move the robot."""
+    """The type of the device that has the executable token (RC8 2.1).
+
+    This device may start programs, switch the motor on and move the robot.
+    """
 
     TP = "tp"
     IO = "io"
@@ -109,7 +112,8 @@ class Switches:
     Attributes:
         slave_licence: True if the licence of the slave function is registered.
         slave_limit: Limit of commands in slave mode.
-        strict_time: True if the controller does not wait for a late set-point, as on a real controller.
+        strict_time: True if a late set-point has the same effect as on a real controller; False if the controller waits
+            for the set-point.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC

@@ -1,4 +1,4 @@
-"""The programs of the controller: one task per ``.pcs`` file, executed in slices of the 8 ms cycle."""
+"""The programs of the controller: one task per ``.pcs`` file, which executes some statements in each 8 ms cycle."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Task:
     Attributes:
         name: Name without suffix, such as ``Pro1`` or ``folder\\Pro1``.
         status: State of execution.
-        cycle_seconds: Duration of the last cycle, s.
+        cycle_seconds: Duration of the last complete run of the program, s.
     """
 
     program: Final = True
@@ -174,7 +174,7 @@ class Tasks:
         show: Callback invoked with each printed text: program, type, text.
 
     Attributes:
-        cycle_complete: True if a program has completed its cycle and no program has been started since.
+        cycle_complete: True if a program has run to its end and no program has been started since.
     """
 
     def __init__(

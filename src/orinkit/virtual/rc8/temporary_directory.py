@@ -1,6 +1,6 @@
 """A temporary directory for a controller without persistent state.
 
-The directory of a killed process is removed when a later process creates one.
+The directory of a killed process is removed when a later process creates a temporary directory.
 """
 
 from __future__ import annotations

@@ -58,9 +58,10 @@ def spelling(folder: Path, part: str) -> str:
 
 
 def listing(folder: Path) -> list[tuple[str, bool, str]]:
-    """Return the accessible entries of a folder, sorted.
+    """Return the files and folders in a folder, sorted by name.
 
-    Each entry is a tuple: its name, True if it is a folder, and its spelling on the disk.
+    Links, special files, and entries whose names are not valid on the controller are omitted. Each entry is a tuple:
+    its name on the controller, True if it is a folder, and its name on the disk.
     """
     found: dict[str, tuple[str, bool, str]] = {}
     with os.scandir(folder) as entries:
@@ -112,7 +113,10 @@ def write_temporary(folder: Path, data: bytes) -> Path:
 
 
 def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
-    """Replace a file by a temporary file and set its dates; a reader finds either the old file or the new one."""
+    """Set the dates of a temporary file and rename it to ``path``.
+
+    An existing file at ``path`` is replaced atomically: a reader finds either the old file or the new one.
+    """
     try:
         stamp(temporary, moment)
         temporary.replace(path)

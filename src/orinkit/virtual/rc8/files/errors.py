@@ -42,7 +42,7 @@ def taken(name: FileName) -> CallError:
 
 
 def only_a_folder(name: FileName) -> CallError:
-    """Return the exception for a name that only a folder can have, if the name of a file is expected."""
+    """Return the exception for the name of a file that is the root folder or ends in a separator."""
     return error_for(
         hresult.E_INVALIDARG,
         tr("{name} is the name of a folder, expected a file", name=name),

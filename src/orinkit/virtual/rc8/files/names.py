@@ -26,7 +26,7 @@ MOST_PART_BYTES: Final = 255
 """Largest number of bytes of one part in UTF-8."""
 
 MOST_PARTS: Final = 16
-"""Largest depth of folders, including the file itself."""
+"""Largest number of parts of a name: its folders, and the file or folder itself."""
 
 TEMPORARY_PREFIX: Final = ".orinkit-tmp-"
 """Prefix of temporary files; not allowed in names of the controller."""
@@ -47,7 +47,7 @@ class FileName:
     """A checked name.
 
     Attributes:
-        parts: Folders and the last name, in NFC; empty for the root folder.
+        parts: Names of the folders, and of the file or folder itself, in NFC; empty for the root folder.
         folder: True if only a folder can have this name: the root, or a name that ends in a separator.
     """
 
@@ -109,7 +109,7 @@ def part_key(part: str) -> str:
 
 
 def name_on_disk(entry: str) -> str | None:
-    """Return the controller's name of a directory entry; ``None`` if its name is not valid on the controller."""
+    """Return the name that a directory entry has on the controller; ``None`` if the name is not valid there."""
     try:
         name = unicodedata.normalize("NFC", entry)
         name.encode("utf-8")

@@ -66,8 +66,8 @@ class FileDates:
     """The dates of a file, in the controller's local time.
 
     Attributes:
-        created: Creation. If the system does not record it (for example Linux) and the controller has been restarted
-            since then, this is the last write of the content.
+        created: Time of creation. If the system does not record it (for example Linux), and the controller has been
+            restarted since the file was created, ``created`` is the time of the last write of the content.
         accessed: Last read or write through the store.
         modified: Last write of the content.
     """
@@ -79,18 +79,18 @@ class FileDates:
 
 @dataclass(frozen=True, slots=True)
 class Staged:
-    """Content that has been written to the disk but does not belong to a file yet; see :meth:`FileStore.stage`."""
+    """Content in a temporary file, which does not belong to a file of the store yet; see :meth:`FileStore.stage`."""
 
     path: Path
 
     def discard(self) -> None:
-        """Delete the content if it has not become a file."""
+        """Delete the temporary file if it has not become a file of the store."""
         disk.discard(self.path)
 
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """The location of a name; ``status`` is the status of the file or folder, or ``None`` if it does not exist."""
+    """The path of a name on the disk; ``status`` describes the file or folder, or is ``None`` if it does not exist."""
 
     name: FileName
     path: Path
@@ -157,7 +157,7 @@ class FileStore:
             return self._locate(wanted).is_folder
 
     def full_name(self, name: str) -> str:
-        r"""Return the full name as it was created, ``dir\Pro1.pcs``; the root folder is ``\``.
+        r"""Return the path from the root folder, ``dir\Pro1.pcs``, spelled as it was created; the root folder is ``\``.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_FAIL.
@@ -224,7 +224,7 @@ class FileStore:
     # --- changes --------------------------------------------------------------------------------------------------
 
     def stage(self, name: str, data: bytes) -> Staged:
-        """Write content to the disk for a later :meth:`write` or :meth:`copy`, which then only renames the file.
+        """Write content to a temporary file, which a later :meth:`write` or :meth:`copy` only has to rename.
 
         Writing a large file takes long, so this method is thread-safe and does not need the controller's lock.
 
@@ -319,7 +319,8 @@ class FileStore:
         Args:
             name: Name of the file.
             new: Name of the copy.
-            data: The staged content of the file, if any; it is consumed even if an exception is raised.
+            data: The content of the file as returned by :meth:`stage`; it is consumed even if an exception is raised.
+                If ``data`` is ``None``, the content is read from the file.
 
         Raises:
             CallError: As for :meth:`read` and :meth:`create`.
@@ -360,7 +361,7 @@ class FileStore:
     # --- locating -------------------------------------------------------------------------------------------------
 
     def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
-        """Resolve a name part by part; with ``change``, refuse a name at which nothing can be changed or created."""
+        """Return the place of a name; with ``change``, refuse a name at which nothing can be changed or created."""
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):

@@ -1,8 +1,8 @@
-"""Command objects (Controller_GetCommand): commands that can be started, monitored, cancelled, and have a time-out.
+"""Command objects (Controller_GetCommand): commands that a client can start, monitor and cancel, with a time-out.
 
-The name is the name of a command of Controller_Execute, of the robot or of the hand, optionally with its owner as a
-prefix: ``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states of a command, nor the return codes of a
-cancelled command; the states and codes used here are specific to orinkit.
+The name of an object is the name of a command of Controller_Execute, of the robot or of the hand, optionally with its
+owner as a prefix: ``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states of a command, nor the return
+codes of a cancelled command; the states and codes used here are specific to orinkit.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class RC8Command(CommandObject):
 
         Raises:
             CallError: E_CAO_CMD_EXECUTE if the command is executing; E_CANCEL if it was cancelled; E_TIMEOUT if it
-                timed out; other codes with which the command failed.
+                timed out; otherwise the code with which the command failed.
         """
         if self._state is CommandState.EXECUTING:
             raise error_for(hresult.E_CAO_CMD_EXECUTE, self.name)
@@ -204,7 +204,7 @@ def find_command(caller: ClientContext, name: str) -> RC8Command:
     """Return a command by its name; case-insensitive.
 
     Raises:
-        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
+        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the command.
     """
     return RC8Command(caller, name, _route(name))
 

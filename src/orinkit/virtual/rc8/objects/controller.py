@@ -112,7 +112,7 @@ class RC8Controller(ControllerObject):
         """Connect to an extension: the hand, ``Hand0``.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the extension.
         """
         return find_extension(self._caller, name)
 
@@ -124,7 +124,7 @@ class RC8Controller(ControllerObject):
         """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
+            CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the command.
         """
         return find_command(self._caller, name)
 

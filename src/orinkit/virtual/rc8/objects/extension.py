@@ -81,7 +81,7 @@ def find_extension(caller: ClientContext, name: str) -> Hand0:
     """Return an extension by its name; case-insensitive.
 
     Raises:
-        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have it.
+        CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the extension.
     """
     wanted = name.strip().lower()
     if wanted == HAND_NAME.lower():

@@ -311,10 +311,12 @@ def _content(data: bytes, *, text: bool) -> Variant:
 
 
 def _decoded(data: bytes, encoding: str, wrong: frozenset[str]) -> str:
-    """Decode in slices: a codec does not release the interpreter lock (GIL), so other threads run between slices only.
+    """Decode bytes in slices, so that other threads can run between two slices.
+
+    A codec does not release the interpreter lock (GIL) while it decodes.
 
     Raises:
-        UnicodeDecodeError: If the data is not in this encoding, or if the text contains one of the wrong characters.
+        UnicodeDecodeError: If the data is not in this encoding, or if the text contains a character in ``wrong``.
     """
     decoder = codecs.getincrementaldecoder(encoding)()
     parts = []

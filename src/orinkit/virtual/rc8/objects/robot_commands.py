@@ -273,8 +273,8 @@ def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant
 def _pose_commands() -> list[RobotCommand]:
     """Return the commands that read a pose or a figure: CurPos, HighCurJntEx, DestTrn, CurFig ...
 
-    Cur and HighCur read the encoders, Dest the destination of the motion. Commands with the suffix Ex also return the
-    time.
+    Commands that begin with Cur or HighCur return the position of the encoders. Commands that begin with Dest return
+    the destination of the motion. Commands that end in Ex also return the time since power-on.
     """
     made = []
     for prefix, source in (

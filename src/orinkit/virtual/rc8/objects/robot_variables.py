@@ -24,7 +24,10 @@ _TYPE_VERTICAL: Final = 0
 
 @dataclass(frozen=True, slots=True)
 class RobotVariable:
-    """A table row like :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, for the robot.
+    """A row of the table.
+
+    Attributes that are not listed here have the same meaning as in
+    :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`.
 
     Attributes:
         pose_type: Type of a pose, ``"P"``, ``"J"`` or ``"T"``; empty if the value is not a pose.

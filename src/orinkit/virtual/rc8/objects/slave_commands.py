@@ -54,7 +54,11 @@ def get_mode(caller: ClientContext, _: Variant) -> int:
 
 
 def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
-    """Return the lateness of the current stream, or of the last stream (see :mod:`orinkit.rc8.slave_lateness`)."""
+    """Return the number and the delays of the late set-points in the current stream, or in the last stream.
+
+    The parameter is the number of late set-points at the beginning of the stream that are not counted, by default 0.
+    For the layout of the result see :mod:`orinkit.rc8.slave_lateness`.
+    """
     (skip_first,) = parameters.whole_numbers(parameter, 0)
     return build_lateness(caller.state.arm.slave.lateness(skip_first))
 

@@ -120,7 +120,10 @@ def _status(served: RC8Task) -> int:
 
 @dataclass(frozen=True, slots=True)
 class TaskVariable:
-    """A table row like :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`, for a task."""
+    """A row of the table of a task's variables.
+
+    The attributes have the same meaning as in :class:`~orinkit.virtual.rc8.objects.system_variables.SystemVariable`.
+    """
 
     name: str
     vt: VarType

@@ -1,4 +1,4 @@
-"""PacScript, the robot language of the RC8: a program is loaded and checked as a whole, then executed in slices.
+"""PacScript, the robot language of the RC8: a program is checked as a whole, then executed a few statements at a time.
 
 A program is compiled once (:func:`~orinkit.virtual.rc8.pacscript.compiler.compile_program`). A
 :class:`~orinkit.virtual.rc8.pacscript.machine.Machine` executes it and accesses the controller through a

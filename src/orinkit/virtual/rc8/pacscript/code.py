@@ -1,8 +1,9 @@
 """Compiled code: a flat list of instructions, and its linker.
 
 An instruction is a function that takes a frame and returns the index of the next instruction, WAIT or DONE. A frame is
-a list. It contains the world (a :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`), the machine, the
-return addresses of Gosub, and the variables.
+a list. It contains the "world" (the functions of the controller, a
+:class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterface`), the machine that runs the program, the return
+addresses of Gosub, and the variables.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 Frame: TypeAlias = list[Any]
-"""World, machine, return addresses of Gosub, variables."""
+"""A frame: world, machine, return addresses of Gosub, variables."""
 Op: TypeAlias = Callable[[Frame], int]
 """An instruction."""
 Evaluate: TypeAlias = Callable[[Frame], Any]
@@ -52,7 +53,7 @@ class _Item:
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """Linked code: the instructions, their lines, and flags that mark the first instruction of a statement."""
+    """Linked code: the instructions, their lines, and flags that mark the first instruction of each statement."""
 
     ops: tuple[Op, ...]
     lines: tuple[int, ...]
@@ -79,11 +80,14 @@ class Code:
         self._starts_statement = False
 
     def jump(self, to: Spot) -> None:
-        """Add a forward jump; the linker resolves it without an instruction."""
+        """Add a jump to a spot.
+
+        The jump needs no instruction, because the linker connects the previous instruction to the spot.
+        """
         self._items.append(_Item(None, to, self._line, False))
 
     def put(self, spot: Spot) -> None:
-        """Place a spot at the next instruction."""
+        """Set a spot to the position of the next instruction."""
         self._spots.append((spot, len(self._items)))
 
     def link(self) -> Linked:

@@ -34,7 +34,7 @@ class _Row:
 
 
 def compile_command(expressions: Expressions, node: Command) -> None:
-    """Emit a command.
+    """Emit the instruction of a command.
 
     Raises:
         CompileError: If the number of arguments is wrong.
@@ -45,14 +45,14 @@ def compile_command(expressions: Expressions, node: Command) -> None:
 
 
 def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
-    """Emit TakeArm; group and Keep default to 0."""
+    """Emit the instruction of TakeArm; group and Keep default to 0."""
     group = _optional(expressions, node.group, 0)
     keep = _optional(expressions, node.keep, 0)
     simple(expressions, lambda f: f[WORLD].take_arm(rounded_to_integer(group(f)), truth(keep(f))))
 
 
 def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
-    """Emit Set or Reset.
+    """Emit the instruction of Set or Reset.
 
     Raises:
         CompileError: If the target is not an I/O point.
@@ -70,7 +70,7 @@ def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
 
 
 def compile_let_part(expressions: Expressions, node: LetPart) -> None:
-    """Emit LetX or a similar command."""
+    """Emit the instruction of LetX or of a similar command."""
     read, put = expressions.value(node.target), store(expressions, node.target)
     value = expressions.value(node.value)
     take, place = functions.LET_PARTS[node.word]
@@ -86,7 +86,7 @@ def compile_let_part(expressions: Expressions, node: LetPart) -> None:
 
 
 def simple(expressions: Expressions, run: _Run) -> None:
-    """Emit an instruction that continues with the next one."""
+    """Emit an instruction that calls ``run`` and continues with the next instruction."""
 
     def make(following: int) -> Op:
         def op(f: Frame) -> int:
@@ -99,7 +99,7 @@ def simple(expressions: Expressions, run: _Run) -> None:
 
 
 def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool]]) -> None:
-    """Emit an instruction that starts an operation and waits until it is complete."""
+    """Emit an instruction that starts an operation with ``begin`` and waits until the operation is complete."""
 
     def make(following: int) -> Op:
         return lambda f: int(f[MACHINE].wait_for(begin(f), following))

@@ -1,4 +1,4 @@
-"""The interface of the expression compiler that the compilers of calls and of lvalues require."""
+"""The interface of the expression compiler, as used by the compilers of calls and of assignable expressions."""
 
 from __future__ import annotations
 
@@ -25,4 +25,4 @@ class ExpressionCompiler(Protocol):
         """Return a function that evaluates an expression."""
 
     def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return a function that evaluates the offset of an array element."""
+        """Return a function that calculates the position of an element in the list that stores the array."""

@@ -160,7 +160,7 @@ class Expressions:
         return emit_call(self, routine, at, arguments, result=result)
 
     def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return a function that evaluates the offset of an array element."""
+        """Return a function that calculates the position of an element in the list that stores the array."""
         check_count(node.name, len(node.arguments), len(variable.sizes), len(variable.sizes))
         indices = [self.value(argument) for argument in node.arguments]
         if len(indices) == 1:
@@ -301,7 +301,10 @@ def constant(value: AnyValue, *, logical: bool = False) -> Compiled:
 
 
 def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
-    """Evaluate a calculation with constants at compile time; if that fails, return it for evaluation at run time."""
+    """Evaluate a calculation with constants at compile time.
+
+    If the evaluation fails, return an expression that raises the error at run time.
+    """
     try:
         return constant(run([]), logical=logical)
     except CallError:

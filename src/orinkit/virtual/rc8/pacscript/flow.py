@@ -283,7 +283,7 @@ class FlowCompiler:
     # --- helpers
 
     def _branch(self, condition: tree.Expression, otherwise: Spot | None, *, unless: bool = False) -> None:
-        """Emit a test: if the condition is met (with ``unless``: not met), continue, otherwise jump to a spot."""
+        """Emit a test: continue if the condition is met, otherwise jump to a spot; ``unless`` inverts the condition."""
         assert otherwise is not None
         met = self._expressions.condition(condition)
 
@@ -328,7 +328,7 @@ class FlowCompiler:
         return lambda f, value: compare(value, low(f))
 
     def _innermost(self, kind: type[_B], opening: str, word: str, at: Place) -> _B:
-        """Return the innermost block for a keyword that belongs to it.
+        """Return the innermost open block after checking that a keyword belongs to it.
 
         Raises:
             CompileError: If the block is of another type.

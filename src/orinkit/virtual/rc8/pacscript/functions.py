@@ -185,10 +185,10 @@ def _figure(value: AnyValue) -> int:
 
 
 def joint_index(value: AnyValue) -> int:
-    """Return the index of a joint by its number.
+    """Return the index of a joint, 0 to 7, from its number, 1 to 8.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is not 1 to 8.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if the number is not 1 to 8.
     """
     joint = rounded_to_integer(value)
     if 1 <= joint <= values.J_LENGTH:

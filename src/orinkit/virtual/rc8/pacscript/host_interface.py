@@ -78,10 +78,13 @@ class HostInterface(Protocol):
     def drive(
         self, pairs: tuple[tuple[int, float], ...], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move joints to values (``absolute``) or by values; ``pairs`` are joint numbers with values."""
+        """Move joints to positions (``absolute``) or by distances; each pair is a joint number and its value."""
 
     def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
-        """Rotate about an axis through the pivot (a V), perpendicular to a plane; the pass mark is in the options."""
+        """Rotate about the axis that passes through the pivot (a V) and is perpendicular to a plane.
+
+        The pass mark is in the options.
+        """
 
     def speed(self, percent: float) -> None:
         """Set the internal speed."""

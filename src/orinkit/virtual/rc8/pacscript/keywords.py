@@ -48,7 +48,7 @@ CONSTANTS: Final[Mapping[str, int | float]] = {"true": -1, "false": 0, "on": 1, 
 
 GLOBAL_KINDS: Final = frozenset("IFDVPJTS")
 POINT_KINDS: Final = frozenset(("IO", "IOB", "IOW", "IOD"))
-"""The classes of I/O points; :data:`GLOBAL_KINDS` are those of global variables."""
+"""The classes of I/O points; :data:`GLOBAL_KINDS` contains the classes of global variables."""
 NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE | re.ASCII)
 """Matches the name of a global variable or of an I/O point, for example ``P12`` or ``IO128``."""
 

@@ -17,7 +17,7 @@ from orinkit.virtual.rc8.pacscript.values import AnyValue, rounded_to_integer, t
 Store: TypeAlias = Callable[[Frame, AnyValue], None]
 """Stores a value."""
 Refer: TypeAlias = Callable[[Frame], tuple[Any, int]]
-"""Returns a container (a list, or an object indexed like one) and the index of the value in it."""
+"""Locates a value: returns its container (a list, or an object with the same indexing) and its index there."""
 
 
 class _Globals:
@@ -38,7 +38,7 @@ class _Globals:
 
 
 def as_target(node: Expression) -> Target:
-    """Return an expression as an assignment target.
+    """Return an expression unchanged if it has the form of an assignment target.
 
     Raises:
         CompileError: If the expression is not a variable.
@@ -49,7 +49,7 @@ def as_target(node: Expression) -> Target:
 
 
 def store(expressions: ExpressionCompiler, target: Target) -> Store:
-    """Return a function that stores a value, converted to the type of the target.
+    """Return a function that converts a value to the type of the target and stores it there.
 
     Raises:
         CompileError: If the target is not assignable.

@@ -1,4 +1,4 @@
-"""The interpreter: runs a program in slices."""
+"""The interpreter: runs a program, a limited number of statements at a time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Machine:
 
     Attributes:
         program: The program.
-        frame: The variables of the running Sub; used by the instructions.
+        frame: The frame of the running Sub or Function, with its variables; used by the instructions.
     """
 
     def __init__(self, program: Program, world: HostInterface) -> None:
@@ -91,7 +91,7 @@ class Machine:
 
         Args:
             budget: Maximum number of statements. A call of a Function in an expression counts as a statement.
-            tired: Callback invoked after each statement; if it returns True, the slice ends early.
+            tired: Callback invoked after each statement; if it returns True, the method returns early.
 
         Returns:
             The number of executed statements, including a statement that has begun to wait.
@@ -113,7 +113,7 @@ class Machine:
     # --- for the instructions
 
     def wait_for(self, wait: Wait, following: int) -> int:
-        """Begin to wait; when the wait is complete, the program continues at the instruction ``following``."""
+        """Begin to wait; after the wait, the program continues at the instruction with the index ``following``."""
         self._wait = wait
         self._after_wait = following
         return WAIT
@@ -123,7 +123,7 @@ class Machine:
 
         Args:
             frame: Frame with the variables of the Sub or Function.
-            following: The instruction after the call.
+            following: Index of the instruction after the call.
             slot: The slot for the result in the caller's frame, or -1 to discard the result.
             elements: Total number of elements of the arrays of the Sub or Function.
 
@@ -143,7 +143,7 @@ class Machine:
         self.frame = frame
 
     def leave(self, value: Any) -> int:
-        """End a Sub or Function and return the instruction at which the caller continues, or DONE."""
+        """End a Sub or Function; return the index of the instruction at which the caller continues, or DONE."""
         if not self._stack:
             return DONE
         frame, following, slot, elements = self._stack.pop()

@@ -55,7 +55,7 @@ class _Options:
 
 
 def compile_motion(expressions: Expressions, node: Motion) -> None:
-    """Emit a motion.
+    """Emit the instructions of a motion.
 
     Raises:
         CompileError: If arguments are missing, superfluous or wrong.

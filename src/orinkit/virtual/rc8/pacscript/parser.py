@@ -74,7 +74,7 @@ def _shorten(text: str) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer[Token, Any]):
-    """Creates the nodes during parsing, without recursion."""
+    """Creates the nodes of the syntax tree during parsing, without recursion."""
 
     # --- the program and its routines
 

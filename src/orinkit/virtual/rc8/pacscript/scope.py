@@ -109,7 +109,7 @@ class Routine:
         return len(self.template) - 1
 
     def framer(self) -> Callable[[Any, Any], Frame]:
-        """Return a factory of new frames; its arguments are the world and the machine."""
+        """Return a function that creates a frame; its arguments are the world and the machine."""
         template = self.template
         arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
 
@@ -233,7 +233,7 @@ _RESERVED: Final = (
 
 
 def find_type(name: Name | None) -> TypeOf:
-    """Return the type given by As; Variant if there is no As.
+    """Return the type with the name that follows As; Variant if the declaration has no As.
 
     Raises:
         CompileError: If the type does not exist.

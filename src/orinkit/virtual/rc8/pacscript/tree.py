@@ -110,7 +110,7 @@ Target: TypeAlias = Name | Apply | GlobalRef
 
 
 def depth_over(at: Place, *parts: Expression) -> int:
-    """Return the depth of an expression with these parts.
+    """Return the nesting depth of an expression that consists of these parts.
 
     Raises:
         CompileError: If the depth exceeds MAX_DEPTH.

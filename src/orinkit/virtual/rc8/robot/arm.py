@@ -59,7 +59,7 @@ class RC8Arm:
 
     Attributes:
         holder: Holder of the arm semaphore (TakeArm), or ``None``.
-        held: True while paused by Hold.
+        held: True after Hold, until Unhold or a stop.
         queue: Running and queued motions.
         servo: Encoders and loads.
         motor, speeds, space, log: Motor supply, speeds, frames and kinematics, control log.
@@ -184,7 +184,10 @@ class RC8Arm:
         return ticket
 
     def when_done(self, ticket: Ticket) -> Deferred[None]:
-        """Return a Deferred that resolves when a motion ends according to its pass mark, and fails if it is stopped."""
+        """Return a Deferred that resolves when a motion is complete according to its pass mark.
+
+        The Deferred fails if the motion is stopped, except by :meth:`skip`.
+        """
         mark = ticket.motion.mark.mode
         wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Deferred[None]())
         if not self._finish(wait):
@@ -238,7 +241,7 @@ class RC8Arm:
             self._cycles.wake()
 
     def skip(self) -> None:
-        """Stop the arm and discard its motions; the calls waiting for them succeed."""
+        """Stop the arm and discard its motions; the calls that wait for these motions succeed."""
         if self.busy:
             self.stop(hresult.S_OK)
 

@@ -19,9 +19,9 @@ class Operator(Protocol):
         """True for a program."""
 
     def write_refusal(self) -> int:
-        """Return the error code of a refused write, or 0 if the operator may write."""
+        """Return 0 if the operator may write, otherwise the error code with which a write is refused."""
 
     def token_refusal(self, switches: Switches) -> int:
-        """Return the error code of a refused start, or 0 if the operator has the executable token (RC8 2.1)."""
+        """Return 0 if the operator has the executable token (RC8 2.1), otherwise the error code of a refused call."""
 
     def __str__(self) -> str: ...

@@ -1,4 +1,4 @@
-"""THE TABLE of the functions that command the robot, and of the conditions under which the controller executes them.
+"""The table of the functions that command the robot, and of the conditions under which the controller executes them.
 
 The conditions of each function are in the order of the checks; the first violated one determines the error code.
 ``docs/howto/robot.md`` has a table of the resulting codes, and a test compares both tables.

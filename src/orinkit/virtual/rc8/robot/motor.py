@@ -35,7 +35,7 @@ class Motor:
 
     @property
     def on(self) -> bool:
-        """True if the robot can move."""
+        """True if the motor is on, so that the robot can move."""
         return self.state is MotorState.ON
 
     @property

@@ -43,7 +43,8 @@ _Plan: TypeAlias = Callable[[Joints], Motion]
 class Moves:
     """Plans motions for an arm and puts them into its queue.
 
-    Every method that begins motions returns their tickets. Callers check the conditions first.
+    Every method that begins motions returns their tickets. Callers first check the conditions
+    (:mod:`orinkit.virtual.rc8.robot.conditions`).
 
     Args:
         arm: The arm.
@@ -65,7 +66,10 @@ class Moves:
     # --- motions ------------------------------------------------------------------------------------------------
 
     def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> list[Ticket]:
-        """Move (RC8 3.3.4): 1 PTP or 2 linear to each pose, 3 arc through one pose to the other, 4 free curve.
+        """Move with an interpolation (RC8 3.3.4): 1 PTP, 2 linear, 3 arc, 4 free curve.
+
+        PTP and linear move to each of the poses in turn. An arc moves through the first pose to the second. A free
+        curve moves through all poses to the last one.
 
         Raises:
             CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG; errors of planning.
@@ -125,9 +129,9 @@ class Moves:
     def drive(
         self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move axes by values, or with ``absolute`` to values, in deg (mm for linear axes).
+        """Move axes by distances, or with ``absolute`` to positions, in deg (mm for linear axes).
 
-        ``pairs`` are numbers of axes, counted from 1, with their values.
+        Each pair is the number of an axis, counted from 1, and its distance or position.
 
         Raises:
             CallError: E_INVALIDARG if an axis does not exist; errors of planning.
@@ -143,7 +147,7 @@ class Moves:
         return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
 
     def rotate(self, axis: Matrix, point: Matrix, angle: float, options: MotionOptions) -> list[Ticket]:
-        """Rotate by ``angle`` deg about an axis through a point (RC8 provider, Rotate).
+        """Rotate by ``angle`` deg about an axis through a point (RC8 provider guide, Rotate).
 
         The direction of the axis and the point (mm) are vectors of the base frame, three numbers each.
         """
@@ -183,7 +187,7 @@ class Moves:
         return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
 
     def point(self, target: Target) -> Matrix:
-        """Return the point of a pose or of a vector, in the base frame, mm.
+        """Return the position of a pose, or of a vector in the work frame, as a point in the base frame, mm.
 
         Raises:
             CallError: As for :meth:`FrameContext.resolve`.

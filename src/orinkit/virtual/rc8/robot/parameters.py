@@ -1,4 +1,4 @@
-"""Parameters of the robot's extended commands, as sent by clients: arrays, scalars, or all values in one string."""
+"""Reads the parameters of the robot's extended commands, which clients send as arrays, as scalars or in one string."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def elements(parameter: Variant) -> list[Variant]:
 
 
 def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
-    """Return numbers, with defaults for missing ones; a number whose default is ``None`` is required.
+    """Return the numbers of a parameter; missing ones have their default, and are required if the default is ``None``.
 
     Raises:
         CallError: E_INVALIDARG if the number of values is wrong; DISP_E_TYPEMISMATCH if a value is not a number.
@@ -57,7 +57,7 @@ def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
 
 
 def whole_numbers(parameter: Variant, *defaults: int | None) -> list[int]:
-    """Return whole numbers; see :func:`numbers`.
+    """Return the whole numbers of a parameter; see :func:`numbers`.
 
     Raises:
         CallError: As for :func:`numbers`; E_INVALIDARG for a fraction.
@@ -114,7 +114,7 @@ def position(target: Target) -> Target:
 def pose_and_rest(parameter: Variant, most: int) -> tuple[Target, list[Variant]]:
     """Return a pose and the elements after it, as in ``[pose, tool, work]``.
 
-    If no elements follow it, the pose may have any form that :func:`pose` accepts.
+    If no elements follow the pose, it may have any form that :func:`pose` accepts.
 
     Raises:
         CallError: E_INVALIDARG if more than ``most`` elements follow the pose; otherwise as for :func:`pose`.
@@ -155,7 +155,9 @@ def pass_mark(text: str) -> PassMark:
 
 
 def marked(given: Variant) -> tuple[PassMark | None, str]:
-    """Return the pass mark at the start of a string such as ``"@P 10"``, and the rest; convert a number to a string.
+    """Return the pass mark at the start of a string such as ``"@P 10"``, and the rest of the string.
+
+    For a number, return no pass mark, and the number as a string.
 
     Raises:
         CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH.
@@ -166,7 +168,7 @@ def marked(given: Variant) -> tuple[PassMark | None, str]:
 
 
 def marked_number(given: Variant) -> tuple[PassMark | None, float]:
-    """Return pass mark and number of a string such as ``"@P 10"``, or of a number.
+    """Return the pass mark and the number in a string such as ``"@P 10"``; for a number, return no pass mark.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH if the mark is not followed by a number.

@@ -73,7 +73,7 @@ def conversion_command(given: Kind, wanted: Kind) -> Answer:
 
 
 def _named(parameter: Variant, kind: Kind) -> Target:
-    """Return a pose; untyped values have the pose type in the command's name if their number matches this type."""
+    """Return the pose of a parameter; untyped values have the pose type ``kind`` if their number matches this type."""
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.unwrap_single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
@@ -153,7 +153,7 @@ _TIP_SPEED: Final = 17
 
 
 def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: return an item: 2 deviation (deg), 4 load (%), or 17 speed of the tool tip (mm/s, first element)."""
+    """GetSrvData: return item 2 deviation (deg), 4 load (%) or 17 speed of the tool tip (mm/s, the first element)."""
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
         return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))
@@ -184,7 +184,7 @@ CALCULATIONS: Final[Mapping[str, Answer]] = {
 
 
 def calculate(arm: RC8Arm, name: str, given: Sequence[Variant]) -> Variant:
-    """Return the result of a calculation for the arguments of a program's function.
+    """Return the result of a function that a program calls, such as J2P; ``given`` are its arguments.
 
     Raises:
         CallError: As for the command of that name.

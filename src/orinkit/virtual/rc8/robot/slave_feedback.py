@@ -29,8 +29,8 @@ class FeedbackSources(NamedTuple):
         arm: The arm.
         here: Pose of the arm's encoders, as returned by CurPos, CurJnt and CurTrn.
         variables: Variables of the controller, for its I/O.
-        receive: The client's format.
-        window: The requested user I/O.
+        receive: The client's format of the results (slvRecvFormat).
+        window: The range of user I/O that the client has requested, or ``None``.
     """
 
     arm: RC8Arm
@@ -41,13 +41,13 @@ class FeedbackSources(NamedTuple):
 
 
 def reply_of(arm: RC8Arm, variables: VariableTable, receive: ReceiveFormat, window: UserWindow | None) -> Variant:
-    """Return the result in a client's format; its poses are those of the encoders, as in CurPos, CurJnt and CurTrn.
+    """Return the result of slvMove in a client's format; like CurPos, CurJnt and CurTrn, it has the encoder positions.
 
     Args:
         arm: The arm.
         variables: Variables of the controller, for its I/O.
-        receive: The format.
-        window: The requested user I/O.
+        receive: The format of the result.
+        window: The range of user I/O that the client has requested, or ``None``.
     """
     sources = FeedbackSources(arm, state_report.current(arm), variables, receive, window)
     rows = _rows_of(receive.number)
@@ -72,7 +72,7 @@ def _rows_of(number: int) -> tuple[SlaveField, ...]:
 
 
 def _timestamp(sources: FeedbackSources) -> int:
-    """Return the time of the last cycle since power-on, ms or µs."""
+    """Return the time from power-on to the last cycle, ms or µs."""
     unit = _MICRO if sources.receive.microseconds else _MILLI
     return round(sources.arm.seconds() * unit) & _LARGEST_TIME
 

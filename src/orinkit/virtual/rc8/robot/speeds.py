@@ -29,9 +29,9 @@ class Speeds:
     """The speed settings of the arm.
 
     Attributes:
-        path: Internal, for motions along a path (``@SPEED``, ``@ACCEL``, ``@DECEL``).
-        joint: Internal, for point-to-point motions (``@JSPEED``, ``@JACCEL``, ``@JDECEL``).
-        external: ``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``; they apply to every motion.
+        path: Internal speeds for motions along a path (``@SPEED``, ``@ACCEL``, ``@DECEL``).
+        joint: Internal speeds for point-to-point motions (``@JSPEED``, ``@JACCEL``, ``@JDECEL``).
+        external: External speeds, which apply to every motion (``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``).
     """
 
     path: SpeedSet = field(default_factory=SpeedSet)

@@ -48,7 +48,7 @@ def destination(arm: RC8Arm) -> ArmPosition:
 
 
 def eight(joints: Joints) -> Numbers:
-    """Return joints padded with 0 to eight numbers."""
+    """Return a joint position as eight numbers, 0 for an axis that does not exist."""
     return [*joints, *[0.0] * (AXES - len(joints))]
 
 

@@ -1,4 +1,4 @@
-"""Converts poses of clients to joint positions or to frames in the base of the arm, using work, tool and figure."""
+"""Converts poses of clients to joint positions or to frames in the base frame, using work, tool and figure."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class FrameContext:
     """The frames and the kinematics of the arm, which define the meaning of a pose.
 
     Attributes:
-        tools, works: The frames, and the numbers of the current ones.
+        tools, works: The tool frames and the work frames, each with the number of the current frame.
         kinematics: Kinematics of the arm.
     """
 
@@ -63,23 +63,23 @@ class FrameContext:
     # --- from joints to a pose ----------------------------------------------------------------------------------
 
     def tcp(self, joints: Sequence[float]) -> Matrix:
-        """Return the tool frame in the base frame."""
+        """Return the tool frame at a joint position, in the base frame."""
         return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
 
     def in_work(self, tcp: Matrix) -> Matrix:
-        """Convert a frame in the base to a frame in the current work frame."""
+        """Convert a frame from the base frame to the current work frame."""
         return np.asarray(frames.inverse_of(self.works.matrix()) @ tcp)
 
     def position(self, joints: Sequence[float]) -> list[float]:
-        """Return P: X, Y, Z in mm, RX, RY, RZ in deg, Fig, in the current work frame."""
+        """Return a joint position as P: X, Y, Z in mm, RX, RY, RZ in deg, Fig, in the current work frame."""
         return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
-        """Convert a frame in the base to X, Y, Z (mm), RX, RY, RZ (deg) in the current work frame."""
+        """Convert a frame from the base frame to X, Y, Z (mm), RX, RY, RZ (deg) in the current work frame."""
         return [float(value) for value in frames.position_of_matrix(self.in_work(tcp))]
 
     def trans(self, joints: Sequence[float]) -> list[float]:
-        """Return T: X, Y, Z in mm, orient and approach vector, Fig, in the current work frame."""
+        """Return a joint position as T: X, Y, Z in mm, orient and approach vector, Fig, in the current work frame."""
         values = frames.trans_of_matrix(self.in_work(self.tcp(joints)))
         return [*map(float, values), float(self.kinematics.figure(joints))]
 
@@ -160,7 +160,7 @@ class FrameContext:
         return Goal(self.frame_in_base(kind, values), figure_of(kind, values), extra)
 
     def path_goal(self, target: Target, start: Joints) -> Goal:
-        """Return the end of a path.
+        """Return the destination of a path (line, arc or curve) to a pose.
 
         Raises:
             CallError: FIGURE_MISMATCH if pose and arm have different figures; otherwise as for :meth:`goal`.
@@ -170,7 +170,7 @@ class FrameContext:
         return goal
 
     def check_figure(self, goal: Goal, start: Joints) -> None:
-        """Check that a path from a joint position can end with the figure of a pose; the path may change DOUBLE bits.
+        """Check that a path from a joint position can end with the figure of a pose; the DOUBLE bits may differ.
 
         Raises:
             CallError: FIGURE_MISMATCH if the figures differ.
@@ -188,7 +188,7 @@ class FrameContext:
             )
 
     def solve(self, tcp: Matrix, figure: int, start: Joints, tool: int = -1) -> Joints:
-        """Return the six joints that bring the tool to a frame in the base.
+        """Return the positions of the six robot axes at which the tool is at a frame, given in the base frame.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE.
@@ -207,7 +207,7 @@ class FrameContext:
         return tuple(float(angle) for angle in found)
 
     def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
-        """Return joints after replacing the extended joints by those of ``EX`` or ``EXA``.
+        """Return joints in which the extended joints are moved by the distances of ``EX`` or have the positions of ``EXA``.
 
         Raises:
             CallError: E_INVALIDARG if the arm does not have such an extended joint.
@@ -225,7 +225,7 @@ class FrameContext:
         return tuple(joints)
 
     def frame_in_base(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
-        """Return P or T values of a work frame (-1 for the current one) as a frame in the base.
+        """Convert P or T values in a work frame (-1 for the current one) to a frame in the base frame.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE if the position is beyond the reach of any arm; E_INVALIDARG if the vectors

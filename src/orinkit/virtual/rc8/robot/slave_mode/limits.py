@@ -33,14 +33,14 @@ class SlaveLimits:
         self._speeds = speeds
 
     def violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
-        """Return the first limit that a command violates, or None.
+        """Return the first limit that a command position violates, or None.
 
         The velocities of all axes are checked before the accelerations; axes are checked in the order of their numbers.
 
         Args:
-            before: The command one cycle before the present one, deg or mm.
-            now: The present command.
-            wanted: The next command.
+            before: The command position one cycle before the present one, deg or mm.
+            now: The present command position.
+            wanted: The next command position, which is checked.
             lenient: Multiply the limits by :data:`~orinkit.virtual.engine.set_point_buffer.LENIENCY`.
         """
         speed, acceleration = self._parts()

@@ -1,4 +1,4 @@
-"""Converts a set-point to joints of the arm."""
+"""Converts a set-point to a joint position of the arm."""
 
 from __future__ import annotations
 

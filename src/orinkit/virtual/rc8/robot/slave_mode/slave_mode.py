@@ -123,8 +123,8 @@ class RC8SlaveMode(SetPointBuffer):
         Args:
             owner: The operator that switches it on.
             mode: The mode.
-            when_input_processed: Drains the input of the operator's connection; see
-                :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
+            when_input_processed: Function that invokes a callback after all data received from the operator so far has
+                been processed; see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
         self.mode, self.owner = mode, owner
@@ -206,7 +206,7 @@ class RC8SlaveMode(SetPointBuffer):
         self._arm.stop(code)  # needed because an error of a low level does not stop the arm
 
     def limit_violation(self, before: Joints, now: Joints, wanted: Joints, *, lenient: bool) -> SlaveFault | None:
-        """Return the first limit that a command violates, see :class:`SlaveLimits`."""
+        """Return the first limit that a command position violates, or None; see :class:`SlaveLimits`."""
         return self._limits.violation(before, now, wanted, lenient=lenient)
 
     # --- helpers ------------------------------------------------------------------------------------------------
