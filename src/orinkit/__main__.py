@@ -1,4 +1,4 @@
-"""Entry point of ``orinkit`` and ``python -m orinkit``."""
+"""Entry point of the command ``orinkit`` and of ``python -m orinkit``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from orinkit.core.i18n import tr
 
 
 def main() -> int:
-    """Run the command line and return the exit code. Ctrl-C is also handled while the command line is imported."""
+    """Run the command ``orinkit`` and return its exit code. Ctrl-C is handled even while modules are being imported."""
     try:
         from orinkit.cli.app import main as run  # inside "try", because this import is slow
 

@@ -1,4 +1,4 @@
-"""User-written devices: classes whose decorated methods are served over all protocols.
+"""User-written devices: classes whose decorated methods clients can call over all protocols of a server.
 
 ::
 

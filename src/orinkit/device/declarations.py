@@ -39,7 +39,7 @@ def _check_type(name: str, vt: object) -> None:
 
 
 class Declared:
-    """A declared member of a device: its name in the controller, and its method."""
+    """A declared member of a device: the name by which clients refer to it, and the method that implements it."""
 
     kind = ""
 
@@ -50,14 +50,20 @@ class Declared:
         self.quick = quick
 
     def run(self, method: Callable[..., Any], *args: Any) -> Any:
-        """Call a method directly if it is quick or a coroutine function; otherwise return a call for a worker thread."""
+        """Call a method and return its result, or return a call that the server executes in a worker thread.
+
+        The method is called immediately if it was declared with ``quick=True`` or is a coroutine function.
+        """
         if self.quick or inspect.iscoroutinefunction(method):
             return method(*args)
         return BlockingCall(lambda: method(*args))
 
 
 class DeclaredVariable(Declared, Generic[T]):
-    """A declared variable: a getter and, if writable, a setter. In the device's own code, it behaves like a property."""
+    """A declared variable: a getter and, if clients may write the variable, a setter.
+
+    In the device's own code, the variable behaves like a property.
+    """
 
     kind = "Variable"
 
@@ -83,15 +89,15 @@ class DeclaredVariable(Declared, Generic[T]):
         self.set(part, value)
 
     def setter(self, method: Callable[[Any, T], Any]) -> DeclaredVariable[T]:
-        """Declare the setter, which makes the variable writable. The method receives the new value as a Python type.
+        """Declare the setter, which makes the variable writable. The method receives the new value as a Python object.
 
-        Type checkers require a method name other than the getter's: ``def set_width(self, width: float)``.
+        Type checkers require that getter and setter have different names: ``def set_width(self, width: float)``.
         """
         self.set = method
         return self
 
     def accept(self, value: Variant) -> Any:
-        """Convert a written value to the type of the variable.
+        """Convert a value that a client writes to the type of the variable.
 
         Raises:
             CallError: DISP_E_TYPEMISMATCH, if the value does not fit the type.
@@ -107,15 +113,19 @@ class DeclaredVariable(Declared, Generic[T]):
 
 
 class DeclaredCommand(Declared):
-    """A declared command of Execute."""
+    """A declared command, which clients call with Execute."""
 
     kind = "Command"
 
     def arguments(self, parameter: Variant) -> list[Any]:
-        """Return the arguments of the method: an array's elements, or the whole array if the method has one argument.
+        """Return the arguments with which to call the method for the parameter of a client's Execute.
+
+        Each element of an array becomes an argument. If the method takes only one argument, an array of several
+        elements becomes one argument, a list.
 
         Raises:
-            CallError: E_INVALIDARG, if there are too many or too few values, or a value does not fit.
+            CallError: E_INVALIDARG, if there are too many or too few values, or a value does not fit the annotation of
+                its argument.
         """
         parameters = list(inspect.signature(self.method).parameters.values())[1:]
         values = coerce.to_values(parameter)
@@ -134,7 +144,7 @@ class DeclaredCommand(Declared):
 
 
 def _converted(parameter: inspect.Parameter, value: Any) -> Any:
-    """Convert an argument of a command to its annotation (bool, int, float or str); other arguments are unchanged.
+    """Convert an argument of a command to its annotated type (bool, int, float or str); return others unchanged.
 
     Raises:
         CallError: E_INVALIDARG, if the value does not fit.
@@ -158,7 +168,7 @@ def _as_type(vt: int, value: Variant) -> Variant:
 
 
 class DeclaredChild(Declared):
-    """A declared child object. The decorated method returns it, and is called for each handle that is created of it."""
+    """A declared child object. Each time a client connects to it, the decorated method is called and returns it."""
 
     def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
         super().__init__(method, name, help, quick=True)
@@ -188,32 +198,33 @@ def variable(
     help: str = "",  # noqa: A002
     quick: bool = False,
 ) -> _VariableDecorator:
-    """Declare a variable. The method is its getter; ``@method.setter`` makes it writable.
+    """Declare a variable. The decorated method is its getter.
 
-    In the device's own code, ``self.width`` calls the getter and ``self.width = 5.0`` the setter.
+    If the getter is named ``width``, the decorator ``@width.setter`` declares the setter, which makes the variable
+    writable. In the device's own code, ``self.width`` calls the getter, and ``self.width = 5.0`` calls the setter.
 
     Args:
-        name: Name in the controller; case is ignored.
+        name: Name by which clients refer to the variable; case is ignored.
         type: VARIANT type, for example ``VarType.R4`` or ``VarType.R4 | VarType.ARRAY``. By default, the annotation of
-            the getter's result (bool, int, float, str) determines the type; without an annotation, each returned value
-            does.
-        help: Help text; the default is the docstring.
-        quick: True if the methods return immediately; they are then called in the event loop.
+            the getter's result (bool, int, float, str) determines the type. If there is no annotation, each value is
+            sent with the VARIANT type that corresponds to its Python type.
+        help: Help text for clients; the default is the docstring of the getter.
+        quick: True if getter and setter return immediately; the server then calls them in its event loop.
     """
     _check_name("variable", name)
     return _VariableDecorator(name, type, help, quick)
 
 
 def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002
-    """Declare a command of Execute. The return value of the method is the result.
+    """Declare a command, which clients call with Execute. The client receives the return value of the method.
 
     The elements of the parameter become the method's arguments: ``Execute("Close", [10.0, 1])`` calls
     ``close(10.0, 1)``.
 
     Args:
-        name: Name in the controller; case is ignored.
-        help: Help text; the default is the docstring.
-        quick: True if the method returns immediately; it is then called in the event loop.
+        name: Name by which clients call the command; case is ignored.
+        help: Help text for clients; the default is the docstring of the method.
+        quick: True if the method returns immediately; the server then calls it in its event loop.
     """
     _check_name("command", name)
     return _Decorator(lambda method: DeclaredCommand(method, name, help, quick))
@@ -238,10 +249,10 @@ command_object = _child("Command object", "command_object")
 
 
 def declared_in(kind: type) -> dict[tuple[str, str], Declared]:
-    """Return the declarations of a class, without those of its base classes.
+    """Return the declarations of a class by kind and lower-case name, without those of its base classes.
 
     Raises:
-        TypeError: If two members have the same type and name, because one would hide the other.
+        TypeError: If two members have the same kind and name, because one would hide the other.
     """
     found: dict[tuple[str, str], Declared] = {}
     for member in vars(kind).values():

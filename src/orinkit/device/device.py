@@ -1,4 +1,4 @@
-"""User-written devices: decorated methods are served as variables, commands and objects.
+"""Base classes of user-written devices. Clients use the decorated methods as variables, commands and objects.
 
 ::
 
@@ -22,12 +22,14 @@
         server.wait()
 
 A plain method runs in a worker thread, so it may block without delaying other clients. Calls of several clients may run
-concurrently, so protect shared state. An ``async def`` method runs in the server's event loop. With ``quick=True``, a
-plain method also runs in the event loop, which is faster; it must return immediately.
+concurrently, so protect shared data with a lock. An ``async def`` method runs in the server's event loop. A plain
+method that is declared with ``quick=True`` also runs in the event loop, which is faster. Such a method must return
+immediately.
 
-To return an error code, raise :func:`orinkit.core.errors.error_for`; any other exception is logged and returned as
-E_FAIL. Clients can read the text of the error with ``controller.error_description(error.code)``, that is, with the
-command GetErrorDescription. A device may declare that command itself.
+To return an error code to the client, raise the exception that :func:`orinkit.core.errors.error_for` creates. Any other
+exception is logged, and the client receives E_FAIL. Clients can read the text of the error with
+``controller.error_description(error.code)``, that is, with the command GetErrorDescription. A device may declare a
+command of this name, which is then used instead.
 """
 
 from __future__ import annotations
@@ -70,7 +72,7 @@ from orinkit.values.variant import Value, Variant
 _DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
 """Declarations of each class and its base classes.
 
-They are not stored in the class itself, because its author may already use the name of the attribute.
+They are not stored in an attribute of the class, because the author of the class may already use its name.
 """
 
 
@@ -81,8 +83,8 @@ class Part:
         """Collect the declarations of the class and its bases.
 
         Raises:
-            TypeError: If a name is declared twice, or the name of a declared method is reserved for Python
-                (``__len__``).
+            TypeError: If a name is declared twice, or the name of a declared method is reserved for Python, like
+                ``__len__``.
         """
         super().__init_subclass__(**kwargs)
         found: dict[tuple[str, str], Declared] = {}
@@ -95,12 +97,13 @@ class Part:
 
 
 class Device(Part, Provider):
-    """Base class of user-written devices. Declare variables, commands and objects with the decorators of this module.
+    """Base class of user-written devices. The decorators of :mod:`orinkit.device` declare what clients can use.
 
-    Clients connect to a device with Controller_Connect. The names of :class:`~orinkit.cao.provider.Provider` are
-    reserved for the server: ``close``, ``connect``, ``dialect``, ``fixed_handles``, ``functions``, ``guard``,
-    ``handle_of``, ``provider_names``. They may be overridden with the same meaning, for example ``close()`` to clean up
-    after the server has stopped; any other use raises TypeError.
+    Clients connect to a device with Controller_Connect. The server uses the members of
+    :class:`~orinkit.cao.provider.Provider`, so these names are reserved: ``close``, ``connect``, ``dialect``,
+    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``. A device may override a reserved
+    name with the same meaning, for example define ``close()`` to clean up after the server has stopped. Any other use
+    of these names raises TypeError.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -124,7 +127,7 @@ class Device(Part, Provider):
         super().__setattr__(name, value)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
-        """Return a controller object for one client; all clients share the device."""
+        """Return a controller object for one client; the controller objects of all clients use this device."""
         return _PartController(self, name, client.describe_error)
 
 
@@ -149,7 +152,7 @@ def _check_member(cls: type, name: str, member: object) -> None:
     """Check a member with a reserved name; the value of a property is not checked.
 
     Raises:
-        TypeError: If the member does not fit the server's use.
+        TypeError: If the member does not have the type or signature that the server requires.
     """
     if isinstance(member, Declared):
         raise _reserved(cls, name)
@@ -162,7 +165,7 @@ def _check_member(cls: type, name: str, member: object) -> None:
 
 
 def _fits(name: str, value: object) -> bool:
-    """Return True if a value, or a bound method, fits the server's use of a reserved name."""
+    """Return True if a value or a bound method has the type or signature that a reserved name requires."""
     if name in _ARGUMENTS:
         return callable(value) and _takes(value, _ARGUMENTS[name])
     if name == "dialect":
@@ -221,7 +224,7 @@ def _misused(cls: type, name: str) -> TypeError:
 
 
 def _declared(part: Part, kind: str, name: str) -> Declared | None:
-    """Return the declaration of a kind and a name.
+    """Return the declaration of a part that has a given kind and name; ``None`` if there is none.
 
     The kinds are Variable, Command, Extension, Robot, Task, File and Command object.
     """
@@ -229,12 +232,12 @@ def _declared(part: Part, kind: str, name: str) -> Declared | None:
 
 
 def _names(part: Part, kind: str) -> list[str]:
-    """Return the declared names of a kind, in the order of declaration."""
+    """Return the names of all declarations of a part that have a given kind, in the order of declaration."""
     return [member.name for (of, _), member in _DECLARED.get(type(part), {}).items() if of == kind]
 
 
 class _PartVariable(VariableObject):
-    """A client's object for a declared variable."""
+    """The object through which one client uses a declared variable."""
 
     def __init__(self, part: Part, declared: DeclaredVariable[Any]) -> None:
         super().__init__(declared.name, attribute=READABLE | (WRITABLE if declared.set else 0), help=declared.help)
@@ -268,16 +271,16 @@ class _PartVariable(VariableObject):
         return declared.run(declared.set, self._part, declared.accept(value))
 
     def get_date_time(self) -> datetime:
-        """Return the time of the last read or write by this client."""
+        """Return the time at which this client last read or wrote the variable, without microseconds."""
         return (self._accessed or datetime.now()).replace(microsecond=0)
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of the time of the last read or write."""
+        """Return the microseconds of the time at which this client last read or wrote the variable."""
         return (self._accessed or datetime.now()).microsecond
 
 
 class _PartObject(OwnerObject):
-    """A client's object for a part: its variables, commands and child objects."""
+    """The object through which one client uses the variables, commands and child objects of a part."""
 
     def __init__(self, part: Part, name: str, help: str = "") -> None:  # noqa: A002 - the name in the documents
         super().__init__(name, help=help or inspect.getdoc(type(part)) or "")
@@ -299,7 +302,7 @@ class _PartObject(OwnerObject):
         return declared.run(declared.method, self.part, *declared.arguments(parameter))
 
     def child(self, kind: str, name: str) -> Any:
-        """Create a client's object for a declared child object."""
+        """Return the object through which the client uses a declared child object."""
         declared = _declared(self.part, kind, name)
         if not isinstance(declared, DeclaredChild):
             raise not_found(_among(name, _names(self.part, kind)))

@@ -11,10 +11,10 @@ The value names one of the following:
 * a subclass of :class:`orinkit.Device` or :class:`~orinkit.cao.provider.Provider` that can be instantiated without
   arguments;
 * a function without arguments that returns a provider;
-* a provider.
+* a provider object.
 
-The provider is served under its own provider names and under the name of the entry point. The name of an entry point
-takes precedence over the names of other providers.
+Clients reach the provider under its own provider names and under the name of the entry point. If another provider has
+the same name as the entry point, clients that use this name reach the provider of the entry point.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _REPR.maxstring = _REPR.maxother = _SHOWN
 
 
 BUILT_IN: Final = {"CaoProv.Waco.ABH3": "orinkit.abh3.provider.provider:ABH3Provider"}
-"""Providers of orinkit that are served only if they are named explicitly."""
+"""Locations of providers in orinkit itself, by provider name. They are loaded only if they are requested by name."""
 
 
 class Installed(NamedTuple):
@@ -73,12 +73,12 @@ class Installed(NamedTuple):
 
 
 def installed() -> list[Installed]:
-    """Return the entry points of installed packages, sorted by name, without importing them."""
+    """Return the entry points of installed packages, sorted by name, without importing the packages."""
     return [_installed(entry) for entry in _entries()]
 
 
 def load(target: str) -> Provider:
-    """Load a provider; return a new instance, unless the target is an object.
+    """Load a provider. Return a new instance, unless the target names an existing provider object.
 
     Args:
         target: Name of an installed provider, ``"CaoProv.Example.Gripper"`` (case is ignored); a class in a module,
@@ -108,7 +108,7 @@ def load_installed(beside: Sequence[Provider] = (), *, exclude: Collection[str] 
 
     Args:
         beside: Other providers of the same server.
-        exclude: Names of providers to omit.
+        exclude: Names of entry points to omit.
     """
     unwanted = {name.strip().lower() for name in exclude}
     found: list[Provider] = []
@@ -156,11 +156,14 @@ def _take_away(provider: Provider, lost: Collection[str], owners: Mapping[str, P
 
 
 def log_served(providers: Sequence[Provider], beside: Sequence[Provider] = ()) -> None:
-    """Log the served providers with their effective names: ``serving CaoProv.Example.Gripper (my-gripper 1.0)``.
+    """Log the providers of a server with their names: ``serving CaoProv.Example.Gripper (my-gripper 1.0)``.
+
+    A name that several providers have is logged only for the first of them, because clients reach only this
+    provider under the name.
 
     Args:
         providers: Providers in the order in which they are served.
-        beside: Providers among them that are not logged.
+        beside: Those of ``providers`` that are not to be logged.
     """
     taken: set[str] = set()
     for provider in providers:
@@ -215,7 +218,7 @@ def _installed(entry: metadata.EntryPoint) -> Installed:
 
 
 def _came_from(provider: Provider) -> tuple[Installed, ...]:
-    """Return the entry points from which a provider was loaded; several may name the same object."""
+    """Return the entry points from which a provider was loaded; several entry points may name the same provider."""
     found: tuple[Installed, ...] = vars(provider).get(_ENTRIES, ())
     return found
 
@@ -274,7 +277,7 @@ def _no_module(name: str) -> str:
 
 
 def _import_file(target: str, path: Path) -> ModuleType:
-    """Import a file; return the existing module if it has already been imported.
+    """Import a file and return its module; if the file has already been imported, return the existing module.
 
     Raises:
         ProviderLoadFailed: If the file cannot be imported.
@@ -306,7 +309,7 @@ def _import_file(target: str, path: Path) -> ModuleType:
 
 
 def _module_name(path: Path) -> str:
-    """Return a module name for a file: its stem, with a number if the name belongs to another module."""
+    """Return a module name for a file: its name without ``.py``, with a number if another module has this name."""
     plain = path.stem.replace(".", "_")
     name, count = plain, 1
     while not _is_free(name, path):
@@ -377,7 +380,7 @@ def _names(classes: Sequence[type[Provider]]) -> str:
 
 
 def _classes(module: ModuleType) -> list[type[Provider]]:
-    """Return the public provider classes that a module or the modules of a package define."""
+    """Return the public provider classes that a module defines or, if it is a package, imports from its own modules."""
     name = module.__name__
     found = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, Provider)]
     own = [each for each in found if f"{each.__module__}.".startswith(f"{name}.") and each.__name__[0] != "_"]
@@ -433,7 +436,7 @@ def _check_arguments(target: str, maker: Callable[[], object]) -> None:
 
 
 def _with_names(target: str, provider: Provider, also: str = "") -> Provider:
-    """Check the names of a provider, add another one, and return the provider.
+    """Check the names of a provider, add ``also`` to them, and return the provider.
 
     Raises:
         ProviderLoadFailed: If the provider has no names, or an invalid one.
@@ -480,6 +483,6 @@ def _class_name(provider: Provider) -> str:
 
 
 def _origin(provider: Provider) -> str:
-    """Return the entry points and packages of a provider; without entry points, its class."""
+    """Return the origin of a provider for messages: its entry points and their packages, otherwise its class."""
     places = (f"{each.name} = {each.value} ({each.distribution or '?'})" for each in _came_from(provider))
     return ", ".join(places) or _class_name(provider)
