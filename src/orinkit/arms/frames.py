@@ -27,7 +27,7 @@ _PARALLEL: Final = 1e-9  # sine of the angle between two vectors that count as p
 
 
 def matrix_of_position(values: ArrayLike) -> Array:
-    """Return the frame of P values.
+    """Return the frame that P values describe, as a 4x4 matrix.
 
     Args:
         values: (..., 6) X, Y, Z mm, RX, RY, RZ deg.
@@ -58,14 +58,14 @@ def matrix_of_position(values: ArrayLike) -> Array:
 
 
 def position_of_matrix(matrix: ArrayLike) -> Array:
-    """Return the P values of a frame.
+    """Return the P values that describe a frame.
 
     RX and RZ are in -180 < angle <= 180, and RY is -90 to 90. If RY is 90 or -90, only the sum or the difference of RX
     and RZ is determined; RX is then 0. An angle within 1e-12 of a multiple of 90 deg is rounded to this multiple, and a
     length within 1e-12 of a whole number is rounded to this number.
 
     Args:
-        matrix: (..., 4, 4).
+        matrix: The frames, (..., 4, 4), mm.
 
     Returns:
         The P values, (..., 6): X, Y, Z mm, RX, RY, RZ deg.
@@ -89,7 +89,7 @@ def position_of_matrix(matrix: ArrayLike) -> Array:
 
 
 def matrix_of_trans(values: ArrayLike) -> Array:
-    """Return the frame (4, 4) of T values.
+    """Return the frame, a matrix (4, 4), that T values describe.
 
     A is the direction of Z, and the component of O perpendicular to A is the direction of Y. The lengths of O and A are
     irrelevant.
@@ -117,10 +117,10 @@ def matrix_of_trans(values: ArrayLike) -> Array:
 
 
 def trans_of_matrix(matrix: ArrayLike) -> Array:
-    """Return the T values of a frame, (9,): X, Y, Z mm, O, A.
+    """Return the T values that describe a frame, (9,): X, Y, Z in mm, the vector O, the vector A.
 
     Args:
-        matrix: (4, 4).
+        matrix: The frame, (4, 4), mm.
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite.
@@ -170,8 +170,8 @@ def rotation_between(first: ArrayLike, second: ArrayLike) -> tuple[Array, float]
     """Return the rotation that turns one orientation into another: ``second = rotation_about(axis, angle) @ first``.
 
     Args:
-        first: (3, 3).
-        second: (3, 3).
+        first: The orientation before the rotation, a matrix (3, 3).
+        second: The orientation after the rotation, a matrix (3, 3).
 
     Returns:
         The axis and the angle. The axis is a unit vector (3,) in the base frame; it is (0, 0, 1) if the angle is 0. The
@@ -205,7 +205,7 @@ def _rounded(values: Array, grid: float) -> Array:
 
 
 def _finite(values: ArrayLike, *shape: int) -> Array:
-    """Return finite values as an array whose last dimensions are ``shape``."""
+    """Return values as an array after checking that they are finite and that the last dimensions are ``shape``."""
     given = np.asarray(values, dtype=np.float64)
     if given.shape[-len(shape) :] != shape:
         raise ValueError(tr("the shape must be {wanted}, not {shape}", wanted=shape, shape=given.shape))

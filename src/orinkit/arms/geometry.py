@@ -1,8 +1,8 @@
 """Vectors in space, and orientations as unit quaternions (w, x, y, z).
 
 This module does not import numpy, because the streaming process must start quickly. :mod:`orinkit.arms.frames` converts
-whole arrays. The rotation matrix of a P is R = Rz(RZ) * Ry(RY) * Rx(RX). A T contains the tool's Y axis (O) and Z axis
-(A).
+whole arrays. The rotation matrix of a pose of type P is R = Rz(RZ) * Ry(RY) * Rx(RX). A pose of type T contains the
+tool's Y axis (O) and Z axis (A).
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def angles_of(turn: Quaternion) -> Vector:
     """Return RX, RY, RZ in degrees: -180 < RX, RZ <= 180, RY from -90 to 90.
 
     Near RY = -90 and 90, RX and RZ rotate about nearly the same axis. In this case, RX is computed from the result for
-    RZ, so that the rotation by both is as precise as for other RY.
+    RZ, so that the resulting orientation is as precise as for other values of RY.
     """
     (r00, r01, r02), (r10, r11, r12), (r20, _, _) = matrix_of(*turn)
     rz = math.atan2(r10, r00) if math.hypot(r00, r10) >= _GIMBAL else math.atan2(-r01, r11)
@@ -124,8 +124,9 @@ def of_matrix(
 ) -> tuple[float, float, float, float]:
     """Return the orientation given by a rotation matrix, as a quaternion w, x, y, z with a norm of 2 to 4.
 
-    The arguments are the elements of the matrix, row by row. Each of the four formulas returns the quaternion times four
-    times one of its components. The formula for the largest component is used, so that the norm is never near zero.
+    The arguments are the elements of the matrix, row by row. Each of the four formulas returns the quaternion
+    multiplied by four times one of its components. The formula for the largest component is used, so that the norm is
+    never near zero.
     """
     trace = a + e + i
     if trace >= a and trace >= e and trace >= i:
@@ -140,7 +141,10 @@ def of_matrix(
 def matrix_of(
     w: _Number, x: _Number, y: _Number, z: _Number
 ) -> tuple[tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number], tuple[_Number, _Number, _Number]]:
-    """Return the rows of the rotation matrix of an orientation. With arrays, many orientations are converted."""
+    """Return the rows of the rotation matrix of an orientation, given by a unit quaternion.
+
+    To convert many orientations in one call, pass arrays: each element of the rows is then an array.
+    """
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
         (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
@@ -149,7 +153,7 @@ def matrix_of(
 
 
 def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, float]:
-    """Return O and A, each of length 1."""
+    """Return the vectors O and A of an orientation, each of length 1, as six numbers."""
     (_, r01, r02), (_, r11, r12), (_, r21, r22) = matrix_of(*turn)
     return r01, r11, r21, r02, r12, r22
 

@@ -14,7 +14,10 @@ Clock: TypeAlias = Callable[[], float]
 PER_SECOND: Final = 1000
 """Limit on the packets per second that are not the reply to the call, for example S_EXECUTING packets."""
 AT_ONCE: Final = 10_000
-"""Limit on the number of such packets in a burst, for example after the client's program was suspended."""
+"""Limit on the packets that arrive in one burst and are not the reply to the call.
+
+Bursts occur, for example, after the client's program was suspended.
+"""
 
 
 def no_clock() -> float:

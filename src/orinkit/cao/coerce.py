@@ -42,7 +42,7 @@ def unwrap_single(given: Variant) -> Variant:
 
 
 def to_number(given: Variant) -> float | int:
-    """Return a number from any numeric type, VT_BOOL (-1 and 0), or text."""
+    """Return a number from any numeric type, VT_BOOL (-1 for True, 0 for False), or text."""
     given = unwrap_single(given)
     value = given.value
     if given.type == VarType.BOOL:

@@ -139,7 +139,7 @@ class VariableObject(CaoObject):
 
 
 class OwnerObject(CaoObject):
-    """An object with variables and extended commands; all interfaces except variables, commands and messages."""
+    """Base class of the objects with variables and extended commands: all except variables, commands and messages."""
 
     def get_variable(self, name: str, option: str) -> Result[VariableObject]:
         """Connect to a variable below this object."""
@@ -435,8 +435,8 @@ class Provider:
         guard: context manager that the server enters for every method call on its thread, and for every release. If
             other threads modify the device, the guard may be a lock. By default, it does nothing.
         dialect: dialect of b-CAP.
-        functions: ids of the implemented functions, ``None`` for all; any other returns E_NOTIMPL, regardless of its
-            arguments.
+        functions: ids of the implemented functions, ``None`` for all; a call of any other function returns E_NOTIMPL,
+            even if its arguments are invalid.
         fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise
             handles are allocated from 2 upwards.
     """

@@ -11,7 +11,7 @@ from orinkit.values.types import ARRAY, SIZES, VarType
 from orinkit.values.variant import Variant
 
 STORING_METHODS: Final = ("put_tag", "put_id", "put_parameters")
-"""Methods whose value is stored with the object."""
+"""Names of the methods whose argument the server stores with the object."""
 
 VALUE_LIMIT: Final = 64 * 1024
 """Limit on one value, bytes in a packet."""

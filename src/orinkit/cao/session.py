@@ -185,7 +185,7 @@ class Session:
     Args:
         host: the providers.
         client: information on the client.
-        numbers: allocator of the handles; by default they begin at 2.
+        numbers: allocator of the handles; by default a new one, whose handles begin at 2.
     """
 
     def __init__(

@@ -10,7 +10,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 FREE: Final = 5
-"""Number of wrong secrets from one address to which the reply is not delayed."""
+"""Number of wrong secrets that one address may send before the replies are delayed."""
 LONGEST: Final = 1.0
 """Maximum delay of the reply to a wrong secret, s."""
 

@@ -35,7 +35,8 @@ class Argument(NamedTuple):
         vt: VARIANT type in the packet; ``VarType.VARIANT`` if any type may be sent.
         is_handle: True for a handle.
         optional: True if the client may omit it.
-        default: value of an omitted argument. For ``None``, a VARIANT is sent as VT_EMPTY; any other type is not sent.
+        default: value of an omitted argument. If it is ``None``, the client sends VT_EMPTY for an argument of type
+            VARIANT, and does not send an argument of any other type.
     """
 
     name: str

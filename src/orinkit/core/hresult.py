@@ -365,7 +365,7 @@ def _com_family(value: int) -> CodeFamily:
 
 
 def _is_controller(value: int) -> bool:
-    """Return True for 0x8LMMNNNN with a level up to 5, neither a COM facility (0x800) nor a socket error (0x8091)."""
+    """Return True for a code of a robot controller: 0x8LMMNNNN with a level up to 5, except COM and socket errors."""
     return 0x8010_0000 <= value < 0x8000_0000 + (_MAX_LEVEL + 1 << 24) and value >> 16 != 0x8091
 
 

@@ -1,4 +1,4 @@
-"""Determines from a call if a motion may continue after its reply."""
+"""Determine from a call whether the arm may still move after the reply to the call."""
 
 from __future__ import annotations
 

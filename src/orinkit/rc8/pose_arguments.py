@@ -72,7 +72,8 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
 def _are_targets(elements: Sequence[Variant]) -> bool:
     """Return True if the elements are targets, False if they are the parts of one target.
 
-    Targets begin with a string, or with an array that is the only element or is followed by another target.
+    They are targets if the first element is a string, or if it is an array that is the only element or is followed by
+    another target.
     """
     if not elements or elements[0].type == VarType.BSTR:
         return bool(elements)

@@ -1,4 +1,4 @@
-"""The result of slvMove: slvRecvFormat and the results that it selects (RC8 4.2, tables 4-1 and 4-3)."""
+"""The result of slvMove: its format, which slvRecvFormat sets, and its fields (RC8 4.2, tables 4-1 and 4-3)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ReceiveFormat:
     """A format of slvRecvFormat; :func:`receive_format` creates one from its numbers.
 
     Attributes:
-        number: Flags of :class:`ReceiveBits`, plus a number that POSE_PARTS lists.
+        number: Flags of :class:`ReceiveBits`, plus the number that selects the poses, a key of POSE_PARTS.
         microseconds: True if timestamps are in µs, False for ms.
     """
 
@@ -150,7 +150,7 @@ class SlaveReply:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> SlaveReply:
-        """Return a result with these values; ``values`` contains them by the names of their fields."""
+        """Return a result with the given values; the keys of ``values`` are the names of the fields."""
         own = {name: values[each] for each, name in _ATTRIBUTES.items() if name and each in values}
         return cls(**own, more={each: value for each, value in values.items() if not _ATTRIBUTES[each]})
 
@@ -160,7 +160,7 @@ _OWN: Final = frozenset(each.name for each in fields(SlaveReply)) - {"more"}
 _ATTRIBUTES: Final[dict[str, str]] = {
     row.name: name if (name := _STAMP if row.form is FieldType.STAMP else row.name) in _OWN else "" for row in RECEIVED
 }
-"""The attribute of each field; ``""`` for a field in ``more``."""
+"""The attribute of :class:`SlaveReply` for each field, by field name; ``""`` for a field in ``more``."""
 _NAMES: Final = tuple(name for name, own in _ATTRIBUTES.items() if own)
 _own: Final[Callable[[SlaveReply], tuple[Any, ...]]] = operator.attrgetter(*filter(None, _ATTRIBUTES.values()))
 

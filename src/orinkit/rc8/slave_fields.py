@@ -11,7 +11,7 @@ slvMove's parameter and its result     ``place``, ``form``, ``count``; ``label``
 memory of the streaming process        ``form``, ``count``
 ``Sample``, MCAP                       ``name``; ``text`` is the description in the schema
 CSV                                    ``column``, ``form``, ``count``
-words of ``recv=``                     ``name``, if ``by_word``
+words of the client's ``recv``         ``name``, if ``by_word``
 parameters of ``slave_mode()``         ``name``; the parameters themselves are written by hand in the client
 I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot``: ``slave_mode/io.py``, ``slave_feedback.py``
 =====================================  ================================================================================
@@ -95,7 +95,7 @@ class SlaveField:
         receive: Bit in slvRecvFormat. If it is set, the result contains the field; a field of type WINDOW is in the
             parameter instead.
         send: Bit in slvSendFormat.
-        by_word: True if ``recv=`` accepts the name.
+        by_word: True if the client parameter ``recv`` accepts the name.
         column: Name of the field's columns in a CSV file; if it is ``""``, ``name`` is used.
         answer_label: Name in messages about a result; if it is ``""``, ``label`` is used.
         offset_label, size_label: Names of the offset and the size of user I/O in messages.
@@ -171,7 +171,7 @@ OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
 RECEIVED: Final = tuple(field for field in FIELDS if field.form is not FieldType.WINDOW)
 """The fields of a result: poses and all others."""
 WORDS: Final = tuple(field for field in RECEIVED if field.by_word)
-"""The fields accepted by ``recv=``."""
+"""The fields accepted by the client parameter ``recv``."""
 RECEIVE_BITS: Final[tuple[int, ...]] = tuple(sorted({int(field.receive) for field in FIELDS if field.receive}))
 """All bits of slvRecvFormat except those of POSE_MASK."""
 

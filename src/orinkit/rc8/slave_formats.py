@@ -84,7 +84,7 @@ SLAVE_MODES: Final[dict[int, SlaveMode]] = {
 
 
 def mode_of(number: int) -> SlaveMode | None:
-    """Return the mode of a number of slvChangeMode; ``None`` for OFF.
+    """Return the slave mode that a number of slvChangeMode selects; ``None`` for OFF.
 
     Raises:
         CallError: E_INVALIDARG if the mode does not exist.

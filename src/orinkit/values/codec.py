@@ -62,7 +62,7 @@ _SLICE: Final = 4096  # elements that are converted at a time, because the conve
 
 @lru_cache(maxsize=1024)
 def _packer(vt: int, count: int) -> struct.Struct:
-    """Return the struct of a whole argument: length, type, count, elements."""
+    """Return the :class:`struct.Struct` for a whole argument: length, type, count, elements."""
     return struct.Struct(f"<IHI{count}{FORMATS[vt & ~ARRAY]}")
 
 
@@ -169,7 +169,7 @@ def encode_variant(item: Variant, vt_error_size: int = 4) -> bytes:
 
 
 def _append(vt: int, value: Any, parts: list[bytes], vt_error_size: int) -> None:
-    """Append type, count and data: the layout of an element inside a VARIANT array."""
+    """Append type, count and data of a value to ``parts``, in the layout of an element inside a VARIANT array."""
     base = vt & ~ARRAY
     row = ROWS[base]
     items = value if vt & ARRAY else (value,)

@@ -1,4 +1,7 @@
-"""Conversions for the table of VARIANT types: Python values to the content of a type, and content to and from bytes.
+"""Conversions for the table of VARIANT types, which contains them as columns.
+
+They convert Python values to the content that a :class:`~orinkit.values.variant.Variant` of a type stores, and this
+content to the numbers in packets and back.
 
 Functions that check a value receive the row of the type and the value. They return the content or raise InvalidValue.
 """
@@ -17,7 +20,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.type_row import TypeRow, no_type, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
-"""Context for VT_CY, because the caller's decimal context may round or raise."""
+"""Context of all arithmetic with VT_CY. The decimal context of the caller is not used: it may round or raise errors."""
 _CY_STEP: Final = Decimal("0.0001")
 _EPOCH: Final = datetime(1899, 12, 30)
 _DAY_US: Final = 86_400_000_000
@@ -103,7 +106,7 @@ def string(row: TypeRow, value: Any) -> str:
 
 
 def currency(row: TypeRow, value: Any) -> Decimal:
-    """Return an amount with at most four decimals, from a Decimal or a whole number."""
+    """Return an amount of money (VT_CY) with at most four decimals, from a Decimal or a whole number."""
     if isinstance(value, bool | float | str | bytes) or not isinstance(value, Decimal | int):
         raise row.misfit(value)
     amount = Decimal(value)
@@ -120,7 +123,7 @@ def currency(row: TypeRow, value: Any) -> Decimal:
 
 
 def date(row: TypeRow, value: Any) -> datetime | float:
-    """Return a local time, or a number of days."""
+    """Return the content of a VT_DATE: a ``datetime`` in local time, or a number of OLE days."""
     if isinstance(value, datetime):
         try:
             return value if value.tzinfo is None else value.astimezone().replace(tzinfo=None)
@@ -143,7 +146,7 @@ def amount_to_wire(amount: Decimal) -> int:
 
 
 def amount_from_wire(units: int) -> Decimal:
-    """Return ten-thousandths as an amount."""
+    """Return an amount of money (VT_CY) from the number of ten-thousandths in a packet."""
     return Decimal(units).scaleb(-4, CY_CONTEXT)
 
 
@@ -156,7 +159,10 @@ def date_to_wire(moment: datetime | float) -> float:
 
 
 def ole_days(moment: datetime) -> float:
-    """Return a local time as OLE days since 1899-12-30; before that day, the time of day is subtracted."""
+    """Return a local time as OLE days: the days since 1899-12-30, plus the time of day as a fraction of a day.
+
+    Before 1899-12-30, the number of days is negative, and the fraction is subtracted from it.
+    """
     us = (moment - _EPOCH) // timedelta(microseconds=1)
     if us >= 0:
         return us / _DAY_US

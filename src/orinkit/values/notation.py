@@ -184,7 +184,7 @@ class _NotationParser:
         return result
 
     def number(self, base: int, end: int) -> Any:
-        """Read one element of a type other than VT_BSTR and VT_VARIANT that ends at ``end``."""
+        """Read one element, which ends at ``end`` and whose type is neither VT_BSTR nor VT_VARIANT."""
         self._blank()
         piece = self.text[self.at : end]
         piece = piece.strip(_BLANKS) if len(piece) <= _MAX_PADDED else piece[: LONGEST + 1]
@@ -400,7 +400,7 @@ def _write_data(item: Variant, depth: int) -> str:
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string in the form for brackets or arrays; quote it if it could be parsed as another string."""
+    """Return a string as text inside brackets or an array; quote it if it could be parsed as another string."""
     if not text or not (brackets or element):
         return text
     begins, ends = text[0], text[-1]
@@ -409,7 +409,10 @@ def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
 
 
 def _undoubled(text: str) -> str:
-    """Return the inverse of :func:`_doubled`; slices never end inside a pair of quotes."""
+    """Return a text with each pair of quotation marks replaced by one, the inverse of :func:`_doubled`.
+
+    The text is processed in slices; a slice never ends inside such a pair.
+    """
     pieces = []
     at = 0
     while at < len(text):

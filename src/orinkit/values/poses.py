@@ -3,7 +3,7 @@
 =====================================  ==========================================================================
 value                                  meaning
 =====================================  ==========================================================================
-``P(x, y, z, rx, ry, rz, fig)``        position: mm, degrees (turned about Z, then Y, then X), figure
+``P(x, y, z, rx, ry, rz, fig)``        position: mm, degrees (turned about Z, then new Y, then new X), figure
 ``T(x, y, z, ox, oy, oz, ax, ay, az,   homogeneous transformation: mm, orient vector (the tool's Y axis), approach
 fig)``                                 vector (the tool's Z axis), figure
 ``J(j1, ..., j8)``                     joints: degrees, mm for linear ones
@@ -54,9 +54,9 @@ class _Values(tuple[float, ...]):
 
     @classmethod
     def of(cls, values: Iterable[float]) -> Self:
-        """Return a value from a sequence of numbers, for example the reply of a controller: R8[7], R8[8], R8[10].
+        """Return a value from a sequence of numbers, for example the VT_R8 array in a reply.
 
-        The figure of a P or T may be missing. A J has 1 to 8 numbers, and all of them are kept.
+        The figure of a P or T may be missing. A J has 1 to 8 numbers; zeros for unused joints are kept, too.
 
         Raises:
             InvalidValue: If the argument is not a sequence, the number of values is wrong, a value is not a finite

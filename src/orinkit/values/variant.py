@@ -13,7 +13,7 @@ Python value                  VARIANT
 ``decimal.Decimal``           VT_CY (four decimals)
 list of one of these types    array of that type (``[]`` is an empty VARIANT array)
 any other list or tuple       VARIANT array, nested freely
-numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; one dimension
+numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; arrays of one dimension only
 ``Variant(VarType.I2, 1)``    exactly this type
 ============================  =========================================================================
 

@@ -32,7 +32,7 @@ class Chain:
     therefore it is added to the offset of joint 6.
 
     Attributes:
-        base: Origin of joint 1, mm.
+        base: Origin of joint 1 in the base frame of the arm, mm.
         shoulder: Origin of joint 2 in the frame of joint 1, mm.
         upper: Origin of joint 3 in the frame of joint 2, mm.
         fore: Origin of joint 4 in the frame of joint 3, mm.
@@ -159,7 +159,7 @@ class Chain:
 
 
 def joints_of(joints: ArrayLike) -> Array:
-    """Return joints as an array (..., n >= 6).
+    """Return joint positions as an array (..., n), n >= 6, after checking them.
 
     Raises:
         CallError: E_INVALIDARG if a joint is not finite.

@@ -4,7 +4,7 @@
 bit       0       1           condition for 1
 ========= ======= =========== ===========================================================================
 1         RIGHTY  LEFTY       the wrist centre is on the +X side of the frame of joint 1
-2         ABOVE   BELOW       joint 3 is not above (LEFTY) or not below (RIGHTY) its value at full stretch
+2         ABOVE   BELOW       joint 3 is at most (LEFTY) or at least (RIGHTY) its value at full stretch
 4         FLIP    NONFLIP     joint 5 is positive (LEFTY) or negative (RIGHTY)
 8         SINGLE  DOUBLE      joint 6 is outside -180 < angle <= 180
 16        SINGLE  DOUBLE      joint 4 is outside -180 < angle <= 180
@@ -67,7 +67,7 @@ def is_wrist_straight(joints: Sequence[float]) -> bool:
 
 
 def wrist_distance(chain: Chain, joints: Sequence[float]) -> float:
-    """Return the distance of the wrist centre in front of the axis of joint 1, mm, for joints in deg."""
+    """Return the x coordinate of the wrist centre in the frame of joint 1, mm, for joints in deg."""
     second, both = joints[1] * RADIAN, (joints[1] + joints[2]) * RADIAN
     return (
         chain.shoulder[0]
@@ -112,7 +112,7 @@ def turn_centres(model: ArmModel) -> Array:
 def with_turns(
     joints: Sequence[float], figure: int, axes: Sequence[AxisModel], near: Sequence[float] | None
 ) -> list[float] | None:
-    """Return joints turned according to the DOUBLE bits of a figure.
+    """Return joints after turning each joint whose DOUBLE bit is set in a figure by 360 or -360 deg.
 
     Args:
         joints: Joints, deg, of which 1, 4 and 6 are SINGLE.
@@ -135,7 +135,7 @@ def with_turns(
 
 
 def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
-    """Return all variants of joints: each of joints 1, 4 and 6 is SINGLE as given, or DOUBLE within its limits."""
+    """Return all combinations in which each of joints 1, 4 and 6 is SINGLE, as given, or DOUBLE within its limits."""
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
     for index, _ in DOUBLE_BITS:
         choices[index] = (joints[index], *_doubles(joints[index], axes[index]))

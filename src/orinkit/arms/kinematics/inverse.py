@@ -30,7 +30,7 @@ _STEP_NOISE: Final = 1e-6  # deg
 
 @dataclass(frozen=True, slots=True)
 class ArmGeometry:
-    """Lengths and angles of the arm up to the wrist centre; solves joints 1 to 3 for a point.
+    """Lengths and angles of the arm up to the wrist centre; its methods compute joints 1 to 3 from the wrist centre.
 
     Attributes:
         chain: The frames of the arm.
@@ -133,10 +133,10 @@ class SphericalWrist(InverseSolver):
         return chain.wrist[0] == 0.0 and chain.flange[0] == 0.0 and abs(chain.flange[1]) < 1e-12
 
     def branch(self, flanges: Array, posture: int | NDArray[np.int_], near: Array) -> tuple[Array, Mask]:
-        """Return the joints of one posture for each flange.
+        """Return, for each flange frame, the joints with which the arm reaches it in one posture.
 
         Args:
-            flanges: (..., 4, 4).
+            flanges: The flange frames, (..., 4, 4), mm.
             posture: Bits 0 to 2 of a figure; its shape broadcasts with that of ``flanges``.
             near: (..., n >= 6) deg; joints 1 and 4 are taken from it if the flange does not determine them.
 
@@ -160,8 +160,9 @@ class SphericalWrist(InverseSolver):
     def follow(self, flanges: Array, start: Array) -> tuple[Array, Mask]:
         """Return joints along a path: each row is the solution nearest to the previous row.
 
-        Shoulder and elbow stay unchanged. The wrist passes through joint 5 = 0, so that FLIP changes, if the joints
-        then change less. If the flange does not determine joint 1 or 4, the joint keeps its value.
+        The bits LEFTY and BELOW of the figure stay unchanged. The wrist passes through joint 5 = 0, so that FLIP
+        changes, if the joints then change less. If the flange does not determine joint 1 or 4, the joint keeps its
+        value.
 
         Args:
             flanges: (N, 4, 4).
@@ -198,7 +199,7 @@ def flange_in_forearm(flanges: Array, joint1: Array, joint23: Array) -> tuple[Ar
     """Return the columns (..., 3) of the flange's rotation matrix in the frame of joint 3.
 
     Args:
-        flanges: (..., >= 3, >= 3).
+        flanges: Matrices (..., >= 3, >= 3) whose upper left 3x3 part is the rotation matrix of the flange.
         joint1: Joint 1, rad.
         joint23: The sum of joints 2 and 3, rad.
     """
@@ -230,13 +231,13 @@ def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tupl
 
 
 def _hold_undetermined(angles: Array, determined: Mask, start: float) -> Array:
-    """Return angles (N,); an undetermined angle becomes the last determined angle before it, or ``start``."""
+    """Return angles (N,), each undetermined one replaced by the last determined one before it, or by ``start``."""
     last = np.maximum.accumulate(np.where(determined, np.arange(len(angles)), -1))
     return np.where(last >= 0, angles[last], start)
 
 
 def _pass_wrist(joints: Array) -> None:
-    """Replace each row (N, 6), deg, by the one of its two wrist postures that is nearer to the previous row."""
+    """Change rows of joints (N, 6), deg, to their other wrist posture if that is nearer to the previous row."""
     step = np.diff(joints[:, 3:], axis=0)
     other = np.stack((step[:, 0] + 180.0, joints[1:, 4] + joints[:-1, 4], step[:, 2] + 180.0), -1)
     passing = _largest_turn(other) < _largest_turn(step) - _STEP_NOISE

@@ -17,7 +17,9 @@ from orinkit.arms.kinematics.chain import Array
 
 Lines = NDArray[np.int_]
 Function = Callable[[Lines, Array], tuple[Array, Array]]
-"""The arguments are indices of functions (M,) and angles (M,). The results are values (M,) and margins (M,).
+"""Computes several functions of one angle, numbered from 0.
+
+The arguments are indices of functions (M,) and angles (M,). The results are values (M,) and margins (M,).
 
 Each value is the value of a function at its angle. Each margin is the distance of the angle from the edge of the domain
 of the function; if it is negative, the value is NaN.
@@ -47,8 +49,8 @@ class Samples:
 
     Attributes:
         lines: Indices of the functions, one for each row, (L,).
-        angles: (L, S), rising or falling along a row.
-        values: (L, S); NaN outside the domain.
+        angles: Angles of the samples, (L, S), rising or falling along a row.
+        values: Values of the functions at the angles, (L, S); NaN outside the domain.
         domain_margins: Distances of the angles from the edge of the domain, negative outside it, (L, S).
     """
 
@@ -60,7 +62,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class _Brackets:
-    """Ends of intervals, (M,) each, at which the values have different signs."""
+    """Intervals that contain a root: at their two ends, (M,) each, the values have different signs."""
 
     lines: Lines
     first: Array
@@ -175,7 +177,7 @@ def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tu
 
 
 def _edges(function: Function, every: Sequence[Samples]) -> Samples:
-    """Return samples between the last sample inside the domain and the edge, increasingly dense towards the edge.
+    """Return samples between each edge of a domain and the sample inside it, increasingly dense towards the edge.
 
     Each row ends with one more sample, farther inside the domain, so that a dip at the sample before it is detected.
     """
@@ -194,7 +196,7 @@ def _edges(function: Function, every: Sequence[Samples]) -> Samples:
 
 
 def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Array, Array, Array]]:
-    """Yield the samples at edges, first for edges to the right, then for edges to the left.
+    """Yield the samples beside the edges of the domains: first where a domain ends, then where one begins.
 
     Each item contains the indices of the functions; the angles of the samples inside, outside and farther inside; and
     the values and margins farther inside.
@@ -235,7 +237,7 @@ def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> 
 
 
 def _quadratic(a: Array, b: Array, c: Array, at_a: Array, at_b: Array, at_c: Array) -> Array:
-    """Return the step of inverse quadratic interpolation as a fraction of b - a; one half if it is not reliable."""
+    """Return the step of inverse quadratic interpolation as a fraction of b - a; one half if the step is not reliable."""
     xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
     fits = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
     part = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)

@@ -57,11 +57,11 @@ class Search(InverseSolver):
         return _distinct(joints, rows)
 
     def refine(self, flanges: Array, seeds: Array) -> tuple[Array, Mask]:
-        """Improve joints by damped least squares.
+        """Improve approximate joints by damped least squares.
 
         Args:
-            flanges: (N, 4, 4).
-            seeds: (N, 6) deg.
+            flanges: The flange frames to reach, (N, 4, 4), mm.
+            seeds: The approximate joints, (N, 6), deg.
 
         Returns:
             Joints (N, 6), deg; and a mask (N,), True for rows whose joints reach their flange.
@@ -133,7 +133,10 @@ class Search(InverseSolver):
         return nearest
 
     def error(self, joints: Array, flanges: Array) -> Array:
-        """Return the deviation of joints from flanges, (..., 6): translation and rotation, all in deg."""
+        """Return the deviations between the flange frames at ``joints`` and the wanted frames ``flanges``, (..., 6).
+
+        A deviation is the translation and the rotation, all in deg: a translation by the reach of the arm is 1 rad.
+        """
         held = self._chain.forward(joints)
         turn = flanges[..., :3, :3] @ np.swapaxes(held[..., :3, :3], -1, -2)
         error = np.empty((*turn.shape[:-2], 6))
@@ -160,12 +163,16 @@ class Search(InverseSolver):
     # ---------------------------------------------------------------- one condition over joint 6
 
     def _arm_for(self, flanges: Array, postures: Mask, angles: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return joint 1, joint 2, the sum of joints 2 and 3 (rad), the condition, and the margin of the reach.
+        """Return the joints before the wrist for angles of joint 6, and the remaining condition.
 
         Args:
-            flanges: (..., 4, 4).
-            postures: (..., 2): lefty, elbow bent to the positive side.
-            angles: (...) joint 6, rad.
+            flanges: The flange frames, (..., 4, 4), mm.
+            postures: (..., 2): True if the arm is LEFTY; True if the elbow bends to the positive side.
+            angles: Joint 6, (...), rad.
+
+        Returns:
+            Joint 1, rad; joint 2, rad; the sum of joints 2 and 3, rad; the value of the condition, 0 for a solution;
+            the distance of the wrist centre from the boundary of the reach, mm, negative if it is out of reach.
         """
         c, s = np.cos(angles), np.sin(angles)
         x6, y6, z6 = self._chain.flange
@@ -188,7 +195,7 @@ class Search(InverseSolver):
         return first, second, both, np.minimum(beside, margin)
 
     def _complete(self, flanges: Array, postures: Mask, angles: Array) -> Array:
-        """Return all joints (M, 6), deg, for the roots of joint 6."""
+        """Return all six joints, (M, 6), deg, for angles of joint 6, rad, that fulfil the condition."""
         first, second, both, _, _ = self._arm_for(flanges, postures, angles)
         x, y, z = flange_in_forearm(flanges, first, both)
         c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
@@ -225,7 +232,7 @@ def _closed(entries: Array) -> Array:
 
 
 def _small_error(held: list[list[float]], goal: list[list[float]], scale: float) -> list[float]:
-    """Return the deviation of a frame from another: translation and rotation, in deg; infinite for a large rotation."""
+    """Return the deviation between two frames, as :meth:`Search.error`; infinite if the rotation is large."""
     (ax, bx, cx, px), (ay, by, cy, py), (az, bz, cz, pz), _ = held
     (dx, ex, fx, qx), (dy, ey, fy, qy), (dz, ez, fz, qz), _ = goal
     if ax * dx + ay * dy + az * dz + bx * ex + by * ey + bz * ez + cx * fx + cy * fy + cz * fz < 1.0:
@@ -260,7 +267,7 @@ def _solve(matrix: Array, right: Array) -> Array | None:
 
 
 def _distinct(joints: Array, rows: NDArray[np.int_]) -> tuple[Array, NDArray[np.int_]]:
-    """Return each solution once, ordered by row."""
+    """Return each solution once, ordered by the row of its flange."""
     key = np.column_stack((rows, np.round(joints[:, ::-1] / (10.0 * _SAME))))
     order = np.lexsort(key.T[::-1])
     joints, rows = joints[order], rows[order]

@@ -46,7 +46,7 @@ class Kinematics:
     """Forward and inverse kinematics of an arm.
 
     An arm whose last three axes intersect at one point is solved in closed form, other arms by numeric search. The
-    meaning of the results is the same.
+    results have the same meaning in both cases.
 
     Args:
         model: The arm model.
@@ -102,12 +102,12 @@ class Kinematics:
         return figures.figure_of(self._chain, joints_of(joints).tolist())
 
     def inverse(self, flange: ArrayLike, figure: int, near: ArrayLike | None = None) -> Array:
-        """Return the joints that hold the flange with exactly this figure.
+        """Return the joints with which the flange reaches a frame with exactly this figure.
 
-        The solution may be outside the soft limits, except for joints that are DOUBLE.
+        The solution may be outside the soft limits; only the joints that the figure makes DOUBLE are within them.
 
         Args:
-            flange: (4, 4).
+            flange: The frame, (4, 4), mm.
             figure: 0 to 63.
             near: (n >= 6,) deg. If the flange does not determine joint 1 or 4, the joint is taken from ``near``;
                 without ``near``, joint 4 is 0. If two angles are possible for a DOUBLE joint, the nearer one is used.
@@ -138,13 +138,13 @@ class Kinematics:
         return np.array(min(found, key=lambda joints: (self.limits_exceeded(joints) != 0, self._change(joints, pull))))
 
     def solutions(self, flange: ArrayLike, near: ArrayLike | None = None) -> list[tuple[int, Array]]:
-        """Return all solutions for the flange.
+        """Return all solutions: the joints with which the flange reaches a frame, and their figures.
 
         Joints 1, 4 and 6 are SINGLE (-180 < angle <= 180). Solutions in which some of them are DOUBLE (outside this
         range) are added if the DOUBLE joints are within the soft limits. The other joints are not checked.
 
         Args:
-            flange: (4, 4).
+            flange: The frame, (4, 4), mm.
             near: (n >= 6,) deg; joints 1 and 4 are taken from it if the flange does not determine them. Without
                 ``near``, they are 0 in this case.
 
@@ -163,13 +163,13 @@ class Kinematics:
         return sorted(found, key=lambda entry: entry[0])
 
     def choose(self, flange: ArrayLike, rule: int, near: ArrayLike) -> Array:
-        """Return the joints that hold the flange, chosen by one of the rules for a pose without a figure.
+        """Return the joints with which the flange reaches a frame, selected by a rule for poses without a figure.
 
         For each joint, the change from ``near`` is divided by the largest velocity of the axis. The largest of these
         quotients is the change of the solution.
 
         Args:
-            flange: (4, 4).
+            flange: The frame, (4, 4), mm.
             rule: :data:`AUTOMATIC` keeps the figure of ``near`` if a solution with this figure is within the soft
                 limits; otherwise it is the same as :data:`WITHIN_LIMITS`. If joint 5 of ``near`` is 0, FLIP and NONFLIP
                 both count as its figure. :data:`LEAST_CHANGE` is the solution with the least change.
@@ -200,9 +200,10 @@ class Kinematics:
     def follow(self, flanges: ArrayLike, start: ArrayLike) -> Array:
         """Return joints along a continuous path: each row is the solution nearest to the previous row.
 
-        Shoulder and elbow stay as at the start. The wrist may pass through joint 5 = 0, so that FLIP changes, if joint
-        4 would otherwise turn by 180 deg. Joints may be beyond 180 deg. Near a singular point, successive rows may be
-        far apart although the flanges are close together. Soft limits are not checked. The caller must check both.
+        The bits LEFTY and BELOW of the figure stay as at the start. The wrist may pass through joint 5 = 0, so that
+        FLIP changes, if joint 4 would otherwise turn by 180 deg. Joints may be beyond 180 deg. Near a singular point,
+        successive rows may be far apart although the flanges are close together. The caller must check for such jumps
+        and for joints outside the soft limits.
 
         Args:
             flanges: (N, 4, 4).
@@ -232,7 +233,7 @@ class Kinematics:
         return joints
 
     def limits_exceeded(self, joints: ArrayLike) -> int:
-        """Return the axes outside their soft limits as bits; J1 is bit 0. Extra axes in ``joints`` are included.
+        """Return the axes outside their soft limits as bits; J1 is bit 0. Extended joints are checked too.
 
         The tolerance is :data:`orinkit.arms.kinematics.figures.LIMIT_TOLERANCE`.
 

@@ -18,7 +18,7 @@ def termination_signals() -> list[signal.Signals]:
 
 
 class Interrupts:
-    """Records the first signal that would end the program; the second one raises KeyboardInterrupt immediately.
+    """Records the first signal that would end the program, for :meth:`check`; the second one interrupts immediately.
 
     Signals that are ignored because of nohup remain ignored.
 

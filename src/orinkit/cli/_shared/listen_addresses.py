@@ -24,7 +24,7 @@ class ListenTransport(NamedTuple):
     Attributes:
         scheme: URL scheme of its addresses, and the name of its option.
         help: Help text of the option, in the current language.
-        option: The option as declared in the registry.
+        option: The declaration of the option in the registry of transports.
         http: True for HTTP: clients may send a token, and servers may have a certificate.
     """
 
@@ -84,7 +84,7 @@ TRANSPORTS: Final = tuple(_transports())
 
 @dataclass(frozen=True)
 class ListenAddresses:
-    """The values of the options; :func:`listen_addresses_class` adds a field for each option."""
+    """The values of the address options; :func:`listen_addresses_class` adds a field for each option."""
 
     def values_of(self, transport: ListenTransport) -> tuple[str, ...]:
         """Return the values of an option; ``("",)`` for a flag that is set."""
@@ -94,17 +94,17 @@ class ListenAddresses:
         return given
 
     def items(self) -> Iterator[tuple[ListenTransport, str]]:
-        """Yield each value with its transport."""
+        """Yield each address that the command line gives, after its transport."""
         for transport in TRANSPORTS:
             for address in self.values_of(transport):
                 yield transport, address
 
 
 def listen_addresses_class(first_help: str | None = None) -> type[ListenAddresses]:
-    """Return the class with a field for each transport.
+    """Return a subclass of :class:`ListenAddresses` with a field for each transport.
 
     Args:
-        first_help: Replaces the help of the option that has a default; the option then has no default.
+        first_help: Help text for the option of the default address. With this text, the help shows no default.
     """
     fields: list[Any] = []
     for transport in TRANSPORTS:

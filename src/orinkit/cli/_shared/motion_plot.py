@@ -21,7 +21,7 @@ def draw(recording: MotionRecording, figure: Figure, label: Translate = tr) -> N
     Args:
         recording: The motion.
         figure: An empty figure.
-        label: Translates a label.
+        label: Function that translates the labels.
     """
     import numpy as np
     from matplotlib.lines import Line2D

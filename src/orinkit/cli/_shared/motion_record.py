@@ -45,7 +45,7 @@ class MotionRecording:
 
 
 class ControlLogRecorder:
-    """Records a motion on the controller, and writes it to a file at the end of the block, even after an exception.
+    """Records a motion on the controller; writes it to a file when the ``with`` statement ends, even by an exception.
 
     Args:
         robot: The robot that moves.
@@ -184,7 +184,7 @@ def _read(path: Path) -> MotionRecording:
 
 
 def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
-    """Return the column of each joint, in the order of the joints."""
+    """Return the index of each joint's column with a suffix, by joint number, in the order of the joints."""
     return {joint: header.index(name) for joint in range(1, _AXES + 1) if (name := f"J{joint}{suffix}") in header}
 
 

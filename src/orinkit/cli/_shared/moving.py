@@ -121,7 +121,7 @@ class ProgressBar:
 
 
 def reading_progress(bar: ProgressBar) -> Callable[[int, int], None]:
-    """Return a callback that shows how many of the records have been read."""
+    """Return a callback that shows how many records of the control log have been read."""
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 Drawing: TypeAlias = "Callable[[Figure, Translate], None]"
-"""Draws on an empty figure."""
+"""Function that draws on an empty figure; its second argument translates the labels."""
 
 FORMATS: Final = ("png", "svg", "pdf")
 """File name extensions of the supported picture formats."""

@@ -23,7 +23,7 @@ def draw(trace: StreamTrace, figure: Figure, label: Translate = tr) -> None:
     Args:
         trace: Command and feedback.
         figure: An empty figure; its height is adapted to the number of diagrams.
-        label: Translates a label.
+        label: Function that translates the labels.
     """
     changing = trace.changing()
     drawn = changing or range(len(trace.names))

@@ -92,9 +92,9 @@ class StreamReport:
 
 
 def histogram(timing: Timing) -> list[str]:
-    """Return a histogram of the gaps: a line for each millisecond that occurs.
+    """Return a histogram of the gaps between set-points: a line for each interval of 1 ms that contains a gap.
 
-    There are at most 12 lines. If more milliseconds occur, the last line covers all further ones.
+    There are at most 12 lines. If there are more intervals, the last line covers all further ones.
     """
     counts = timing.histogram(_WIDTH)
     places = sorted(counts)

@@ -71,7 +71,7 @@ def _on_terminal() -> bool:
 def _show(
     bus: Bus, decoder: Decoder, limits: tuple[int | None, float | None], *, as_json: bool, as_table: bool
 ) -> bool:
-    """Show frames up to a number of frames and a time in s; return True if there were any."""
+    """Show frames until a number of frames or a time in s is reached; return True if there were any."""
     seen = False
     count, seconds = limits
     end = None if seconds is None else monotonic() + seconds

@@ -101,7 +101,7 @@ class VehicleOptions:
         return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
 
     def commands(self, *, travel_model: bool) -> tuple[float, float]:
-        """Return the commands of A/Y and B/X in min^-1 for the model of the driver."""
+        """Return the commands of the axes A/Y and B/X in min^-1; they depend on the model of the driver."""
         differential = self.differential()
         v, omega = self.velocity or 0.0, self.turn or 0.0
         return differential.to_travel(v, omega) if travel_model else differential.to_motors(v, omega)

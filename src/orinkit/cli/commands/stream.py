@@ -126,7 +126,7 @@ class _StreamRequest:
     Attributes:
         path: File of the trajectory.
         pose_type: Pose type of its set-points.
-        read: Reads the options of slave mode for a dialect.
+        read: Function that returns the options of slave mode for a dialect.
         options: The options that ``read`` has returned.
         speed: Limits in percent.
         retime: True to retime the trajectory.
@@ -296,7 +296,7 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
 
 
 def _distance(entered: Stream, goal: J | P | T) -> float:
-    """Return the distance of the command from a pose: the largest difference of their values."""
+    """Return the distance of the last set-point of a stream from a pose: the largest difference between two values."""
     return max(abs(a - b) for a, b in zip(entered.latest.command, goal, strict=False))
 
 

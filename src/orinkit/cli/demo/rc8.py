@@ -137,10 +137,10 @@ def run_program(
     Args:
         name: Name of the program in the document.
         program: The program.
-        documents: Receives each step with its packets, for JSON.
+        documents: List to which each step is appended with its packets, for JSON.
         say: Callback invoked with each line to be printed.
         fields: True to explain packets field by field.
-        recording: Receives the data for the pictures.
+        recording: Object in which the data for the pictures is stored.
 
     Raises:
         CommandError: If a reply differs from the document.

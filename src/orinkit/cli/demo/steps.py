@@ -30,7 +30,10 @@ class HandleOf:
 
 
 Check = Callable[[list[Variant]], str]
-"""Checks the arguments of a reply; returns what the document specifies instead, ``""`` if they are right."""
+"""Function that checks the arguments of a reply.
+
+It returns ``""`` if they match the document, otherwise a text with the arguments that the document specifies.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +47,7 @@ class DemoStep:
         arguments: Its arguments; a :class:`HandleOf` for a handle.
         check: Checks the reply.
         save_as: Name under which the result is stored for later steps, usually a handle.
-        before: Called with the virtual controller before the call.
+        before: Function that is invoked with the virtual controller before the call; ``None`` for none.
         watch: True to show the joint position while the call is executing.
         log: True to keep the control log of the motion, for a picture.
     """
@@ -202,7 +205,7 @@ LIST_3_1: Final[tuple[DemoStep, ...]] = (
 
 
 def _motor_on(rc8: VirtualRC8) -> None:
-    """Switch the motor on at the pendant, because the program of the list does not."""
+    """Switch the motor on at the pendant, because List 3-2 does not switch it on."""
     rc8.pendant.motor()
     while rc8.pendant.status()["motor"] != "on":
         time.sleep(_POLL)
@@ -244,7 +247,7 @@ def _teach(rc8: VirtualRC8) -> None:
 
 
 def near_p1(answer: list[Variant]) -> str:
-    """Check for a position within 0.001 of P1: seven numbers."""
+    """Check for a position of seven numbers, each within 0.001 mm or 0.001 deg of P1."""
     right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_P1)
     right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, _P1, strict=True))
     return "" if right else f"P{_P1}"
@@ -295,7 +298,7 @@ def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
 
 
 def near_first(answer: list[Variant]) -> str:
-    """Check for joints within 0.001 of the first pose: eight numbers, two of them unused."""
+    """Check for the joints of the first pose: eight numbers, each within 0.001 deg; the last two are unused."""
     right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_FIRST) + 2
     right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, (*_FIRST, 0.0, 0.0), strict=True))
     return "" if right else f"J{_FIRST}"

@@ -51,7 +51,7 @@ class AxisLimits:
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
     def current_for(self, step: int) -> int:
-        """Return the current (0.01 %) that causes a change of velocity."""
+        """Return the current (0.01 %) that causes a given change of velocity in a cycle."""
         return round(step / self._gain)
 
 
@@ -63,7 +63,8 @@ class MotorAxis:
 
     Attributes:
         velocity: Velocity in fine units.
-        travelled: Sum of the velocities at the beginning and the end of every cycle, that is twice the distance.
+        travelled: Sum of the velocities at the beginning and the end of every cycle: twice the distance, in fine units
+            times cycles.
         servo: True if the servo is on.
         mode: Mode of the axis.
         command: Velocity in fine units in mode SPEED, current in 0.01 % in mode TORQUE, within the limits.
@@ -80,7 +81,7 @@ class MotorAxis:
         self.load = 0
 
     def order(self, mode: AxisMode, command: int = 0) -> None:
-        """Set mode and command from the next cycle on."""
+        """Set the mode and the command that apply from the next cycle on."""
         limit = self._limits.strongest if mode is AxisMode.TORQUE else self._limits.fastest
         self.mode = mode
         self.command = max(-limit, min(command, limit))

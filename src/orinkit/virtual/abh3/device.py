@@ -236,7 +236,7 @@ class VirtualABH3:
         return cycle
 
     def _next_cycle(self) -> int:
-        """Return the cycle that begins now or next, so that durations are never shortened."""
+        """Return the cycle that begins now or next; times that are counted from this cycle are never too short."""
         return math.ceil((self.clock.now() - self._began) * CYCLES - _ROUNDING)
 
     def _is_host(self, source: int) -> bool:
@@ -281,7 +281,7 @@ class VirtualABH3:
         return Responder(parameters.address, self._memory.answer, priority=parameters.multi_priority)
 
     def _multi(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Return the frames; apply written parameters once the reply has been sent completely."""
+        """Return ``frames``; if they complete the reply to a write request, apply the written parameters."""
         written = self._memory.written
         if written is not None and self._responder.next_time is None:
             self._memory.written = None

@@ -46,7 +46,7 @@ class Drive:
         self._cleared[number] = self._of_motors(*(axis.travelled for axis in self.axes.values()))[number]
 
     def pulses(self) -> tuple[int, int]:
-        """Return the pulse counts of A and B, signed 32 bits, wrapping."""
+        """Return the pulse counts of A and B, wrapped to signed 32 bits."""
         distances = self._of_motors(*(axis.travelled for axis in self.axes.values()))
         a, b = (
             wrapped((distance - start) * self._pulses // _REVOLUTION)
@@ -90,7 +90,7 @@ def velocity(fine: int, parts: int = 1) -> float:
 
 
 def held(quantity: Quantity, code: int) -> float:
-    """Return the value of a code, limited to the range of codes."""
+    """Return the value that a code on CAN represents; the code is first limited to the range of the quantity."""
     return max(quantity.low, min(code, quantity.high)) / quantity.steps
 
 

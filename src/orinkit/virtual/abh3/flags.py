@@ -13,7 +13,7 @@ from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 
 FAULTS: Final = V1.errors
-"""The faults, which have the same numbers in both dialects."""
+"""The flag word of the faults; each fault has the same bit in both dialects."""
 COMMUNICATION: Final = FAULTS.mask("can_communication")
 
 _COMMUNICATION_CODE: Final = 3  # observed on real drivers if CAN communication is the only fault
@@ -77,7 +77,7 @@ class Inputs:
 
 
 def named(known: Mapping[str, int], name: object, kind: str) -> int:
-    """Return the value of a name.
+    """Return the value that a mapping contains for a name.
 
     Raises:
         InvalidValue: If the name is unknown; the message lists the valid names.

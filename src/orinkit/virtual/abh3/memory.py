@@ -235,9 +235,9 @@ def _with(row: Any, number: int, value: Any) -> tuple[Any, ...]:
 
 
 def _lookup(known: dict[int, Any], value: float) -> Any:
-    """Return the meaning of a value.
+    """Return the entry of a table for a value that a host has written.
 
     Raises:
-        LookupError: If the value has no meaning.
+        LookupError: If the table does not contain the value.
     """
     return known[int(value)]

@@ -236,7 +236,7 @@ class CyclePacer:
     # --- a late server ------------------------------------------------------------------------------------------
 
     def _input_drained(self) -> bool:
-        """Return True if all input has been processed; if not, request it, unless a request is pending."""
+        """Return True if all received input has been processed; otherwise request a callback, unless one is pending."""
         if self._when_input_processed is None:
             return True
         clock = self._cycles.clock

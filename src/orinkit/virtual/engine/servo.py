@@ -37,10 +37,10 @@ class ServoSample:
     """State of the arm in one cycle.
 
     Attributes:
-        command: Command joints in degrees (mm for a linear axis).
-        encoder: Encoder joints in degrees (mm for a linear axis).
-        load: Percent of the rated torque, signed.
-        current: Motor current in A, signed.
+        command: Command position of each axis, deg (mm for a linear axis).
+        encoder: Encoder value of each axis, deg (mm for a linear axis).
+        load: Load of each axis in percent of the rated torque, signed.
+        current: Motor current of each axis in A, signed.
     """
 
     command: tuple[float, ...]
@@ -50,11 +50,11 @@ class ServoSample:
 
 
 class Servo:
-    """Follows the command joints cycle by cycle.
+    """The encoders of an arm, which follow the command position cycle by cycle.
 
     Attributes:
-        command: The newest command joints.
-        encoder: The newest encoder joints.
+        command: The newest command position, deg (mm for a linear axis).
+        encoder: The newest encoder values, deg (mm for a linear axis).
         frozen: True if the arm does not follow the command (machine lock).
     """
 

@@ -28,10 +28,10 @@ SERVO_LIMIT: Final = 1.25
 the servo limit is larger; the number is an assumption of this project."""
 
 LENIENCY: Final = 2.0
-"""Factor of the limits after a delay of the server, because the client has not caused the delay."""
+"""Factor by which limits are multiplied after a delay of the server, because the client has not caused the delay."""
 
 ReplyFactory: TypeAlias = Callable[[], Value]
-"""Returns the result of a slvMove at the moment of its reply."""
+"""Function that returns the result of a slvMove; it is called when the reply is sent."""
 
 
 class SlaveFault(NamedTuple):
@@ -141,7 +141,7 @@ class SetPointBuffer(ABC):
     def lateness(self) -> Callable[[int], Lateness]:
         """Function that returns the lateness of the current or the last stream.
 
-        Its argument is the number of first late set-points to leave out.
+        Its argument is the number of late set-points that are not counted, beginning with the first one.
         """
         return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 

@@ -202,7 +202,7 @@ class VE026AArm:
         Raises:
             CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while an operation is in
                 progress; the present error; E_FAIL if slave mode is off; OUT_OF_RANGE_AXISn if the set-point is outside
-                the range of axis n. This error is then also the present error.
+                the range of axis n. This last error is also stored as the present error.
         """
         self._require(operator, no_error=True)
         if self._change is not None:

@@ -126,7 +126,7 @@ class VE026AController(_OfClient, ControllerObject):
         return VE026ARobot(self._arm, self._operator, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute ClearError. It has no result, as in the packet printed in the document, although table 5-2 has one.
+        """Execute ClearError. The reply has no result, like the packet in the document, although table 5-2 lists one.
 
         Raises:
             CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter

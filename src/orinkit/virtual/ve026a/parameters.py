@@ -36,7 +36,7 @@ _OFF_OR_ON: Final = {0: False, 1: True, -1: True}  # VT_BOOL is -1
 
 
 def motor(parameter: Variant) -> bool:
-    """Return the parameter of Motor, True for on: VT_I2, 1 on and 0 off (table 5-3).
+    """Return the parameter of Motor, True for on. According to table 5-3, it is a VT_I2: 1 for on, 0 for off.
 
     Raises:
         CallError: E_INVALIDARG if it is another number; E_INVALIDARGTYPE if it is not a number.
@@ -67,7 +67,7 @@ def mode(parameter: Variant) -> int:
 
 
 def skip_first_count(parameter: Variant) -> int:
-    """Return the parameter of slvGetLateness, the number of late set-points to leave out; 0 by default.
+    """Return the parameter of slvGetLateness: how many of the first late set-points are not counted; 0 by default.
 
     Raises:
         CallError: E_INVALIDARGTYPE if it is not a number.

@@ -39,7 +39,8 @@ class _Path(ABC):
     Attributes:
         start: Joints at u = 0.
         end: Joints at u = 1.
-        probes: Values of u for :meth:`sampled`, among them those with the greatest derivatives.
+        probes: Values of u at which limits are checked with :meth:`sampled`; the derivatives are greatest at some of
+            them.
     """
 
     __slots__ = ("end", "probes", "start")

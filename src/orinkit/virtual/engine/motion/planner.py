@@ -77,9 +77,9 @@ class Motion:
         rates: The rates with which the motion was planned.
         mark: The pass mark.
         length: Distance that the TCP travels along its path, mm; ``None`` for a point-to-point motion.
-        pass_time: Time in seconds after which the next motion may begin: with ``@P`` the start of the deceleration;
-            with ``@n`` the time from which the distance of the TCP from its end position stays within the radius, but
-            not before half the duration; otherwise the duration.
+        pass_time: Time in seconds after which the next motion may begin. With ``@P`` it is the start of the
+            deceleration. With ``@n`` it is the time from which the distance of the TCP from its end position stays
+            within the radius, but at least half the duration. Otherwise it is the duration.
     """
 
     __slots__ = ("length", "mark", "pass_time", "path", "profile", "rates")

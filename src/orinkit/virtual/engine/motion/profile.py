@@ -141,7 +141,7 @@ class MotionProfile:
         return position, np.where(inside, v + t * (a + t * (j / 2)), 0.0), np.where(inside, a + t * j, 0.0)
 
     def moments(self, positions: Array) -> Array:
-        """Return the times in seconds at which s reaches ``positions``, to a fraction of 1/4096 of the duration."""
+        """Return the times in seconds at which s reaches ``positions``, with a resolution of 1/4096 of the duration."""
         times = np.union1d(np.linspace(0.0, self.duration, _SAMPLES), [*self._times, self.duration])
         moments: Array = np.interp(positions, self.states_at(times)[0], times)
         return moments

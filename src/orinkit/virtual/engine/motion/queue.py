@@ -391,7 +391,10 @@ class MotionQueue:
     # --- passing ------------------------------------------------------------------------------------------------
 
     def _time_to_begin(self) -> float | None:
-        """Return the elapsed time of the newest motion at which the next one begins; ``None`` if after its end."""
+        """Return the elapsed time of the newest running motion at which the next motion begins.
+
+        Return ``None`` if the next motion begins only when the newest one has ended.
+        """
         newest = self._active[-1]
         if not self._waiting or newest.motion.mark.mode not in ("P", "n"):
             return None
