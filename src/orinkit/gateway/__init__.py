@@ -1,4 +1,4 @@
-"""The gateway: a provider that forwards calls to another controller, so that clients of any protocol can reach it.
+"""The gateway: a provider that forwards calls to a controller, so that clients of any protocol can use the controller.
 
 ::
 

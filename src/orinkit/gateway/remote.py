@@ -54,7 +54,7 @@ class _Origin(NamedTuple):
 
 
 class RemoteObject(CaoObject):
-    """An object of the controller to which calls are forwarded.
+    """An object that a client uses on the gateway. Its calls are forwarded to an object of the controller.
 
     Args:
         connection: Connection to the controller.
@@ -63,8 +63,8 @@ class RemoteObject(CaoObject):
 
     Attributes:
         origin: Call by which the client connected to the object; ``None`` for the controller itself.
-        handle: Handle of the object on the controller, valid in one generation of the connection.
-        generation: Generation of the connection in which the handle is valid.
+        handle: Handle of the object on the controller. It becomes invalid when the connection is opened again.
+        generation: Value of :attr:`UpstreamConnection.generation` for which the handle is valid.
     """
 
     interface = ""
@@ -117,7 +117,13 @@ class RemoteObject(CaoObject):
         self._connection.disconnect()
 
     def _check_state(self, function: Function[..., Any]) -> None:
-        """Refuse to return the tag and ID of the controller object if they were lost with the connection."""
+        """Check that a call does not request the tag or ID of the controller object after they have been lost.
+
+        When the connection is lost, the tag and ID that the client has set no longer exist on the controller.
+
+        Raises:
+            CallError: E_HANDLE, if the call requests a lost tag or ID.
+        """
         connection = self._connection
         if self.origin is None and self._has_local_state and self.generation != connection.generation:
             if function.method in _OF_CLIENT:
@@ -138,7 +144,7 @@ class RemoteObject(CaoObject):
         )
 
     async def _valid_handle(self) -> int:
-        """Return the handle; after a reconnection, first connect to the object and its parents again.
+        """Return the handle of the object. If the connection was opened again, first connect to the object again.
 
         Raises:
             CallError: If the controller refuses the call; E_HANDLE, if an object cannot be restored from its name.
@@ -175,7 +181,10 @@ class RemoteObject(CaoObject):
 
 
 def _sets_local_state(function: Function[..., Any], arguments: tuple[Any, ...]) -> bool:
-    """Return True if the object of a call cannot be restored from its name over a new connection after the call."""
+    """Return True if a call changes its object so that the object cannot be restored by its name afterwards.
+
+    The gateway restores an object by its name if the connection was lost and is opened again.
+    """
     method = function.method
     if method.startswith(_PUT):
         return method != _KEPT_BY_CONTROLLER
@@ -242,17 +251,19 @@ _CLASSES: Final[dict[str, Callable[..., Any]]] = {
 class RemoteProvider(Provider):
     """A provider that forwards calls to one or several controllers.
 
-    Each Controller_Connect of a client opens its own connection to the controller. Handles, the arm semaphore and the
-    end of a connection therefore have the same effect as without the gateway. Controller_Connect is forwarded with all
-    its arguments.
+    Each Controller_Connect of a client opens its own connection to the controller. The controller therefore
+    distinguishes the clients of the gateway: handles, the arm semaphore and the end of a connection have the same
+    effect as if each client were connected directly. Controller_Connect is forwarded with all its arguments.
 
     If there are several controllers, the machine name in Controller_Connect selects one of them. The machine name is
-    the name in ``upstream``, in upper or lower case, or the host of the controller's address, or its host and port.
+    the name of the controller in ``upstream`` (case is ignored), or the host in the URL of the controller, or host and
+    port (``192.168.0.1:5007``).
 
     Args:
         upstream: URL of a controller, or an :class:`~orinkit.gateway.upstream.Upstream`. For several controllers, a
-            mapping from names to these.
-        names: Provider names to forward. The default is all names that no other provider of the server has.
+            mapping from the name of each controller to its URL or Upstream.
+        names: Provider names that clients can use for the controllers. By default, the gateway accepts every name that
+            no other provider of the server has.
 
     Raises:
         ValueError: If there is no controller, the names are ambiguous, or the controllers have different dialects.
@@ -293,12 +304,12 @@ class RemoteProvider(Provider):
     async def close(self) -> None:
         """Wait until the connections of a stopped server have been closed.
 
-        Other servers, in other event loops, may still serve this provider.
+        Other servers, in other event loops, may still use this provider; their connections stay open.
         """
         await asyncio.gather(*(connection.wait_closed() for connection in list(self._connections)))
 
     def _choose(self, machine: str) -> tuple[Upstream, str]:
-        """Return the controller that a machine name selects, and the machine name to forward to it."""
+        """Return the controller that a machine name selects, and the machine name to send to this controller."""
         wanted = machine.strip().lower()
         for name, upstream in self._upstreams.items():
             if name.lower() == wanted != "":
@@ -320,7 +331,11 @@ class RemoteProvider(Provider):
 
 
 def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
-    """Refuse ambiguous names, with which a client could reach an unintended controller."""
+    """Check that the names of the controllers are unambiguous, so that no client reaches an unintended controller.
+
+    Raises:
+        ValueError: If a name is empty or occurs twice, or is also the machine name of a controller.
+    """
     names = [name.lower() for name in upstreams]
     hosts = {place for upstream in upstreams.values() for place in upstream.machine_names}
     wrong = [name for name in names if given > 1 and (not name or name == LOCAL or name in hosts)]

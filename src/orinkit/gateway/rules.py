@@ -1,8 +1,11 @@
 """Access rules: read-only access, or lists of allowed calls. :class:`RestrictedProvider` applies rules to any provider.
 
-A forbidden call returns E_ACCESSDENIED and does not reach the provider. Lists contain shell patterns (``*``, ``?``,
-``[12]``) and ignore case. Calls that connect, disconnect or release objects are always allowed. A name with non-ASCII
-letters is allowed only if it matches under every case folding that a controller may use.
+A forbidden call returns E_ACCESSDENIED and does not reach the provider. The lists contain shell patterns (``*``, ``?``,
+``[12]``); case is ignored. Calls that start or stop the service, connect to or disconnect from a controller, or release
+an object are always allowed.
+
+Controllers may ignore the case of non-ASCII letters in different ways. A name with such letters is therefore allowed
+only if it matches the list in each of these ways.
 """
 
 from __future__ import annotations
@@ -61,7 +64,7 @@ READING: Final[Mapping[str, frozenset[str]]] = {
         "File": "",
     }.items()
 }
-"""Commands of Execute that only read and are allowed if ``read_only`` is set, by interface, in lower case.
+"""Commands of Execute that only read, in lower case, by interface. They are allowed if ``read_only`` is set.
 
 No documented command of a VE026A is included: Motor, slvChangeMode, slvMove and ClearError all have effects (VE026A
 5.3).
@@ -107,14 +110,15 @@ class AccessRules:
 
     Attributes:
         read_only: Allow only reading: functions named Get..., and the commands of :data:`READING`.
-        functions: Patterns of function names, for example ``Robot_*``. The names are those of the specification.
+        functions: Patterns of function names, for example ``Robot_*``. The names are those of the b-CAP documents.
         variables: Patterns of variable names, for example ``IO1[0-9]``. They apply to the variables of all objects.
             Leading zeros of numbers are ignored: ``I015`` is ``I15``. The name of a variable may contain ``*``; the
-            client then chooses the number later. Such a variable is allowed only by the identical pattern or by ``*``:
-            ``I*`` is allowed by ``I*``, not by ``I??*`` or ``I[!0]*``. The list also applies to variables in any text
-            of the parameters of Execute and Command objects (``"@P P1"``), and in the poses (``[5, "P"]``) and options
-            (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. In the parameters of a Command object, any array
-            that may be a pose is treated as a pose, because its meaning is unknown.
+            client then chooses the number later, by setting the ID of the variable. Such a variable is allowed only by
+            the identical pattern or by ``*``: ``I*`` is allowed by ``I*``, not by ``I??*`` or ``I[!0]*``. The list also
+            applies to variables in any text of the parameters of Execute and Command objects (``"@P P1"``), and in the
+            poses (``[5, "P"]``) and options (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. In the
+            parameters of a Command object, any array that may be a pose is treated as a pose, because its meaning is
+            unknown.
         commands: Patterns of commands of Execute and of Command objects, for example ``CurPos`` or ``Robot.CurPos``.
 
     Raises:
@@ -142,7 +146,7 @@ class AccessRules:
 
         Args:
             function: Function of CAO.
-            arguments: Arguments of the provider's method: those of the function without the handle.
+            arguments: Arguments of the call, without the handle.
 
         Raises:
             CallError: E_ACCESSDENIED, if the call is forbidden.
@@ -195,7 +199,7 @@ class RestrictedProvider(Provider):
 
 
 class _RestrictedObject(CaoObject):
-    """An object that applies access rules to another object."""
+    """An object that checks each call of the client and forwards allowed calls to an object of the provider."""
 
     def __init__(self, served: CaoObject, rules: AccessRules) -> None:
         super().__init__()
@@ -206,11 +210,11 @@ class _RestrictedObject(CaoObject):
         self._served.release()
 
     def is_moving(self) -> bool:
-        """Return True if the controller behind the rules may be moving."""
+        """Return True if an arm of the provider's controller executes a motion of this client, or may start one."""
         return isinstance(self._served, ControllerObject) and self._served.is_moving()
 
     def stop_moving(self) -> None:
-        """Stop the motions of the client. This is always allowed."""
+        """Stop the motions of the client. The access rules do not apply to this method, which the server calls."""
         if isinstance(self._served, ControllerObject):
             self._served.stop_moving()
 
@@ -239,7 +243,10 @@ _CLASSES: Final[dict[str, Callable[[CaoObject, AccessRules], Any]]] = {
 
 
 def _restricted(interface: str, result: Any, rules: AccessRules) -> Any:
-    """Return the result of a method, immediate or deferred; if it is an object, apply the rules to the object."""
+    """Return the result of a provider's method, immediate or deferred.
+
+    If the result is an object, it is replaced by an object that applies the rules to the calls of the client.
+    """
     if isinstance(result, CaoObject):
         return _CLASSES[interface](result, rules)
     if type(result) is ResultWithCode:
@@ -269,16 +276,17 @@ def _restricted_deferred(interface: str, result: Deferred[Any], rules: AccessRul
 
 
 def _command_of(function: Function[..., Any], arguments: Sequence[Any]) -> str | None:
-    """Return the command of a call of Execute, or of a call that creates a Command object; otherwise ``None``."""
+    """Return the name of the command if a call is Execute or creates a Command object; otherwise ``None``."""
     if function.creates == "Command" or (function.method == _COMMAND and isinstance(arguments[0], str)):
         return str(arguments[0])
     return None
 
 
 def _allows(patterns: Sequence[str], function: Function[..., Any], command: str) -> bool:
-    """Return True if a command is on the list.
+    """Return True if a command is on the list of allowed commands.
 
-    The name of a Command object may contain its owner: ``Robot.Motor``.
+    The name of a Command object may begin with the name of the object that executes the command: ``Robot.Motor``.
+    Patterns may omit this beginning.
     """
     return _matches(command, patterns) or (bool(function.creates) and _matches(command.rpartition(".")[2], patterns))
 
@@ -292,7 +300,7 @@ def _only_reads(function: Function[..., Any], arguments: Sequence[Any]) -> bool:
 
 
 def _creates_file(option: str) -> bool:
-    """Return True if the option may create a file on any controller."""
+    """Return True if at least one type of controller may create a file because of this option string."""
     if _CREATE not in option.lower():
         return False
     options = Options(option)
@@ -309,7 +317,14 @@ def _covers(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _passes(name: str, patterns: Iterable[str], match: Callable[[str, str], bool], tidy: Callable[[str], str]) -> bool:
-    """Return True if a name is on the list under every case folding that a controller may use."""
+    """Return True if a name matches a pattern, in each of the ways in which a controller may ignore case.
+
+    Args:
+        name: Name of a function, a command or a variable.
+        patterns: Patterns of the list.
+        match: Function that compares the name with a pattern, both in lower case.
+        tidy: Function that is applied to name and pattern before they are compared.
+    """
     if len(name) > _MAX_LENGTH:
         return False
     for fold in _FOLDINGS[:1] if name.isascii() else _FOLDINGS:
@@ -351,7 +366,7 @@ def _takes_poses(command: str) -> bool:
 def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
     """Yield the names of the variables in an argument.
 
-    They are found in texts and, if ``arrays`` is True, also in arrays such as ``[5, "P"]``.
+    The names are searched for in texts and, if ``arrays`` is True, also in arrays such as ``[5, "P"]``, which is P5.
     """
     pending = [argument]
     while pending:
@@ -369,7 +384,7 @@ def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
 def _named_in_text(text: str) -> Iterator[str]:
     """Yield the names of the variables in a text such as ``P1``, ``P[1]`` or ``@PP 1``.
 
-    If an index is not a number, it may have any value; the name is then ``P*``.
+    If the index is not a number, its value is unknown; the name is then ``P*``.
     """
     for fold in _FOLDINGS[:1] if text.isascii() else (_FOLDINGS[0], _FOLDINGS[-1]):
         for found in _REFERENCE.finditer(_MARK.sub(" ", fold(text))):

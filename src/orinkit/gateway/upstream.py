@@ -1,4 +1,4 @@
-"""The client side of a gateway: the address of a controller, and the connection of one client to it.
+"""The client side of a gateway: the address of a controller, and the connection to this controller for one client.
 
 Error codes of the controller are returned to the client unchanged. Errors between gateway and controller have these
 codes:
@@ -80,7 +80,7 @@ class Upstream:
         url: URL of the controller: ``tcp://192.168.0.1:5007``, ``udp://...``,
             ``serial:///dev/ttyUSB0?baudrate=38400``, ``http://...``.
         timeout: Time-out of a call in s; on UDP and serial lines, the time-out of each attempt. S_EXECUTING from the
-            controller restarts it. The default depends on the transport.
+            controller restarts the time-out. The default depends on the transport.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         service: Option string of Service_Start; the default is that of :func:`orinkit.connect`.
         dialect: ``"rc8"`` or ``"ve026a"``.
@@ -88,14 +88,14 @@ class Upstream:
             Controller_Connect, or ``localhost`` if the gateway selected this upstream by its name.
         token: Access token for HTTP.
         cafile: PEM file of CA certificates for verifying an https server.
-        retry: Minimum time in s between two attempts to connect; it doubles after each failure, up to ten times the
-            value.
+        retry: Minimum time in s between two attempts to connect. The time doubles after each failure, up to ten times
+            this setting.
         keep_alive: Idle time in s after which a keep-alive (Controller_GetName) is sent, so that the controller does
             not end the client's session; 0 for no keep-alives. The default on UDP and HTTP is a third of the time after
             which a controller ends an idle session; the default on TCP and serial lines is 0.
         dead_after: Time in s after which a TCP connection is considered lost if the controller's network stack does not
             reply: 2 to 7,200.
-        limits: Limits on received data.
+        limits: Limits on the size of received packets and on the values in them.
 
     Raises:
         InvalidAddress: If the URL is invalid.
@@ -133,7 +133,7 @@ class Upstream:
 
     @property
     def machine_names(self) -> tuple[str, ...]:
-        """The machine names that select this controller: host, and host with port; empty for a serial line."""
+        """The machine names that select this controller: its host, and its host and port; none for a serial line."""
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
         if not host:
@@ -173,7 +173,7 @@ class Upstream:
 
 
 class UpstreamConnection:
-    """The connection of one client to a controller. If it is lost, the next call opens it again.
+    """The connection from the gateway to a controller for one client. If it is lost, the next call opens it again.
 
     The connection belongs to one event loop and carries one call at a time. A caller acquires :attr:`turn`, calls
     :meth:`ensure_connected` once, and then :meth:`request` as often as required.
@@ -186,7 +186,7 @@ class UpstreamConnection:
     Attributes:
         turn: Lock that serializes calls.
         generation: Number of times that the connection has been opened; handles of earlier generations are invalid.
-        handle: Handle of the controller object in this generation.
+        handle: Handle of the controller object, which is valid until the connection is opened again.
         url: URL of the controller, for messages.
         may_move: True if a forwarded motion may still be executing.
     """
@@ -217,7 +217,7 @@ class UpstreamConnection:
     # --- calls; the caller holds ``turn`` -------------------------------------------------------------------------
 
     async def ensure_connected(self) -> None:
-        """Connect if necessary, and send pending releases.
+        """Connect to the controller if necessary, and send the pending calls that release objects.
 
         Raises:
             CallError: If the connection cannot be opened; nothing was sent.
@@ -232,7 +232,7 @@ class UpstreamConnection:
             raise error_for(*self._refusal) from None
 
     async def request(self, function: Function[..., Any], handle: int, *arguments: Any) -> Reply:
-        """Make a call; return the return code and the result with its exact type.
+        """Call a function of the controller; return the return code, and the result with its VARIANT type.
 
         Raises:
             CallError: With the controller's error code, or one of the codes in the module's docstring.
@@ -251,14 +251,14 @@ class UpstreamConnection:
         return reply
 
     def add_reference(self, release: Function[[int], None], handle: int) -> None:
-        """Increment the number of objects with this handle; a controller may return one handle for several objects."""
+        """Count one more object with this handle; a controller may return the same handle for several objects."""
         if self._client is not None:
             self._client.handles.add_reference(release, handle)
 
     # --- for any caller -------------------------------------------------------------------------------------------
 
     def release(self, release: Function[[int], None], handle: int, generation: int) -> None:
-        """Release an object of the controller in the background, before any further call."""
+        """Release an object of the controller in the background; further calls are sent after the release."""
         if self._closed or self._client is None or generation != self.generation:
             return
         if self._client.handles.drop_reference(release, handle):
@@ -267,10 +267,10 @@ class UpstreamConnection:
                 self._spawn(self._send_releases())
 
     def close(self) -> None:
-        """Call Service_Stop, so that the controller releases all objects, and close the connection; in the background.
+        """In the background, call Service_Stop, so that the controller releases all objects, and close the connection.
 
-        During a call, Service_Stop is omitted, because a controller accepts no second call. Closing the connection has
-        the same effect.
+        If the controller is executing another call, Service_Stop is omitted, because the controller would not accept a
+        second call. Closing the connection has the same effect.
         """
         if not self._closed:
             self._closed = True
@@ -283,7 +283,7 @@ class UpstreamConnection:
         self._spawn(self._lose(ConnectionClosed(tr("no signs of life from the client"))))
 
     async def wait_closed(self) -> None:
-        """Wait until a closing connection of this event loop is closed, at most 2 s."""
+        """Wait at most 2 s until the connection is closed, if it is being closed in the running event loop."""
         if self._closed and self._tasks and self._loop is asyncio.get_running_loop():
             await asyncio.wait(self._tasks, timeout=2 * _CLOSE_TIMEOUT)
 
@@ -343,7 +343,8 @@ class UpstreamConnection:
     async def _is_forgotten(self, client: AsyncClient) -> bool:
         """Return True if the controller has deleted this client's handles, after a restart or a long idle period.
 
-        On transports without connections, only an error for a valid handle shows this.
+        On UDP, HTTP and serial lines, the gateway is not notified of this. It detects the deletion only if the
+        controller returns E_HANDLE for a handle that should be valid.
         """
         if not (client.profile.session_timeout or client.profile.shared):
             return False
@@ -359,7 +360,7 @@ class UpstreamConnection:
         self._last_reply = self._loop.time()
 
     async def _lose(self, error: OrinError) -> None:
-        """Close a connection that is lost or unusable."""
+        """Close the connection after it has been lost or has become unusable, and keep the error for further calls."""
         client, self._client = self._client, None
         self.may_move = False
         self._released.clear()
@@ -457,7 +458,7 @@ class UpstreamConnection:
 
 
 def _refusal(url: str, error: OrinError) -> tuple[int, str]:
-    """Return the code and the detail for calls that are not sent because there is no connection."""
+    """Return the return code and the text for calls that are not sent because there is no connection."""
     if isinstance(error, CallError) and error.code != hresult.E_HANDLE:  # the controller has refused the connection
         return error.code, error.detail
     return hresult.E_CAO_REMOTE_PROVIDER, _never_sent(url, error)
