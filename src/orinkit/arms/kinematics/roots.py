@@ -237,7 +237,7 @@ def _refined(function: Callable[[Lines, Array], Array], brackets: _Brackets) -> 
 
 
 def _quadratic(a: Array, b: Array, c: Array, at_a: Array, at_b: Array, at_c: Array) -> Array:
-    """Return the step of inverse quadratic interpolation as a fraction of b - a; one half if the step is not reliable."""
+    """Return the step of inverse quadratic interpolation as a fraction of b - a; 1/2 if the step is not reliable."""
     xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
     fits = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
     part = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
