@@ -14,7 +14,7 @@ _LAST_SERIAL: Final = 0x7FFF_FFFF
 
 
 class EventKind(IntEnum):
-    """The type of an event; its value is the number of the Message object."""
+    """The type of an event; its value is the number that Message_GetNumber returns."""
 
     ERROR = 1  #: an error was raised; the value is its code, signed
     MODE = 2  #: the mode was changed; the value is the new value of ``@MODE``

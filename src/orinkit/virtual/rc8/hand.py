@@ -39,7 +39,7 @@ ORIGIN_SPEED: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Taught:
-    """A taught position: the settings of Chuck and UnChuck for one number.
+    """A taught position: the settings that Chuck and UnChuck use for one number.
 
     Attributes:
         closed: Smallest opening to which Chuck closes, mm.
@@ -77,7 +77,7 @@ class Workpiece:
 
 @dataclass(frozen=True, slots=True)
 class _Move:
-    """A movement: target (mm), speed (mm/s), gripping force (N), and the Deferred of its end."""
+    """A movement: target (mm), speed (mm/s), gripping force (N), and the Deferred that resolves when it ends."""
 
     target: float
     speed: float

@@ -232,8 +232,8 @@ class TaskHost:
     def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
         """Begin a motion as soon as the queue has room.
 
-        The wait is complete when the motion has ended or has reached its pass mark; with ``Next``, when it is in the
-        queue.
+        The wait is complete when the motion has ended or has reached its pass mark. With the option ``Next``, the
+        wait is complete when the motion is in the queue.
         """
         require(name, self._arm, self._operator)
         begun: list[Deferred[None]] = []

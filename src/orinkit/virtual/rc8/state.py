@@ -1,9 +1,9 @@
 """The state shared by all clients of one virtual RC8: variables, arm, programs, files, errors, logs, switches, time.
 
 The objects of clients (controller, variables, robots, tasks, files) refer to one :class:`RC8State` and contain no state
-of the controller themselves. The lock ``cycles`` protects the state: the server holds it during every call of a client,
-and the control loop during every cycle. The methods of this module that change the state acquire it themselves, so they
-are thread-safe.
+of the controller themselves. The lock ``cycles`` protects the state: the server holds the lock during every call of a
+client, and the control loop during every cycle. The methods of this module that change the state acquire the lock
+themselves, so they are thread-safe.
 """
 
 from __future__ import annotations
@@ -309,9 +309,9 @@ class RC8State:
             self.log(Operation.PROTECTIVE_STOP, text)
 
     def auto_enable(self, on: bool) -> None:
-        """Set the auto-enable input.
+        """Set or clear the auto-enable input.
 
-        Switching it off raises an error, stops the arm and then switches the motor off.
+        Clearing it raises an error, stops the arm and then switches the motor off.
         """
         with self.cycles:
             if bool(on) is self.switches.auto_enable:

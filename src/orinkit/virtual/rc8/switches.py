@@ -107,7 +107,8 @@ class Token:
 class Switches:
     """The switches and inputs of the controller. Initially the mode is automatic (RC8 2.2) and no stop is active.
 
-    Change them through :class:`~orinkit.virtual.rc8.state.RC8State`, which notifies the clients and stops the robot.
+    Change the switches through :class:`~orinkit.virtual.rc8.state.RC8State`, which notifies the clients and stops the
+    robot.
 
     Attributes:
         slave_licence: True if the licence of the slave function is registered.

@@ -127,7 +127,7 @@ class Task:
         self.status = TaskStatus.READY
 
     def step(self, statements: int, expired: Callable[[], bool]) -> ProgramFault | None:
-        """Execute the statements of one cycle; return the fault that ended the program, if any.
+        """Execute the statements of one 8 ms cycle; return the fault that ended the program, if any.
 
         Args:
             statements: Maximum number of statements.

@@ -27,7 +27,7 @@ _SECOND: Final = 1_000_000_000
 
 
 def status_of(path: Path) -> os.stat_result | None:
-    """Return the status of an entry without following a link; ``None`` if it does not exist."""
+    """Return the status of a path without following a link; ``None`` if the path does not exist."""
     try:
         return os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -132,7 +132,7 @@ def discard(temporary: Path) -> None:
 
 
 def stamp(path: Path, accessed: datetime, modified_ns: int | None = None) -> None:
-    """Set the access and modification times of an entry; the modification time defaults to the access time."""
+    """Set the access and modification times of a file or folder; the modification time defaults to the access time."""
     ns = round(accessed.timestamp() * 1_000_000) * 1000
     times = (ns, ns if modified_ns is None else modified_ns)
     if os.utime in os.supports_follow_symlinks:
@@ -152,7 +152,7 @@ def moment_of(ns: int) -> datetime:
 
 
 def born_ns(status: os.stat_result) -> int:
-    """Return the creation time of an entry, in ns.
+    """Return the creation time of a file or folder, in ns.
 
     If the system does not record it, or if it is later than the modification time, return the modification time.
     """

@@ -17,7 +17,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 
 SEPARATOR: Final = "\\"
-"""Separator of the parts in names returned by the controller; it also accepts ``/``."""
+"""Separator of the parts in names that the controller returns; in names from clients, ``/`` is accepted as well."""
 
 MOST_CHARACTERS: Final = 1024
 """Largest number of characters of a whole name."""

@@ -1,4 +1,4 @@
-"""Robot objects: the functions of RC8 3.3."""
+"""Robot objects: the functions in section 3.3 of the b-CAP specification for RC8."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ class RC8Task(TaskObject):
     def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - there are no options
         """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
-        Modes: 1 one cycle, 2 continuous, 3 one statement. A large program is loaded in a thread, so that other calls
-        are not delayed.
+        Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement. A large program is loaded in a
+        thread, so that other calls are not delayed.
 
         Raises:
             CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; other codes if the state of
@@ -173,7 +173,7 @@ def find_task(caller: ClientContext, name: str) -> RC8Task:
 
 
 def run_file(caller: ClientContext, name: str, option: str) -> str | BlockingCall:  # noqa: ARG001 - no options exist
-    """Run a program for one cycle (File_Run) and return the name of its task.
+    """Run a program once (File_Run) and return the name of its task.
 
     Raises:
         CallError: Errors of :meth:`RC8Task.start`.

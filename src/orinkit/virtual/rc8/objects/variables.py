@@ -83,7 +83,7 @@ class UserVariable(VariableObject):
 
 
 class IndexedVariable(UserVariable):
-    """A class of variables, ``I*``: the ID selects the index, initially 0."""
+    """A Variable object for a class of variables, ``I*``: the ID of the object selects the index, initially 0."""
 
     def __init__(self, caller: ClientContext, name: str, kind: VariableClass) -> None:
         super().__init__(caller, name, kind, 0)

@@ -35,14 +35,14 @@ class RoutineBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class IfBlock(Block):
-    """If; ``otherwise`` is the jump target if none of the conditions so far is met. After Else, it is None."""
+    """An If block; ``otherwise`` is the jump target if none of the conditions so far is met. After Else, it is None."""
 
     otherwise: Spot | None = field(default_factory=Spot)
 
 
 @dataclass(slots=True, eq=False)
 class ForBlock(Block):
-    """For: the loop variable and its access functions, the frame slots of limit and step, and the start of the body."""
+    """A For block: the loop variable and its access functions, the frame slots of limit and step, and its body."""
 
     target: tree.Target | None = None
     read: Evaluate | None = None
@@ -53,7 +53,7 @@ class ForBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class LoopBlock(Block):
-    """Do or While; ``tested`` is True if the opening line has a condition."""
+    """A Do or While block; ``tested`` is True if the opening line has a condition."""
 
     top: Spot = field(default_factory=Spot)
     tested: bool = False
@@ -61,7 +61,7 @@ class LoopBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class SelectBlock(Block):
-    """Select Case: the frame slot of the value, and the jump target of the next Case.
+    """A Select Case block: the frame slot of the value, and the jump target of the next Case.
 
     ``following`` is None before the first Case and after Case Else.
     """

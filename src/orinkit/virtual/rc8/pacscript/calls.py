@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.tree import Expression, Name, Place
 
 _Bind: TypeAlias = Callable[[Frame], Any]
 NO_RESULT: Final = -1
-"""Used instead of a slot if the result of a call is discarded."""
+"""Used instead of the index of a slot if the result of a call is discarded."""
 
 
 def emit_call(

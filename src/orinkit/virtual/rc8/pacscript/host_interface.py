@@ -70,7 +70,7 @@ class HostInterface(Protocol):
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to the pose at a distance from the target, in the direction opposite to the target's tool Z axis."""
+        """Move to the pose at a distance from the target, opposite to the Z axis of the tool at the target."""
 
     def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
         """Move by a distance in the direction opposite to the tool's Z axis."""

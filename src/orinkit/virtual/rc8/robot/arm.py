@@ -287,7 +287,7 @@ class RC8Arm:
         self.servo.place(position)
 
     def close(self) -> None:
-        """Switch the arm off with the controller; all calls that wait fail with E_ABORT."""
+        """Switch the arm off when the controller is switched off; all calls that wait fail with E_ABORT."""
         error = error_for(hresult.E_ABORT)
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)

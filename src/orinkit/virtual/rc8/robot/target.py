@@ -30,7 +30,7 @@ Joints = tuple[float, ...]
 
 
 class Goal(NamedTuple):
-    """The destination of a pose.
+    """The destination that a pose describes.
 
     Attributes:
         tcp: Tool frame in the base frame.
@@ -127,7 +127,7 @@ class FrameContext:
 
         Args:
             target: The pose.
-            start: Joint position at the start; if the pose has no figure, it determines which solution is chosen.
+            start: Joint position at the start; used to choose a solution if the pose has no figure.
             tool: Number of the tool of the pose, -1 for the current one.
             work: Number of the work frame of the pose, -1 for the current one.
 
@@ -207,7 +207,7 @@ class FrameContext:
         return tuple(float(angle) for angle in found)
 
     def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
-        """Return joints in which the extended joints are moved by the distances of ``EX`` or have the positions of ``EXA``.
+        """Return joints after moving the extended joints by the distances of ``EX`` or to the positions of ``EXA``.
 
         Raises:
             CallError: E_INVALIDARG if the arm does not have such an extended joint.

@@ -2,8 +2,8 @@
 
 Clients write numbers as any numeric VARIANT, as a string or as a one-element array, and poses as arrays of any numeric
 type. A type that cannot be converted raises DISP_E_TYPEMISMATCH. A number out of range raises DISP_E_OVERFLOW. A
-fraction for a whole number, NaN, infinity, and an array of a wrong length raise E_INVALIDARG; nothing is rounded or
-padded instead.
+fraction for a whole number, NaN, infinity, and an array of a wrong length raise E_INVALIDARG: the fraction is not
+rounded, and the array is neither padded nor cut.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Storage of variables: one SQLite file in the state directory, with one row for each variable that was ever written.
 
-A write is committed before the reply to it, so it survives a crash of the process. It may be lost in a power failure,
-because the file is not flushed to the medium on every write. Only one process can open the file. A file is refused, and
-not changed, if it is empty or damaged, or if it is not a database of this program. An empty file has lost its content,
-because a new file receives its name only after it is complete.
+A write is committed before the client receives the reply, so the value survives a crash of the process. The value may
+be lost in a power failure, because the file is not flushed to the medium on every write. Only one process can open the
+file. A file is refused, and not changed, if it is empty or damaged, or if it is not a database of this program. An
+empty file has lost its content, because a new file receives its name only after it is complete.
 
 If the file is deleted while the process runs, the next write creates a new file with all variables written so far. If
 the directory was deleted too, writes are refused until it exists again.

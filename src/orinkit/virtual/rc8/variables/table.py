@@ -28,7 +28,7 @@ class VariableTable:
     Args:
         counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
         io_points: Number of I/O points.
-        store: Database in which a write is saved before the reply to it, or ``None``.
+        store: Database in which a write is saved before the client receives the reply, or ``None``.
         now: Callback that returns the controller's local date and time.
 
     Raises:

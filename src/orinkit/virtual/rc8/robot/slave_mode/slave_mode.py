@@ -60,8 +60,8 @@ class RC8SlaveMode(SetPointBuffer):
     """Slave mode of one arm; initially off.
 
     Args:
-        arm: The arm. While the mode is on, it calls :meth:`step` and :meth:`complete_waiting` in each cycle, and
-            :meth:`end` when the arm is stopped.
+        arm: The arm. While slave mode is on, the arm calls :meth:`step` and :meth:`complete_waiting` in each cycle, and
+            :meth:`end` when it is stopped.
         cycles: The control loop of the controller.
         fault: Callback that raises an error of the controller; invoked with code and detail.
 
@@ -121,7 +121,7 @@ class RC8SlaveMode(SetPointBuffer):
         """Switch slave mode on; the caller has checked the conditions, and the arm is at standstill.
 
         Args:
-            owner: The operator that switches it on.
+            owner: The operator that switches slave mode on.
             mode: The mode.
             when_input_processed: Function that invokes a callback after all data received from the operator so far has
                 been processed; see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
