@@ -1,1 +1,1 @@
-"""Servers: they listen at addresses and connect the protocols, implemented without I/O, to the providers' sessions."""
+"""Servers: they listen at addresses, perform the I/O of the protocols, and pass calls to the providers' sessions."""

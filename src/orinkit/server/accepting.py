@@ -1,8 +1,8 @@
 """Accepts connections; if file descriptors run out, logs one line and resumes as soon as descriptors are available.
 
-In each turn, asyncio's selector loop calls ``accept`` up to ``backlog`` times. If descriptors run out, it continues
-after each error and logs a traceback for each: 512 per second. Therefore asyncio gets a backlog of one, and only the
-kernel gets the actual backlog.
+In each turn, asyncio's selector loop calls ``accept`` up to ``backlog`` times. If descriptors run out, the loop
+continues after each error and logs a traceback for each: up to 512 per second. Therefore asyncio gets a backlog of one,
+and only the kernel gets the actual backlog.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ logger = logging.getLogger("orinkit.server")
 ONE_AT_A_TIME: Final = 1
 """Backlog for ``create_server``: the number of connections accepted per turn of the event loop."""
 BACKLOG: Final = 512
-"""Connections that the kernel queues until they are accepted."""
+"""Number of connections that the kernel queues until they are accepted."""
 
 _ACCEPT_TURNS: Final = 3
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -64,7 +64,7 @@ class StreamListener:
         keep_from_children(self)
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptors to replace in a forked child."""
+        """Return the descriptors that a forked child replaces by the null device."""
         return [each.fileno() for each in self._server.sockets]
 
     async def close(self) -> None:

@@ -90,7 +90,7 @@ class AsyncServer:
         return len(self._context.open)
 
     async def start(self) -> None:
-        """Open every address.
+        """Listen at every address.
 
         Raises:
             ConnectFailed: If an address cannot be opened; the addresses already opened are closed again.
@@ -145,7 +145,7 @@ def _parse_listen_address(url: str) -> AnyAddress:
 
 
 async def _listen(address: AnyAddress, context: ServerContext, http: HttpOptions) -> Listener:
-    """Open one address."""
+    """Listen at one address, and return the listener."""
     row = row_of(address)
     opened = resolve(row.listener)(address, context, *((http,) if row.http else ()))
     try:

@@ -17,9 +17,9 @@ _MOST: Final = 3600.0
 
 
 def check_alive(seconds: float) -> float:
-    """Return the ``alive`` option, s, as a float.
+    """Check the value of the ``alive`` option, s, and return it as a float.
 
     Raises:
-        InvalidValue: If it is not a number from 0.5 to 3,600.
+        InvalidValue: If the value is not a number from 0.5 to 3,600.
     """
     return check_range("alive", seconds, _LEAST, _MOST, "s")

@@ -9,23 +9,29 @@ DEFAULT_CLIENTS: Final = 344
 
 
 def default_per_address(clients: int) -> int:
-    """Return the limit for one address: three quarters of all clients, rounded up; the rest is for other addresses."""
+    """Return the default limit on clients from one address: three quarters of ``clients``, rounded up.
+
+    The remaining quarter is available to other addresses.
+    """
     return clients - clients // 4
 
 
 PARTIAL: Final = 64 * 1024 * 1024
 """Limit on the bytes of incomplete requests of all clients of a server."""
 ALWAYS: Final = 64 * 1024
-"""Bytes of one incomplete request that are always accepted, regardless of the other clients."""
+"""Number of bytes of one incomplete request that are always accepted, even if :data:`PARTIAL` is exceeded."""
 
 
 class IncompleteRequests:
-    """Counts the bytes of incomplete requests."""
+    """Counts the bytes of the incomplete requests of all clients of a server."""
 
     def __init__(self) -> None:
         self.bytes = 0
 
     def change(self, before: int, now: int) -> bool:
-        """Change the count of one request from ``before`` to ``now`` bytes; return False if the limit is exceeded."""
+        """Change the count of one request from ``before`` to ``now`` bytes; return False if it must be refused.
+
+        A request is refused if it grows beyond :data:`ALWAYS` bytes while all requests together exceed :data:`PARTIAL`.
+        """
         self.bytes += now - before
         return now <= ALWAYS or now <= before or self.bytes <= PARTIAL

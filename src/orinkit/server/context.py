@@ -69,7 +69,8 @@ class ServerContext:
         limits: limits on packets; a transport may have lower ones.
         clients: maximum number of clients. If it is reached, an idle client that holds no object is disconnected to
             make room for a new client; if there is no such client, the new client receives E_MAX_CONNECT.
-        invoke_timeout: default limit on the duration of a call, s; see :class:`~orinkit.bcap.server.ServerConversation`.
+        invoke_timeout: default limit on the duration of a call, s; see
+            :class:`~orinkit.bcap.server.ServerConversation`.
         alive: seconds that a connectionless client may be silent while its motions run.
         dead_after: time in s after which a TCP connection counts as lost if the client's machine does not reply.
         per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
@@ -82,7 +83,7 @@ class ServerContext:
             received the reply.
         partial: counts the bytes of incomplete requests.
         guesses: failed token attempts over HTTP, by address.
-        held: number of delayed replies to wrong tokens, by address.
+        held: number of requests with a wrong token whose response is being delayed, by address.
         opening: number of connections that have been accepted but are not yet in ``all``.
         closing: True if the server is closing and accepts no connections.
         empty: event that is set when ``all`` becomes empty.
@@ -130,7 +131,7 @@ class ServerContext:
     def refusal_level(self, now: float, kind: str = "") -> int:
         """Return the log level for a refused client: WARNING once in 10 s, otherwise DEBUG.
 
-        There may be many refused clients.
+        Otherwise many refused clients would cause as many warnings.
 
         Args:
             now: time of the event loop, s.

@@ -66,7 +66,10 @@ class LivenessMonitor:
         self._stopped_at = -1.0  # the value of client.last_request_at when the motions were stopped
 
     def start(self) -> None:
-        """Begin to monitor the client; called with every request. Monitoring ends if it is silent and nothing moves."""
+        """Begin to monitor the client; called with every request.
+
+        Monitoring ends when a client without ``Alive`` is silent and none of its motions runs.
+        """
         client_limit = self._client.requested_silence_limit
         if self._timer is None:
             self._check()

@@ -43,7 +43,7 @@ class _Timer(Protocol):
 
 @dataclass(slots=True)
 class _MessageCount:
-    """Token bucket of one kind of message of one client."""
+    """Token bucket of one kind of message from one client."""
 
     left: float
     at: float
@@ -52,7 +52,7 @@ class _MessageCount:
 
 
 class LogLimiter(logging.Filter):
-    """Passes a burst of each kind of message of each client, then one per :data:`INTERVAL`.
+    """Passes :data:`BURST` messages of each kind from each client, then one per :data:`INTERVAL`.
 
     Args:
         clock: callback that returns the time in s.

@@ -1,4 +1,4 @@
-"""A b-CAP client, server side: connects a conversation to a session; common to all transports."""
+"""The server's object for a b-CAP client, common to all transports: connects its conversation to its session."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ class PseudoTerminal(asyncio.WriteTransport):
         os.close(self._other_end)
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptors to replace in a forked child."""
+        """Return the descriptors that a forked child replaces by the null device."""
         return () if self._closed else (self._end, self._other_end)
 
     # --- asyncio.WriteTransport -------------------------------------------------------------------------------------

@@ -210,7 +210,7 @@ class PortListener:
                 return
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptor to replace in a forked child."""
+        """Return the descriptor that a forked child replaces by the null device."""
         return () if self._transport is None else (self._transport.get_extra_info("serial").fileno(),)
 
     async def close(self) -> None:

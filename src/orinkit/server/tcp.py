@@ -32,7 +32,7 @@ _MAX_REFUSED: Final = 64  # maximum number of refused clients in this state; oth
 
 
 class TcpConnection(Peer, asyncio.BufferedProtocol):
-    """A client on TCP, or on another stream.
+    """A client on TCP, or on another byte stream.
 
     This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
     received data. This would take longer than the rest of a call.
@@ -183,7 +183,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._transport.abort()
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptor to replace in a forked child."""
+        """Return the descriptor that a forked child replaces by the null device."""
         return (self._transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:

@@ -185,7 +185,7 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._without_session.pop(client.socket_address, None)
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptor to replace in a forked child."""
+        """Return the descriptor that a forked child replaces by the null device."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     async def close(self) -> None:
@@ -198,8 +198,8 @@ class UdpSocket(asyncio.DatagramProtocol):
 def _bound(family: int, socket_address: _SocketAddress) -> socket.socket:
     """Return a bound socket.
 
-    The event loop does not bind it, because uvloop does not close a socket that it cannot bind, and does not report the
-    reason.
+    The event loop does not bind the socket, because uvloop does not close a socket that it cannot bind, and does not
+    report the reason.
 
     Raises:
         OSError: If the address cannot be used.

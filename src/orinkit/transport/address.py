@@ -29,7 +29,8 @@ _BITRATES: Final = range(1000, 1_000_001)  # bit/s, classic CAN
 _TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
 """Parameters of python-can that cannot be options of an address.
 
-The first two are other parts of the address. The others concern configuration files, which orinkit does not read.
+The first two are other parts of the address, and ``bustype`` is an old name of the first one. The others concern
+configuration files, which orinkit does not read.
 """
 
 
@@ -62,7 +63,7 @@ def is_loopback(host: str) -> bool:
 
 
 def network_of(host: str) -> str:
-    """Return the unit to which limits per address apply: an IPv4 address, an IPv6 /64 network, this machine, or a name.
+    """Return the hosts that share a limit per address: an IPv4 address, an IPv6 /64 network, this machine, or a name.
 
     The owner of an IPv6 address usually has its whole /64 network, and a machine has all addresses of 127.0.0.0/8.
     """
@@ -139,7 +140,7 @@ PLAIN: Final = "/\\:.,-_+@"
 
 
 def parse_address(text: str) -> AnyAddress:
-    """Parse a URL or a connection string. If there is no scheme, it is ``tcp``; the default port is 5007.
+    """Parse a URL or a connection string. The default scheme is ``tcp``; the default port of b-CAP is 5007.
 
     Raises:
         InvalidAddress: If the address is malformed, its transport is unknown, or the package of its transport cannot be
@@ -190,7 +191,7 @@ def _split_scheme(text: str) -> SplitAddress:
 
 
 def parse_host(given: SplitAddress) -> Address:
-    """Parse ``192.168.0.1:5007``."""
+    """Parse the part of an address after the scheme, for example ``192.168.0.1:5007``."""
     return Address(given.scheme, *_split_port(given.text, given.rest.removesuffix("/"), given.scheme))
 
 
@@ -218,7 +219,7 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
 
 
 def parse_http(given: SplitAddress) -> HttpAddress:
-    """Parse ``127.0.0.1:8080/path?query``."""
+    """Parse the part of an address after the scheme, for example ``127.0.0.1:8080/path?query``."""
     text, scheme, rest, _ = given
     place, slash, path = rest.partition("/")
     if "?" in place or "#" in rest or any(not "!" <= sign <= "~" for sign in path):
@@ -231,7 +232,7 @@ def parse_http(given: SplitAddress) -> HttpAddress:
 
 
 def parse_can(given: SplitAddress) -> CanAddress:
-    """Parse ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
+    """Parse the part after the scheme, for example ``slcan//dev/ttyACM0?bitrate=500000&sleep_after_open=0``."""
     from urllib.parse import unquote
 
     text = given.text
@@ -259,7 +260,7 @@ def parse_can(given: SplitAddress) -> CanAddress:
 
 
 def _option(text: str) -> CanOption:
-    """Parse the value of an option; :func:`_option_text` returns the same text, or an equivalent one."""
+    """Parse the value of an option; :func:`_option_text` converts the result back to the same or an equivalent text."""
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     if len(text) > _NUMBER or not text.isascii() or text.strip("+-.0123456789eE"):
@@ -293,5 +294,5 @@ def invalid_value_message(name: str, value: str, known: str) -> str:
 
 
 def whole_number(text: str) -> int:
-    """Return the non-negative integer that a text contains, or -1 if it is not valid."""
+    """Return the non-negative integer that a text consists of, or -1 if the text is not a number of up to 8 digits."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else -1

@@ -64,7 +64,7 @@ class LinkOptions(NamedTuple):
     """Parameters for a client to open a link.
 
     Attributes:
-        seconds: Time-out, s.
+        seconds: Time-out for opening the link, s.
         access: Credentials for HTTP.
         most: The largest number of bytes of a reply over HTTP.
         dead_after: Time in s after which a TCP connection is considered lost if the controller's machine does not
@@ -82,7 +82,7 @@ class ServeOption(NamedTuple):
 
     Attributes:
         help: Help text in English; :func:`~orinkit.core.i18n.tr` translates it.
-        ports: True if a number alone is a port of this machine.
+        ports: True if the address may be only a number, which is then a port of this machine.
         flag: True if the option takes no address.
         secure: The scheme to use if the server has a certificate.
     """
@@ -102,7 +102,7 @@ class Transport(NamedTuple):
         example: An example address, for messages.
         profile: A :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another
             :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The name of the profile is the scheme of
-            a row; the ``adopt`` of that row is used for the links.
+            a row; the ``adopt`` function of that row creates the link of the streaming process.
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.
@@ -111,7 +111,7 @@ class Transport(NamedTuple):
         refusal: ``(address) -> InvalidAddress``: returns the exception if the transport has no link, or no listener.
         option: The option of ``orinkit serve``.
         http: True if clients may send a token, and servers may have a certificate.
-        alias: If the scheme is another notation of a scheme: that scheme.
+        alias: If the scheme is only another notation for a second scheme: the second scheme.
     """
 
     scheme: str
@@ -234,7 +234,7 @@ def known(scheme: str) -> bool:
 
 
 def aliases() -> tuple[str, ...]:
-    """Return the schemes that are another notation of another scheme."""
+    """Return the schemes that are only another notation for a second scheme."""
     return tuple(row.scheme for row in rows() if row.alias)
 
 

@@ -1,8 +1,8 @@
 """The two runners of protocol operations: on the caller's thread (:func:`run`), and in asyncio (:func:`arun`).
 
 An operation is a generator such as :meth:`orinkit.bcap.client.BcapConversation.call`. It yields the bytes to send and
-the time in s to wait for a reply, and is sent the bytes that arrive. The module also contains :func:`sleep` and
-:func:`asleep`, which wait without receiving, and :class:`Deadline`.
+the time in s to wait for a reply. The runner sends these bytes, and passes the received bytes to the generator. The
+module also contains :func:`sleep` and :func:`asleep`, which wait without receiving, and :class:`Deadline`.
 """
 
 from __future__ import annotations
@@ -132,8 +132,8 @@ def _handed_over() -> StreamError:
 def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
     """Run an operation on the caller's thread and return its result.
 
-    An exception that interrupts the operation, such as KeyboardInterrupt, closes the link. Received bytes may have been
-    lost, so that replies could no longer be matched to requests.
+    An exception that interrupts the operation, such as KeyboardInterrupt, closes the link if something was sent. In
+    this case received bytes may have been lost, so that later replies could not be matched to requests.
 
     Args:
         operation: The operation.

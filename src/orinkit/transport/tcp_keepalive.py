@@ -26,7 +26,7 @@ _MAXIMUM_RETRANSMISSION: Final = 5  # Windows: TCP_MAXRT, s
 
 
 class Settable(Protocol):
-    """A socket, or the object by which an event loop gives access to it."""
+    """A socket, or the object by which an event loop gives access to a socket."""
 
     def setsockopt(self, level: int, option: int, value: int, /) -> None:
         """Set an option."""

@@ -183,7 +183,7 @@ def _remember(known: set[bytes], given: bytes) -> None:
 
 
 def _host_and_port(netloc: str, default: str) -> tuple[str, str]:
-    """Split ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
+    """Return host and port of ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
     host, bracket, rest = netloc.rpartition("]")
     name, colon, port = (rest if bracket else netloc).partition(":")
     if bracket and name:  # there are characters between the bracket and the port

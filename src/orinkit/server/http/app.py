@@ -65,7 +65,7 @@ class _Disconnected(Exception):
 
 
 class App:
-    """The application of one listener.
+    """The ASGI application of one HTTP listener.
 
     Args:
         context: the state shared by all clients of the server.
@@ -128,7 +128,7 @@ class App:
         return self._access.refusal(method, exchange.headers)
 
     def _session_of(self, exchange: Exchange) -> HttpSession | None:
-        """Return the session of the request's cookie."""
+        """Return the session that the cookie of the request identifies; ``None`` if there is none."""
         key = self._key(exchange.headers.get(b"cookie", b""))
         return self._sessions.by_key(key) if key else None
 
@@ -139,7 +139,7 @@ class App:
         logger.log(level, "%s: refused with status %d", exchange.connection.name, status)
 
     async def _slow_down(self, exchange: Exchange) -> None:
-        """Delay the response to a wrong token if its address has sent several."""
+        """Delay the response to a wrong token if the client's address has sent several wrong tokens."""
         context = self._context
         network = exchange.connection.network
         failure = context.guesses.failed(network, asyncio.get_running_loop().time())
@@ -156,7 +156,7 @@ class App:
                 del context.held[network]
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
-        """Process a permitted request; return a response if it is refused because of its length."""
+        """Process a permitted request; return a response if the request is refused because of its length."""
         key = self._key(exchange.headers.get(b"cookie", b""))
         session = self._sessions.by_key(key) if key else None
         if session is not None:
@@ -394,7 +394,7 @@ class Exchange:
         return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
     async def refuse(self, refusal: PlainTextResponse, limit: int) -> None:
-        """Send a response without a return code.
+        """Send a response that refuses the request; it contains no return code.
 
         The body of the request is read first and discarded, because a client that is still sending would not read the
         response. If the body is longer than 2 * ``limit``, or if the client waits for ``100 Continue``, the body is not

@@ -15,6 +15,8 @@ HELD: Final = 64 * 1024
 class BoundedFlowControl(FlowControl):
     """Flow control that does not resume reading while the buffer is full.
 
+    The buffer contains the data that was received after the request in progress.
+
     uvicorn's own flow control resumes reading with each request and response.
 
     Args:
@@ -39,6 +41,6 @@ class BoundedFlowControl(FlowControl):
             super().resume_reading()
 
     def resume_if_possible(self) -> None:
-        """Resume reading if :meth:`resume_reading` could not and the buffer has room now."""
+        """Resume reading if :meth:`resume_reading` has not done so and the buffer has room now."""
         if self._refused:
             self.resume_reading()

@@ -45,7 +45,7 @@ _own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit log
 
 
 class Stage(Enum):
-    """State of a connection: the event that the server waits for, and the time limit in s."""
+    """State of a connection: the event that the server waits for, and the time limit for that event in s."""
 
     NEW = "a request", 10.0
     HEADER = "the rest of a request's header", 10.0
@@ -76,7 +76,7 @@ class LimitedConnection(Protocol):
 
 
 class DisconnectObserver(Protocol):
-    """A client that is notified of closed connections."""
+    """A client that is notified when one of its connections is closed."""
 
     def disconnected(self, connection: Hashable) -> None:
         """Handle the end of a connection that has carried requests of the client."""
@@ -125,7 +125,7 @@ class ConnectionLimiter:
         return True
 
     def mark_replied(self, connection: LimitedConnection) -> None:
-        """Mark a connection as having completed a request."""
+        """Record that a connection has completed a request."""
         if connection in self._unproven or connection in self._proven:
             self.discard(connection)
             self._proven[connection] = None
@@ -144,7 +144,7 @@ class HeaderCoalescer(h11.Connection):
         self._header: list[bytes] = []
 
     def send_with_data_passthrough(self, event: h11.Event) -> list[bytes] | None:
-        """Return the data of an event; the data of a header is returned with the next event."""
+        """Return the bytes to send for an event of h11; the bytes of a header are returned with the next event."""
         pieces = super().send_with_data_passthrough(event)
         if type(event) is h11.Response:
             self._header = pieces or []
@@ -156,14 +156,14 @@ class HeaderCoalescer(h11.Connection):
 
 
 class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
-    """An HTTP connection with limits.
+    """The connection of an HTTP client, with limits on time and on buffered data.
 
     This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
     received data.
 
     Args:
         guard: the connection limiter.
-        config: configuration of uvicorn, loaded.
+        config: loaded configuration of uvicorn.
         state: server state of uvicorn.
 
     Attributes:
@@ -293,7 +293,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return self._half_closed
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Notify the clients of this connection."""
+        """Stop counting the connection, and notify the clients that have sent requests on it."""
         self.is_closed = True
         if self._early is not None:  # closed before connection_made
             return
@@ -423,7 +423,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._update_stage()
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptor to replace in a forked child."""
+        """Return the descriptor that a forked child replaces by the null device."""
         return (self.transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:

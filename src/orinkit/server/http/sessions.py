@@ -1,10 +1,11 @@
 """Sessions of e-CAP clients. A client is identified by its cookie or its address, not by its HTTP connections.
 
 A client that supports cookies is identified by its cookie. Clients without cookies (``curl``, a PLC) are identified by
-their address: all requests from one address without a cookie belong to one session. Service_Start, as the first
-request, does not show if a client supports cookies. Its session can therefore be reached both by the cookie and by the
-address until the second request arrives, with or without the cookie. A session that has been used without its cookie
-can no longer be reached by the cookie, so that clients never share objects by accident.
+their address: all requests from one address without a cookie belong to one session. The first request, Service_Start,
+does not show if a client supports cookies. Its session can therefore be reached both by the cookie and by the address.
+The second request contains the cookie or not; from then on, the session can be reached in only one way. A session that
+has been used without its cookie can no longer be reached by the cookie, so that clients never share objects by
+accident.
 """
 
 from __future__ import annotations
@@ -95,8 +96,10 @@ class HttpSession:
         known: True if the client has sent the cookie.
         plain: True if the session has been used without a cookie.
         ended: True if the session has ended.
-        address_session: the session of the client's address, if the Service_Start of this session may belong to it.
-        requested_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set it.
+        address_session: the session of the client's address, if the client of that session may have sent the
+            Service_Start that created this session.
+        requested_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set
+            it.
         last_request_at: loop time of the last request, s.
     """
 
@@ -130,7 +133,7 @@ class HttpSession:
     # --- requests -------------------------------------------------------------------------------------------------
 
     def begin_request(self, connection: Hashable = None) -> None:
-        """Note the start of a request.
+        """Record the start of a request.
 
         Args:
             connection: the connection of the request; the caller calls :meth:`disconnected` when the connection ends.
@@ -143,7 +146,7 @@ class HttpSession:
         self._liveness.start()
 
     def disconnected(self, connection: Hashable) -> None:
-        """Handle a closed connection: if it was the last persistent one while the arm moves, end the session soon.
+        """Handle a closed connection; end the session soon if it was the last persistent one and the arm moves.
 
         The session does not end immediately, because a client that cancels a call closes the connection and makes its
         next call over a new one.
@@ -183,7 +186,7 @@ class HttpSession:
         self.end(reason)
 
     def end_request(self, *, broken: bool = False) -> None:
-        """Note the end of a request.
+        """Record the end of a request.
 
         Args:
             broken: True if the connection was closed before the response was sent.
@@ -335,9 +338,9 @@ class HttpSessions:
         self._by_address: dict[str, HttpSession] = {}
 
     def by_key(self, key: str) -> HttpSession | None:
-        """Return the session of a cookie.
+        """Return the session that a cookie identifies; ``None`` if there is none.
 
-        The client supports cookies, so that the session can no longer be reached by its address.
+        A client that sends the cookie supports cookies. Therefore the session can no longer be reached by the address.
         """
         found = self._by_key.get(key)
         if found is not None and not found.known:
@@ -348,7 +351,7 @@ class HttpSessions:
         return found
 
     def by_address(self, address: str) -> HttpSession | None:
-        """Return the session of an address, for clients without cookies."""
+        """Return the session of an address, for clients without cookies; ``None`` if there is none."""
         return self._by_address.get(address)
 
     def is_reachable_by_address(self, session: HttpSession) -> bool:

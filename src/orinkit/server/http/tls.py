@@ -94,11 +94,11 @@ class TlsAcceptor(asyncio.Protocol):
             self._guard.context.discard(self)
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Return the descriptor to replace in a forked child."""
+        """Return the descriptor that a forked child replaces by the null device."""
         return () if self._transport is None else (self._transport.get_extra_info("socket").fileno(),)
 
     def _hand_over(self, transport: asyncio.Transport) -> None:
-        """Pass data received early to the TLS protocol."""
+        """Pass the data that was received before the handshake to the TLS protocol."""
         tls = cast("asyncio.BufferedProtocol", transport.get_protocol())
         early, self._early = memoryview(self._early), bytearray()
         while early and not transport.is_closing():

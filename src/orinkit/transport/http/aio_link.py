@@ -50,7 +50,7 @@ class AsyncHttpLink(HttpLinkBase):
 
     @classmethod
     async def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
-        """Create a link, as :func:`orinkit.transport.aio_links.open_link`; the first request connects."""
+        """Create a link, as :func:`orinkit.transport.aio_links.open_link`; the first request opens the connection."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes) -> None:
@@ -121,7 +121,7 @@ class AsyncHttpLink(HttpLinkBase):
             raise other_loop()
 
     async def _carry(self, asked: _PendingRequest, seconds: float) -> bytes:
-        """Run a request; the task is cancelled if another request replaces it, or if the link is closed."""
+        """Post a request and return the reply; the next request, or closing the link, cancels this task."""
         try:
             return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
@@ -177,6 +177,8 @@ class AsyncHttpLink(HttpLinkBase):
 class _PendingRequest:
     """A request and its state.
 
+    An "executing" sign is a line feed by which the server reports that the call is still executing.
+
     Attributes:
         data: The body of the request.
         task: The task that runs the request and returns the reply, or ``b""`` if there was no reply.
@@ -202,16 +204,17 @@ class _PendingRequest:
         await self._waiter.wait(seconds)
 
     async def sign(self) -> None:
-        """Set the "executing" sign and wait until it is taken.
+        """Store an "executing" sign that was received, and wait until :meth:`take_sign` takes it.
 
-        Nothing is read while it is waiting. Thus a server that sends too many signs fills only its own buffers.
+        Meanwhile, nothing is read from the connection. Thus a server that sends too many signs fills only its own
+        buffers.
         """
         self._taken = asyncio.get_running_loop().create_future()
         self._waiter.wake()
         await self._taken
 
     def take_sign(self) -> bytes | None:
-        """Take the "executing" sign, if it is set."""
+        """Return the "executing" sign and remove it; return ``None`` if there is none."""
         if self._taken is None:
             return None
         if not self._taken.done():
@@ -259,7 +262,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
         return wire
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
-        """Return the buffer for the next bytes: a memoryview, because with TLS asyncio writes into slices of it."""
+        """Return the buffer for the next received bytes; with TLS, asyncio writes into slices of this memoryview."""
         return self._view
 
     def buffer_updated(self, nbytes: int) -> None:
@@ -268,7 +271,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
 
     @property
     def has_news(self) -> bool:
-        """True if the connection is stale: something was received, it was closed, or bytes are still unsent."""
+        """True if the idle connection is stale: data was received, it was closed, or bytes are still unsent."""
         link = self._transport
         if link is None or self._ended or self._received or link.is_closing() or link.get_write_buffer_size():
             return True
@@ -356,7 +359,7 @@ class _HttpConnection(SingleConnection[httpcore2.AsyncHTTP11Connection, _Stream]
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     async def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply. In that case, nothing was sent."""
+        """Send a request and return the reply; send nothing and return ``None`` if data followed the previous reply."""
         connection, stream = self._begin_exchange()
         try:
             reply = await connection.handle_async_request(self._to_send(request))

@@ -1,4 +1,4 @@
-"""Base class of the two links over HTTP."""
+"""Base class of the synchronous and the asynchronous link over HTTP."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class HttpLinkBase(ProcessBound, ABC):
         dead_after: Time in s after which a connection is considered lost if the server's machine does not respond.
 
     Raises:
-        InvalidValue: If the token cannot be sent in a header, or the file contains no certificates.
+        InvalidValue: If the token cannot be sent in a header, or the file ``access.cafile`` contains no certificates.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class HttpLinkBase(ProcessBound, ABC):
         raise _cannot_hand_over()
 
     def another(self) -> Self:
-        """Return an idle link to the same server, in the same session.
+        """Return a new, idle link to the same server, in the same session.
 
         If the server has never replied, there is no session; the returned link is then already closed.
         """

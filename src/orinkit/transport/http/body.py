@@ -36,7 +36,7 @@ class Body:
         """Add the next bytes of the body.
 
         Returns:
-            True if they are only line feeds before the reply, which report that the call is still executing.
+            True if the bytes are only line feeds before the reply, which report that the call is still executing.
 
         Raises:
             LimitExceeded: If the body is too long.

@@ -119,7 +119,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
 
     @property
     def stopped(self) -> bool:
-        """True if waiting must end."""
+        """True if the thread that uses the connection must stop waiting."""
         return self.closed or self.interrupted
 
     def connect(self) -> None:
@@ -143,7 +143,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         return httpx2.Response(reply.status, headers=reply.headers, stream=_BodyStream(reply))
 
     def _exchange(self, request: httpx2.Request) -> httpcore2.Response | None:
-        """Return the reply; ``None`` if data followed the previous reply. In that case, nothing was sent."""
+        """Send a request and return the reply; send nothing and return ``None`` if data followed the previous reply."""
         connection, stream = self._begin_exchange()
         try:
             reply = connection.handle_request(self._to_send(request))
@@ -178,7 +178,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             self.close_socket(self._socket)
 
     def close_socket(self, connection: socket.socket) -> None:
-        """Close a socket, while no other thread uses it."""
+        """Close a socket; meanwhile, no other thread can shut it down."""
         with self._changing:
             connection.close()
 
@@ -197,7 +197,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             pass
 
     def _open(self) -> socket.socket:
-        """Connect to the first address that can be reached."""
+        """Connect to the first address of the server's host that can be reached, and return the socket."""
         address = self._contact.address
         try:
             places = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
@@ -287,7 +287,7 @@ def context_of(address: HttpAddress, access: Credentials) -> ssl.SSLContext | No
     """Return the TLS settings to verify a server's certificate; ``None`` without TLS.
 
     Raises:
-        InvalidValue: If the file contains no certificates.
+        InvalidValue: If the file ``access.cafile`` contains no certificates.
     """
     if address.scheme != "https":
         return None

@@ -45,7 +45,7 @@ class HttpLink(HttpLinkBase):
 
     @classmethod
     def open(cls, address: HttpAddress, opening: LinkOptions) -> Self:
-        """Create a link, as :func:`orinkit.transport.links.open_link`; the first request connects."""
+        """Create a link, as :func:`orinkit.transport.links.open_link`; the first request opens the connection."""
         return cls(address, opening.access, opening.most, dead_after=opening.dead_after)
 
     def send(self, data: bytes, seconds: float) -> None:
@@ -180,9 +180,9 @@ class HttpLink(HttpLinkBase):
         self._close_idle()
 
     def _close_idle(self) -> None:
-        """Close the descriptor, unless a thread is in :meth:`receive`.
+        """Close the descriptor of the connection, unless a thread is in :meth:`receive`.
 
-        Otherwise the number of the descriptor could be reused before that thread has ended.
+        In that case the descriptor stays open, because its number could be reused before that thread has returned.
         """
         if self._busy.acquire(blocking=False):
             try:

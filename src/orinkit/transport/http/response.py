@@ -115,7 +115,7 @@ Fields: TypeAlias = Iterable[tuple[str, str]]
 
 
 class HttpServerInfo:
-    """The state of a client's HTTP exchange with a server: session cookies and capabilities.
+    """The state of a client's HTTP exchange with a server: session cookies, and capabilities of the server.
 
     Args:
         address: The address of the server.

@@ -1,6 +1,7 @@
 """Base class of the two HTTP connections of a client.
 
-They are in :mod:`orinkit.transport.http.connection` and, for asyncio, in :mod:`orinkit.transport.http.aio_link`.
+The two connections are in :mod:`orinkit.transport.http.connection` and, for asyncio, in
+:mod:`orinkit.transport.http.aio_link`.
 """
 
 from __future__ import annotations

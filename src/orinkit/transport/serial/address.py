@@ -54,7 +54,7 @@ class PtyAddress:
 
 
 def parse_serial(given: SplitAddress) -> SerialAddress:
-    """Parse ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
+    """Parse the part after the scheme, for example ``/dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``."""
     from urllib.parse import unquote
 
     text = given.text
@@ -72,7 +72,7 @@ def parse_serial(given: SplitAddress) -> SerialAddress:
 
 
 def parse_com(given: SplitAddress) -> SerialAddress:
-    """Parse ``1:38400:N:8:1:0``; omitted and empty settings have their default values."""
+    """Parse the part after ``com:``, for example ``1:38400:N:8:1:0``; a missing or empty setting has its default."""
     if given.url:
         return parse_serial(given)
     text = given.text

@@ -20,7 +20,7 @@ from orinkit.transport.serial.settings import CHUNK, gone, open_file
 from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 1024 * 1024
-"""Maximum number of unsent bytes when a call begins; if there are more, the bytes of the call are dropped."""
+"""Maximum number of bytes that earlier calls of ``send`` left unsent; if there are more, a call drops its bytes."""
 
 
 class AsyncSerialLink(ProcessBound):

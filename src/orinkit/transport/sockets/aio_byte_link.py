@@ -15,11 +15,11 @@ from orinkit.transport.tcp_keepalive import prepare
 from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 16 * 1024 * 1024
-"""Maximum number of unsent bytes when a call begins; if there are more, the link is closed."""
+"""Maximum number of bytes that earlier calls of ``send`` left unsent; if there are more, a call closes the link."""
 
 
 class AsyncStreamLink(ProcessBound, ABC):
-    """A byte stream in asyncio: the common part of the asyncio protocols, and the interface that clients use."""
+    """A byte stream in asyncio: the common part of the asyncio Protocol classes, and the methods that clients use."""
 
     def __init__(self) -> None:
         self._transport: asyncio.Transport | None = None

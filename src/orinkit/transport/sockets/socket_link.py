@@ -49,8 +49,8 @@ class SocketLink(ProcessBound):
     def send(self, data: bytes, seconds: float) -> None:
         """Send all bytes; if that fails, close the link, because the stream would contain a truncated packet.
 
-        An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that the closing packets
-        can follow.
+        An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that packets that notify
+        the peer of the end can still be sent.
 
         Raises:
             ConnectionLost: If the connection failed, or the peer did not accept the bytes in time.
@@ -92,7 +92,7 @@ class SocketLink(ProcessBound):
     def send_concurrently(self, data: bytes) -> None:
         """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
 
-        That thread raises an exception if there is an error.
+        If there is an error, :meth:`receive` raises an exception in that thread.
         """
         if not self._open or self._sending is None or not self._sending.acquire(blocking=False):
             return

@@ -80,7 +80,7 @@ class UdpLink(SocketLink):
 
 
 def connected(places: Iterable[tuple[Any, ...]]) -> socket.socket:
-    """Return a socket connected to the first address with a route.
+    """Return a UDP socket connected to the first address to which there is a route.
 
     Args:
         places: At least one result of ``getaddrinfo``.
