@@ -45,8 +45,8 @@ class AsyncTask(AsyncObjectContainer):
             option: Option string of Task_Start.
 
         Raises:
-            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error
-                log.
+            CallError: If the controller refuses. For SYNTAX_ERROR, the attribute ``detail`` of the exception is the
+                text from the controller's error log.
         """
         try:
             await self._call(f.task_start, task_mode(TaskMode, mode), option)
@@ -59,8 +59,8 @@ class AsyncTask(AsyncObjectContainer):
         """Stop the program.
 
         Args:
-            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3)
-                after the current cycle, ``"initialize"`` (4).
+            mode: ``"default"`` (0), ``"instant"`` (1) immediately, ``"step"`` (2) after the current statement,
+                ``"cycle"`` (3) after the current cycle, ``"initialize"`` (4).
             option: Option string of Task_Stop.
         """
         await self._call(f.task_stop, task_mode(StopMode, mode), option)

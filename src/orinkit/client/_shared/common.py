@@ -34,7 +34,10 @@ _LOGGED_MESSAGE: Final = 12  # index of the message in a record of the error log
 
 
 class ObjectFunctions(NamedTuple):
-    """The common functions of one object type, each with its own ID; ``None`` if the type does not have the function."""
+    """The functions of one object type that most object types have, for example GetName.
+
+    The same function of another object type has another ID. A field is ``None`` if the type does not have the function.
+    """
 
     release: Function[[int], None]
     attribute: Function[[int], int] | None = None
@@ -115,7 +118,10 @@ def error_count(value: Any) -> int:
 
 
 def is_bad_index(error: CallError) -> bool:
-    """Return True if an index is out of range, for example because errors have been cleared in the meantime."""
+    """Return True if an error means that the index in the call is out of range.
+
+    The index of an error is out of range, for example, if the errors have been cleared in the meantime.
+    """
     return error.code == hresult.DISP_E_BADINDEX
 
 
@@ -179,16 +185,16 @@ def check_no_watchdog(option: str | None) -> None:
 
 
 def with_alive(option: str | None, seconds: float | None) -> str | None:
-    """Return the option string of Service_Start with ``Alive`` added; unchanged if the interval in s is ``None``."""
+    """Return the option string of Service_Start with ``Alive`` added; unchanged if ``seconds`` is ``None``."""
     if seconds is None:
         return option
     return ",".join(part for part in (option, f"Alive={round(seconds * 1000)}") if part)
 
 
 def motor_state(dialect: Dialect, *, on: bool) -> Value:
-    """Return the parameter of Motor.
+    """Return the parameter of the command Motor.
 
-    If the dialect permits, the parameter requests that the controller reply when the motor is on or off.
+    If the dialect permits, the parameter requests that the controller reply only after the motor is on or off.
     """
     return Variant(VarType.I2, int(on)) if dialect.short_numbers else [int(on), 0]
 
@@ -199,7 +205,9 @@ def clear_error_parameter(dialect: Dialect) -> Value:
 
 
 def dialect_of(name: str | None, provider: str) -> Dialect | None:
-    """Return the dialect with a name. Without a name, return the dialect that the provider name implies, or ``None``.
+    """Return the dialect with a name. Without a name, return the dialect that the provider name implies.
+
+    A provider name may imply no dialect; the result is then ``None``.
 
     Raises:
         InvalidValue: If no dialect has the name.
@@ -220,7 +228,7 @@ def is_ve026a(text: object) -> bool:
 
 
 def expired_handle_hint(profile: TransportProfile) -> str:
-    """Return the hint for an expired handle after a long idle period."""
+    """Return the hint for E_HANDLE after a long idle period, in which the controller may have released the handle."""
     name, seconds = profile.name.upper(), profile.session_timeout
     return tr(
         "over {name}, a controller releases a client and all its objects after {seconds:g} s without a call. "
@@ -231,7 +239,7 @@ def expired_handle_hint(profile: TransportProfile) -> str:
 
 
 def check_timeout(seconds: float, name: str = "timeout") -> float:
-    """Return a time-out in s, as a float.
+    """Check a time-out in s, and return it as a float.
 
     Raises:
         InvalidValue: If the value is not a positive number, or exceeds the range of the system's clock.
@@ -240,7 +248,7 @@ def check_timeout(seconds: float, name: str = "timeout") -> float:
 
 
 def check_deadline(seconds: float | None) -> float | None:
-    """Return a deadline in s, as a float; ``None`` means no deadline.
+    """Check a deadline in s, and return it as a float; ``None`` means no deadline.
 
     Raises:
         InvalidValue: If the value is not a positive number, or exceeds the range of the system's clock.
@@ -329,7 +337,7 @@ def logged_message(value: Any, code: int) -> str:
 
 
 def is_file_not_found(error: CallError) -> bool:
-    """Return True if the name in the call is valid, but no file has this name."""
+    """Return True if an error means that no file has the name in the call, although the name is valid."""
     return error.code == hresult.FILE_NOT_FOUND
 
 
@@ -339,7 +347,7 @@ def file_option(option: str, *, create: bool) -> str:
 
 
 def parse_date(value: Any) -> Any:
-    """Return a date such as ``2024-04-01 09:00:00`` as ``datetime``; other values unchanged."""
+    """Return a date such as ``2024-04-01 09:00:00`` as ``datetime``; return any other value unchanged."""
     if isinstance(value, str):
         try:
             return datetime.fromisoformat(value.strip())
@@ -407,9 +415,9 @@ def check_content(kind: type[T], content: T) -> T:
 class HandleTable:
     """The handles of a connection: those in use, and those of objects that were deleted without being closed.
 
-    The handles of deleted objects are released before the next object is created. A controller may return the same
-    handle for several objects (with ``@IfNotMember``; a VE026A always does). Such a handle is released with the last of
-    these objects.
+    An object is deleted when Python garbage collects it. The handles of deleted objects are released before the next
+    object is created. A controller may return the same handle for several objects (with ``@IfNotMember``; a VE026A
+    always does). Such a handle is released with the last of these objects.
     """
 
     def __init__(self) -> None:
@@ -423,7 +431,7 @@ class HandleTable:
             self._shared[release.id, handle] += 1
 
     def drop_reference(self, release: Function[[int], None], handle: int) -> bool:
-        """Count one object fewer with this handle; return True if it was the last one: the handle must be released."""
+        """Count one object fewer with this handle; return True if none is left, so that the handle must be released."""
         with self._lock:
             self._shared[release.id, handle] -= 1
             if self._shared[release.id, handle] > 0:
@@ -436,7 +444,7 @@ class HandleTable:
         self._handles.append((release, handle))
 
     def pop_orphan(self) -> tuple[Function[[int], None], int] | None:
-        """Remove and return the handle of a deleted object; ``None`` if there is none."""
+        """Return the handle of a deleted object and remove it from this table; return ``None`` if there is none."""
         try:
             return self._handles.popleft()
         except IndexError:

@@ -1,4 +1,4 @@
-"""Connection parameters of a client from its URL: address, protocol and time limits."""
+"""Connection parameters that a client derives from the URL of a controller: address, protocol and time limits."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def connection_deadline(timeout: float, tries: int, profile: TransportProfile) -
 
 
 def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
-    """Create the conversation for a transport profile: b-CAP or e-CAP."""
+    """Create the conversation, b-CAP or e-CAP, for the transport with the given profile."""
     if isinstance(profile, BcapProfile):
         return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation

@@ -83,7 +83,7 @@ class MotionSegment:
         self.see(destination)
 
     def see(self, destination: J) -> None:
-        """Update the segment with a result of DestJnt during motion."""
+        """Update the segment with a result of DestJnt that was read while the arm moved."""
         before = self.before
         if before is None or self.begun:
             return
@@ -114,7 +114,10 @@ class MotionSegment:
 
 
 def near(one: Iterable[float], other: Iterable[float], tolerance: float = TOLERANCE) -> bool:
-    """Return True if two poses are equal within a tolerance, compared up to the shorter length."""
+    """Return True if two poses are equal within a tolerance.
+
+    If one pose has more numbers than the other, the additional numbers are not compared.
+    """
     return all(abs(a - b) <= tolerance for a, b in zip(one, other, strict=False))
 
 
@@ -255,7 +258,10 @@ def closed_note(profile: TransportProfile) -> str:
 
 
 def _if_packet_lost(profile: TransportProfile) -> str:
-    """Return, as a text in brackets, when the arm stops if the controller is not notified of the client's end."""
+    """Return a text in brackets: when the arm stops if the controller is not notified that the client has ended.
+
+    The text is empty if the controller always detects the end of the client.
+    """
     if profile.shared:
         return tr(" (if the closing packet is lost, the arm stops only when the next client connects)")
     if profile.session_timeout and not profile.lossy:

@@ -81,11 +81,11 @@ def document_options(function: F) -> F:
 
 
 def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
-    """Return the option string of a motion (RC8 3.3.4), and True if the call waits for its end.
+    """Return the option string of a motion (RC8 3.3.4), and True if the call waits for the end of the motion.
 
     Args:
         options: Keyword options.
-        mark: Pass mark to put into the option string, as for Rotate.
+        mark: Pass mark to put into the option string, as Robot_Rotate requires.
 
     Raises:
         TypeError: If an option is unknown.
@@ -202,7 +202,7 @@ def sendable(value: Value, depth: int = 0) -> Value:
 
 
 def raw_pose(pose: Value) -> Value:
-    """Return the pose of a motion in the form of CAO.
+    """Check the pose of a motion in the form of CAO; return it with each pose object replaced by its text.
 
     Raises:
         InvalidValue: If the pose is 6 numbers, which may be joints or a position.
@@ -238,7 +238,10 @@ def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
 
 
 def passes(arguments: object) -> bool:
-    """Return True if the reply may arrive while the arm still moves, because the pass mark is ``@P`` or a radius."""
+    """Return True if the reply to a motion may arrive while the arm still moves.
+
+    The pass mark in the arguments is then ``@P`` or a radius.
+    """
     if isinstance(arguments, str):
         return _PASSING.search(arguments) is not None
     if isinstance(arguments, list | tuple):
@@ -269,12 +272,12 @@ def curve_text(path: int | Sequence[PoseLike], mark: str | PassMark) -> str:
 
 
 def distance_text(distance: float, mark: str | PassMark) -> str:
-    """Return a distance in mm with its pass mark, as for Approach and Depart: ``@P 10``."""
+    """Return a distance in mm with its pass mark, as text for Approach and Depart: ``@P 10``."""
     return f"{as_mark(mark or '@0')} {plain_decimal(check_finite('distance', distance, 'move'))}"
 
 
 def axes_text(axes: Mapping[int, float], mark: str | PassMark) -> str:
-    """Return axes and values as for DriveEx: ``@0 (1,10),(2,20)``.
+    """Return axes and their values as text for DriveEx and DriveAEx: ``@0 (1,10),(2,20)``.
 
     Raises:
         InvalidValue: If no axis is given, an axis is not an integer from 1 to 8, or a value is not a finite number.
@@ -310,7 +313,7 @@ def kind_of(pose: PoseLike, wanted: str) -> str:
 
 
 def as_target(pose: PoseLike) -> Target:
-    """Return a pose as a target.
+    """Return the target that a pose describes; a pose that is given as text is parsed.
 
     Raises:
         InvalidValue: If the value is not a pose.
@@ -320,7 +323,7 @@ def as_target(pose: PoseLike) -> Target:
 
 
 def literal_end(pose: PoseLike) -> J | P | None:
-    """Return the end of a motion to a pose; ``None`` if the pose alone does not determine it."""
+    """Return the end of a motion if the pose contains it as a J or P; otherwise, for example for ``"P1"``, ``None``."""
     try:
         end = as_target(pose)
     except ValueError:  # the controller reports the error
@@ -338,7 +341,7 @@ def read_pose(pose_type: type[Pose], command: str, value: Any) -> Pose:
     """Return the result of a command as a pose.
 
     Raises:
-        ProtocolError: If the value is not such a pose.
+        ProtocolError: If the value is not a pose of the given type.
     """
     try:
         return pose_type.of(value)

@@ -29,7 +29,7 @@ SETTLE: Final = 2.0
 PREFETCH: Final = 25
 """Number of set-points that are read from an iterator before the first one is sent."""
 TRIES: Final = 3
-"""Maximum number of attempts to recover, as in the recovery that users have implemented."""
+"""Maximum number of attempts to recover after an error, as in existing programs of users."""
 
 POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
 """Class of each pose type."""
@@ -103,8 +103,8 @@ class StreamResult:
 
     Attributes:
         sent: Number of set-points of the trajectory that were sent.
-        underflows: Number of times that set-points were late, so that the arm was stopped; possible with an iterator
-            only.
+        underflows: Number of times that the queue of set-points was empty while the arm moved, so that the arm was
+            stopped. This is possible only if the set-points come from an iterator.
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.
@@ -136,7 +136,12 @@ def timing_of(samples: Iterable[Sample]) -> Timing:
 
 
 def ended_because(reason: str, idle: float | None) -> StreamError:
-    """Create the exception for a stream that ended without an error."""
+    """Create the exception for a stream that ended for another reason than an error.
+
+    Args:
+        reason: Reason that the streaming process reported; ``""`` if slave mode is off.
+        idle: Time in s without a set-point after which slave mode is left.
+    """
     texts = {
         "stopped": tr(
             "this program was stopped (SIGSTOP), so the arm was stopped and slave mode was ended. Try: recover()"
@@ -290,7 +295,7 @@ class TrajectoryRun:
             raise broken_off(self.sent)
 
     def give_up(self) -> None:
-        """Stop the arm after an exception, unless another call controls it now."""
+        """Stop the arm after an exception, unless another call has taken over the arm."""
         if not self._broken_off and not self.shared.closed:
             self.shared.clear_queue()
             self.shared.hold()

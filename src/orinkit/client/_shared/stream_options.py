@@ -34,7 +34,7 @@ FeedbackField: TypeAlias = Literal["time", "joints", "position", "trans", "mini"
 The names are those of the table of fields (:mod:`orinkit.rc8.slave_fields`), repeated here for type checkers.
 """
 OnRange: TypeAlias = Literal["clamp", "refuse"]
-"""Handling of a live target beyond the arm's range."""
+"""Handling of a target of a stream that is beyond the range of an axis."""
 
 PERIOD: Final = 0.008
 """Default cycle time of a controller in s (RC8 4.1)."""
@@ -126,10 +126,10 @@ def _plain(mode: int, pose: str, number: int, outputs: Outputs) -> int:
 
 
 def check_sendable(options: StreamOptions, outputs: Outputs) -> None:
-    """Check that outputs can be sent; omitted outputs keep their values.
+    """Check that the values of outputs can be sent; omitted outputs keep their values.
 
     Raises:
-        InvalidValue: If an output cannot be sent.
+        InvalidValue: If a value cannot be sent.
     """
     pose_type, given = options.mode.kind, options.outputs.updated(outputs).present_items()
     dummy = SetPoint((0.0,) * POSE_SIZES[pose_type], (), **given, window=options.window)
