@@ -1,8 +1,8 @@
 """Conversion between the motion of a differential-drive vehicle and the motor commands of its ABH3.
 
 With the motor-axis model, the commands are the velocities of motors A and B. With the travel-axis model, they are Y
-(travel) and X (turn): ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not define the motion of the vehicle
-for these velocities. The formulas here are taken from the vendor's ROS programs (v in m/s, omega in rad/s, X and Y in
+(travel) and X (turn): ``Y = (A + B) / 2``, ``X = (A - B) / 2``. The document does not define how the vehicle moves at
+these velocities. The formulas here are taken from the vendor's ROS programs (v in m/s, omega in rad/s, X and Y in
 min^-1)::
 
     v     =  Y / 60 * gear * wheel_diameter * pi
@@ -45,7 +45,7 @@ class Travel(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """A motion of the vehicle.
+    """The velocities of the vehicle.
 
     Attributes:
         v: Forward velocity, in m/s.
@@ -85,7 +85,7 @@ class Differential:
         return self.gear * self.wheel_diameter * math.pi
 
     def to_travel(self, v: float, omega: float) -> Travel:
-        """Return the velocities of Y and X in min^-1 for a motion.
+        """Return the velocities of the axes Y and X in min^-1 for given velocities of the vehicle.
 
         Args:
             v: Forward velocity in m/s.
@@ -98,7 +98,7 @@ class Differential:
         return Travel(self._turns("v", check_finite("v", v)), 0.0 - self._turns("omega", rim))
 
     def from_travel(self, y: float, x: float) -> Twist:
-        """Return the motion in m/s and rad/s for velocities of Y and X in min^-1.
+        """Return the velocities of the vehicle in m/s and rad/s for velocities of the axes Y and X in min^-1.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
@@ -108,7 +108,11 @@ class Differential:
         return Twist(check_finite("v", v), 0.0 - check_finite("omega", omega))
 
     def to_motors(self, v: float, omega: float) -> MotorVelocities:
-        """Return the velocities of motors A and B in min^-1 for a motion; the arguments are those of :meth:`to_travel`.
+        """Return the velocities of motors A and B in min^-1 for given velocities of the vehicle.
+
+        Args:
+            v: Forward velocity in m/s.
+            omega: Angular velocity in rad/s, positive to the left.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.
@@ -117,7 +121,7 @@ class Differential:
         return MotorVelocities(check_finite("a", y + x), check_finite("b", y - x))
 
     def from_motors(self, a: float, b: float) -> Twist:
-        """Return the motion in m/s and rad/s for velocities of motors A and B in min^-1.
+        """Return the velocities of the vehicle in m/s and rad/s for velocities of motors A and B in min^-1.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.

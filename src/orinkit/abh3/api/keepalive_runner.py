@@ -14,7 +14,7 @@ from typing import TypeAlias
 from weakref import WeakMethod
 
 Beat: TypeAlias = Callable[[], float | None]
-"""Function that does what is due and returns the seconds until the next call, ``None`` to end."""
+"""Function that sends a command if it is due; returns the seconds until the next call, or ``None`` to end the calls."""
 AsyncBeat: TypeAlias = Callable[[], Awaitable[float | None]]
 _JOIN_TIMEOUT = 2.0
 
@@ -23,9 +23,9 @@ class PeriodicCall:
     """Calls a method periodically from its own thread.
 
     Args:
-        beat: The method; the calls end when its object is garbage collected.
-        ended: Method that is called if the calls end for another reason than :meth:`stop` or ``None`` returned by
-            ``beat``.
+        beat: The method to call; the calls end when its object is garbage collected.
+        ended: Method that is called if the calls end although :meth:`stop` was not called and ``beat`` did not return
+            ``None``.
         name: Name of the thread.
     """
 

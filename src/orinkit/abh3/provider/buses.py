@@ -33,7 +33,10 @@ class SharedBus:
         return self._opening.result()
 
     async def wait_opened(self) -> None:
-        """Wait until the bus is open. If the waiting client disconnects, the bus is still opened for other clients."""
+        """Wait until the bus is open.
+
+        If the client disconnects during this wait, the bus is still opened for the other clients that wait for it.
+        """
         await asyncio.shield(self._opening)
 
     async def close(self) -> None:
@@ -44,7 +47,9 @@ class SharedBus:
 
 
 class Buses:
-    """The open buses by their keys. All spellings of an address have the same key and therefore share a bus.
+    """The open buses of a provider, by their keys.
+
+    All spellings of the address of a bus have the same key, so that clients with different spellings share the bus.
 
     Args:
         given: The only bus of the server; ``None`` if clients select buses.

@@ -1,4 +1,4 @@
-"""An ABH3 as a client's CAO controller: variables, Execute commands, and the right to command the driver."""
+"""An ABH3 that a client uses as a CAO controller: variables, Execute commands, and the right to command the driver."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _SIGNED: Final = -0x80000000
 
 
 class CommandArbiter(Protocol):
-    """The part of the provider that a client's controller uses."""
+    """The methods of the provider that the controller object of a client calls."""
 
     def acquire(self, controller: ABH3Controller) -> None:
-        """Give a client the right to command its driver."""
+        """Give the client of a controller object the right to command its driver."""
 
     def owns(self, controller: ABH3Controller) -> bool:
         """Return True if the client has the right to command its driver."""
@@ -50,7 +50,7 @@ class CommandArbiter(Protocol):
 
 
 class ABH3Controller(ControllerObject):
-    """An ABH3 as the controller of one client.
+    """The controller object through which one client uses an ABH3.
 
     Args:
         name: Name chosen by the client.
@@ -86,7 +86,10 @@ class ABH3Controller(ControllerObject):
 
     @property
     def holding(self) -> bool:
-        """True while this client commands the driver: it has sent commands, and its idle time has not expired."""
+        """True while this client commands the driver.
+
+        This is the case if the client has sent commands and its idle time has not expired.
+        """
         if self._writing:
             return True
         if self._wanted.period:
@@ -155,8 +158,8 @@ class ABH3Controller(ControllerObject):
 
         Args:
             put: Function that sends the command.
-            causes_motion: True if the command may start a motion. Otherwise it is executed even if the motor was
-                stopped after the client's previous command.
+            causes_motion: True if the command may start a motion. Otherwise, the command is executed even if the motor
+                was stopped after the client's previous command.
         """
         with map_errors():
             async with self._call_lock:
@@ -186,7 +189,10 @@ class ABH3Controller(ControllerObject):
             return await holder.preempt()
 
     async def preempt(self) -> Feedback:
-        """Stop the motor for another client, and end the keep-alive so that the other client can get the right."""
+        """Stop the motor for another client, and end the keep-alive.
+
+        The other client can then get the right to command the driver.
+        """
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()
         self._stopped = True
@@ -205,7 +211,7 @@ class ABH3Controller(ControllerObject):
                 self._owner.release(self)
 
     def _begin(self) -> None:
-        """Restart the idle time; raise an exception if the call has already been reported as timed out.
+        """Restart the idle time of the client at the beginning of a call.
 
         Raises:
             CallError: E_TIMEOUT: If the call timed out while it waited for an earlier call of the client.
@@ -216,7 +222,7 @@ class ABH3Controller(ControllerObject):
         self.motor.restart_idle_time()
 
     def _report_stop(self, *, causes_motion: bool) -> None:
-        """Report once that the motor was stopped after the client's previous command.
+        """Raise an exception once if the motor was stopped after the client's previous command.
 
         Raises:
             CallError: E_ABORT: If the motor was stopped and ``causes_motion`` is True.
@@ -239,7 +245,7 @@ class ABH3Controller(ControllerObject):
 
 
 class ABH3Variable(VariableObject):
-    """A variable of one client."""
+    """The object through which one client uses a variable of a driver."""
 
     def __init__(self, controller: ABH3Controller, entry: VariableEntry) -> None:
         super().__init__(entry.name, attribute=READABLE | (WRITABLE if entry.put else 0), help=entry.help)
@@ -321,7 +327,7 @@ def _word(value: Any) -> int:
 
 
 def _name(value: Any) -> int | str:
-    """Convert a value to the number or the name of an input; a text of decimal digits is a number."""
+    """Convert a value from a client to the number or the name of an input; a text of decimal digits is a number."""
     if isinstance(value, str) and not value.strip().isdecimal():
         return value.strip().lower()
     return _whole(value)

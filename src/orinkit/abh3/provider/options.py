@@ -58,7 +58,7 @@ class DriverSelection(NamedTuple):
         dialect: Dialect of the driver.
         settings: Settings of the host.
         period: Seconds between commands of the keep-alive; 0 for no keep-alive.
-        idle: Seconds without a call after which the motor is stopped; 0 for never.
+        idle: Seconds without a call of the client after which the motor is stopped; 0 for no such limit.
     """
 
     bus: CanAddress | None
@@ -79,7 +79,8 @@ def parse_selection(option: str, defaults: Mapping[str, Any], *, own_bus: str | 
     Args:
         option: Option string of Controller_Connect.
         defaults: Settings for options that are not in the string.
-        own_bus: URL of the server's only bus, ``True`` if that bus has no URL, ``False`` if clients select the bus.
+        own_bus: URL of the only bus that clients can use; ``True`` if the server has only one bus, without a URL;
+            ``False`` if clients select the bus.
 
     Raises:
         CallError: E_INVALIDARG: If the option string is not valid.

@@ -58,9 +58,9 @@ class ABH3Provider(Provider):
         option: str,
         client: ClientInfo,
     ) -> ControllerObject:
-        """Return a driver for one client.
+        """Return the controller object through which one client uses a driver.
 
-        The errors of the driver are requested to check that the driver replies. No command is sent.
+        To check that the driver replies, its error flags are requested. No command is sent.
 
         Raises:
             CallError: E_INVALIDARG: If the option string is not valid; E_CAO_REMOTE_PROVIDER: If the bus cannot be
@@ -113,7 +113,7 @@ class ABH3Provider(Provider):
     # --- for controllers ----------------------------------------------------------------------------------------------
 
     def acquire(self, controller: ABH3Controller) -> None:
-        """Give a client the right to command its driver.
+        """Give the client of a controller object the right to command its driver.
 
         Raises:
             CallError: E_ACCESSDENIED: If another client has this right.
@@ -139,7 +139,7 @@ class ABH3Provider(Provider):
         return self._owners.get(controller.key) is controller
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that now commands the same driver as ``controller``, ``None`` if no client does."""
+        """Return the client that commands the driver of ``controller`` now; ``None`` if no client commands it."""
         owner = self._owners.get(controller.key)
         return owner if owner is not None and owner.holding else None
 

@@ -1,6 +1,6 @@
 """The CAO variables of an ABH3 with description, type, and functions for reading and writing.
 
-They are derived from the table in :mod:`orinkit.abh3.table.signals`.
+The variables are derived from the table in :mod:`orinkit.abh3.table.signals`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Put: TypeAlias = Callable[[Motor, Any], Awaitable[Feedback]]
 
 @dataclass(frozen=True, slots=True)
 class VariableEntry:
-    """A variable.
+    """A CAO variable of an ABH3.
 
     Attributes:
-        name: Name for clients.
+        name: Name by which clients refer to the variable.
         type: VARIANT type of its value.
         describe: Function that returns the description, with the unit, in the current language.
         get: Function that reads the value.

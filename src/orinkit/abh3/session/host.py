@@ -1,8 +1,9 @@
 """The host of one ABH3 driver, without I/O: its state, and the functions of section 4 as operations.
 
 An operation is a generator (:mod:`orinkit.can.frame`). It changes no state until it is run. It accepts replies of its
-own driver only. Other frames do not prolong the wait. A frame that arrived before a request is not accepted as its
-reply. Numbers in parentheses, such as 4.1, are sections of the document that :mod:`orinkit.abh3` names.
+own driver only. Other frames do not prolong the wait for a reply. A frame that arrived before a request was sent is not
+accepted as the reply to this request. Numbers in parentheses, such as 4.1, are sections of the document that
+:mod:`orinkit.abh3` names.
 """
 
 from __future__ import annotations
@@ -317,9 +318,9 @@ class Host(Generic[F]):
         raise DriverTimeout(function, self.timeout, self.address)
 
     def _later_feedback(self, record: Record) -> CanOperation[Record]:
-        """Return a feedback that follows immediately, otherwise the given one.
+        """Return the next feedback if it arrives within 20 ms; otherwise return the given feedback.
 
-        The given feedback may be the reply to an earlier command. In this case, the reply to the last command follows.
+        The given feedback may be the reply to an earlier command. The reply to the last command then follows it.
         """
         received = yield OperationStep((), _SECOND_REPLY_WAIT)
         while received is not None:

@@ -21,7 +21,7 @@ R = TypeVar("R")
 _SHORTEST: Final = 0.001
 """Shortest period in s: one cycle of the driver."""
 _LATE: Final = 1.5
-"""Number of periods after which a command is too late, if this time is longer than the patience."""
+"""Number of periods without a reply after which the next command is too late, if this is longer than the patience."""
 
 
 class KeepAliveEnd(Enum):
@@ -103,9 +103,9 @@ class KeepAliveTimer:
             self._replied = now
 
     def end_reason_if_delayed(self, now: float) -> KeepAliveEnd | None:
-        """Return the reason to end if the keep-alive itself was delayed for too long, otherwise ``None``.
+        """Return the reason to end if the next command is late because this program was delayed; otherwise ``None``.
 
-        Call this before the next command is sent.
+        The keep-alive calls this method before it sends the next command.
         """
         return KeepAliveEnd.SILENT if now - self._replied > max(self.patience, _LATE * self.period) else None
 
@@ -121,7 +121,7 @@ class KeepAliveTimer:
 def report_commands(
     operation: CanOperation[R], timer: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
 ) -> CanOperation[R]:
-    """Run an operation, and report each command that got a reply to the timer of a keep-alive.
+    """Run an operation, and notify the timer of a keep-alive of each command to which the driver replied.
 
     Args:
         operation: An operation of the host.

@@ -9,11 +9,11 @@ included in this sum, but it is not sent over CAN. Over serial lines, the header
 STX and ETX.
 
 The format of replies over CAN is not documented. Over serial lines, a reply consists of STX, a header of four
-characters, the status, the data, the checksum and ETX. Replies that this module creates have no STX, no header and no
-ETX, like requests over CAN. :func:`parse_reply` reads all these forms.
+characters, the status, the data, the checksum and ETX. This module also creates replies, for virtual drivers. These
+replies have no STX, no header and no ETX, like requests over CAN. :func:`parse_reply` reads all these forms.
 
 A value is a 32-bit word that contains a PACK_FLOAT, a whole number, or flags. :data:`MONITORS` and :data:`PARAMETERS`
-contain the type of each value. SYN at the end of a message is padding.
+contain the type of each value. SYN characters at the end of a message are padding.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class TelReply(NamedTuple):
 
 
 def reply(value: int | str = "") -> bytes:
-    """Return the reply to an executed request.
+    """Return the reply of a virtual driver to a request that it has executed.
 
     Args:
         value: The word that was read, the text of an identification, or nothing if a parameter was written.
@@ -216,7 +216,7 @@ def reply(value: int | str = "") -> bytes:
 
 
 def refusal() -> bytes:
-    """Return the reply to a refused request."""
+    """Return the reply of a virtual driver to a request that it refuses."""
     return _build_reply(NAK, "")
 
 
@@ -253,7 +253,7 @@ def _build_reply(status: int, text: str) -> bytes:
 
 
 def _strip_framing(message: bytes) -> tuple[bytes, bool]:
-    """Return a text without its framing and padding, and True if it began with STX."""
+    """Return a text without STX, ETX and padding, and True if the text began with STX."""
     body = bytes(message).rstrip(_SYN)
     framed = body.startswith(_STX)
     return (body[1:] if framed else body).partition(_ETX)[0], framed

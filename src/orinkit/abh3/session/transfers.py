@@ -188,7 +188,10 @@ class OutgoingTransfer:
         return TransferStep((self._addresses.transfer(number, data),), wait)
 
     def _ignore(self) -> TransferStep:
-        """Return the next step after an irrelevant frame. The frame must not delay packets without a pause."""
+        """Return the next step after an irrelevant frame.
+
+        If there is no pause between data packets, the frame must not delay the next data packet.
+        """
         return self.silent() if self._next <= self._last and not self._pause else TransferStep()
 
     def _grant(self, count: int, first: int) -> TransferStep:
@@ -241,7 +244,7 @@ class IncomingTransfer:
         return TransferStep((), self._seconds)
 
     def is_opened_by(self, packet: TransferFrame) -> bool:
-        """Return True if this is the RTS of the current message."""
+        """Return True if a frame is the RTS of the current message."""
         return packet.data == self._rts
 
     def take(self, frame: CanFrame) -> TransferStep:
@@ -327,7 +330,7 @@ class IncomingTransfer:
         return TransferStep((self._addresses.control(CTS, self._last - self._first + 1, self._first),), self._wait())
 
     def _wait(self) -> float:
-        """Return the time until packets are requested again; after that request, the rest of the time-out."""
+        """Return the time in s until packets are requested again; after that request, the rest of the time-out."""
         return self._seconds * (1 - _PATIENCE if self._reminded else _PATIENCE)
 
 

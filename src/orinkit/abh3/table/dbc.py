@@ -149,7 +149,15 @@ def _data_signals(layout: FrameLayout) -> list[Signal]:
 
 
 def _number_signal(field: SignalField, quantity: Quantity, start: int, switch: str = "", state: int = 0) -> Signal:
-    """Return the signal of a number. With ``switch``, a frame contains it only if that flag has the given state."""
+    """Return the signal of a number. With ``switch``, only frames with a certain state of a flag contain the signal.
+
+    Args:
+        field: Field that contains the number.
+        quantity: Quantity of the number.
+        start: Number of the first bit.
+        switch: Name of the signal of the flag.
+        state: State of the flag in frames that contain the signal, 0 or 1.
+    """
     is_float = field.code == _FLOAT
     steps = quantity.steps or 1
     when = f" while {switch} is {_OFF_ON[state]}" if switch else ""

@@ -136,11 +136,12 @@ class DecodedFrame:
 
 
 class Decoder:
-    """Decodes frames. The traffic shows which nodes are hosts: hosts send requests, and drivers send broadcasts.
+    """Decodes frames, and detects from them which nodes are hosts: hosts send requests, and drivers send broadcasts.
 
     Args:
         dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
-        hosts: Addresses of hosts. If the traffic contradicts them, the traffic takes precedence.
+        hosts: Addresses of hosts. If later frames show that such a node is a driver, or another node is a host, the
+            frames take precedence.
         group: Group of the drivers' broadcasts. Broadcasts of other groups are returned, but not decoded. ``None`` to
             decode the broadcasts of all groups.
         load_unit: Resolution of the loads in frames, in %: 1 or 0.1.

@@ -1,4 +1,4 @@
-"""Codec between the data of frames and records, driven by the table in :mod:`orinkit.abh3.table.signals`."""
+"""Conversion between the data of frames and records, as described by the table in :mod:`orinkit.abh3.table.signals`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Codec:
         return reader.kind(*values, codes=codes)
 
     def read(self, kind: type[R], name: str, data: bytes) -> R:
-        """Return the record of a frame, typed as the given class.
+        """Return the record of a frame, which is of the given class.
 
         Raises:
             ProtocolError: If the length is not 8 bytes.
@@ -80,7 +80,7 @@ class Codec:
         return layout.struct.pack(*codes)
 
     def flags(self, word: Word, value: int) -> Flags:
-        """Return the flags of a word, cut to 32 bits."""
+        """Return the lower 32 bits of a number as the flags of a word."""
         return Flags(value & _ALL_BITS, word)
 
     def _name_of(self, record: Record) -> str:
@@ -115,7 +115,7 @@ class Codec:
         return field.quantity
 
     def _commands(self, codes: tuple[int, ...]) -> list[float]:
-        """Return the commands of a DP0S, each in the unit selected by the inputs of the frame."""
+        """Return the commands in the codes of a DP0S, each in the unit that the inputs in the frame select."""
         layout = self.dialect.layouts["DP0S"]
         inputs = codes[2]
         return [
@@ -131,7 +131,8 @@ class _FrameReader(NamedTuple):
         kind: Class of the record.
         unpack: Function that returns the codes in the data.
         reads: Converters from code to value, one per field.
-        steps: Codes per unit, one per field, for faster decoding; empty if a field is not a number with a unit.
+        steps: For faster decoding, the number of codes per unit of each field. Empty if a field is a flag word, a whole
+            number or a single float.
     """
 
     kind: Callable[..., Record]

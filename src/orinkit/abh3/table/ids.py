@@ -81,7 +81,7 @@ def broadcast(group: int, number: int, source: int, *, priority: int = 0) -> int
 
 
 def pgn(pf: int, ps: int, *, dp: int = 0) -> bytes:
-    """Return the three bytes of a PGN in a request; PS is 0 for a single packet."""
+    """Return the three bytes of the PGN (parameter group number) in a request; PS is 0 for a single packet."""
     return bytes((ps, pf, dp))
 
 

@@ -195,7 +195,7 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
 
 
 def _six_digits(value: float, rounding: Rounding) -> tuple[int, int]:
-    """Return a whole number of six digits and the power of ten to multiply it by."""
+    """Return a value as a whole number of six digits, and the power of ten by which to multiply this number."""
     least, beyond, half = map(_single, _LIMITS[rounding])
     power = 0
     while value < least:
@@ -218,7 +218,7 @@ def _placed(power: int, zeros: int) -> tuple[int, int]:
 
 
 def _with_decimals(mantissa: int, decimals: str) -> tuple[int, int]:
-    """Return the mantissa with as many decimals as fit, and its point."""
+    """Append decimals to a mantissa, up to six digits in total; return the new mantissa and its point."""
     leading = len(decimals) - len(decimals.lstrip("0")) if mantissa == 0 else 0
     kept = decimals[: leading + _DIGITS - (len(str(mantissa)) if mantissa else 0)]
     return mantissa * 10 ** (len(kept) - leading) + _leading(kept[leading:]), -len(kept)

@@ -17,7 +17,7 @@ from orinkit.abh3.table.signals import Bit, Word
 class Flags:
     """A word of 32 flags: ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
 
-    A name without an axis means both axes: it counts as set if the flags of both axes are set.
+    A name without an axis means both axes. Such a name counts as set if the flags of both axes are set.
 
     Attributes:
         value: The word.
@@ -39,7 +39,8 @@ class Flags:
         """Return True if a flag is set, by its name.
 
         Raises:
-            InvalidValue: If there is no such flag. Otherwise a mistyped name would look like a flag that is off.
+            InvalidValue: If there is no such flag. Without this exception, a mistyped name would look like a flag that
+                is off.
         """
         return self[name]
 
@@ -132,7 +133,7 @@ class DP0RV2(Record):
 
 @dataclass(frozen=True, slots=True)
 class DP1R(Record):
-    """The pulse counts (section 2.2, withheld by the document)."""
+    """The pulse counts (section 2.2; the document withholds this frame)."""
 
     a_pulses: int
     b_pulses: int
@@ -156,7 +157,10 @@ class BR1(Record):
 
 @dataclass(frozen=True, slots=True)
 class BR1V2(Record):
-    """The states of a driver with dialect v2: terminals, and the inputs that the terminals select."""
+    """The states of a driver with dialect v2.
+
+    ``io`` contains all terminals. ``external`` contains the input terminals with the bit numbers of the inputs.
+    """
 
     io: Flags
     external: Flags

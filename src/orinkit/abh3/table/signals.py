@@ -31,7 +31,7 @@ class Quantity:
         name: Name for programs.
         title: Name for people.
         unit: Unit of the value.
-        steps: Codes per unit; 0 if the frame contains the number itself as a single float.
+        steps: Number of codes per unit; 0 if the frame contains the value itself as a single-precision float.
         low: Lowest code.
         high: Highest code.
         whole: True if the value is a whole number, an ``int``.
@@ -209,7 +209,7 @@ class SignalField:
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """A frame with data.
+    """The layout of a frame that contains data.
 
     Attributes:
         name: Name of the type in section 4.10 of the document.
@@ -233,7 +233,7 @@ class FrameLayout:
 
     @property
     def struct(self) -> Struct:
-        """The byte layout."""
+        """The byte layout of the fields, for encoding and decoding."""
         return Struct("<" + "".join(field.code for field in self.fields))
 
     @property
@@ -293,8 +293,10 @@ class Dialect:
     Attributes:
         name: ``"v1"``, ``"v2"``.
         title: Name for people.
-        inputs: The word that the host sends ("input" in v1, "operation" in v2).
+        inputs: Flag word that the host sends (called "input" in v1, "operation" in v2).
         control: The control flags: inputs and terminals combined.
+        errors: Flag word of the errors.
+        warnings: Flag word of the warnings.
         io: The terminals.
         layouts: The frames by name.
     """

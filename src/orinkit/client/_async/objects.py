@@ -62,7 +62,7 @@ class AsyncObjectBase(AsyncClosing):
             self.client.handles.add_orphan(self.functions.release, self.handle)
 
     async def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call a function of this object; add the name of the object to the exception if the controller returns an error.
+        """Call a function of this object; add the object's name to the exception if the controller returns an error.
 
         Raises:
             CallError: If the controller returned an error code.

@@ -173,7 +173,7 @@ class AsyncRobot(AsyncArmBase):
     async def move_c(
         self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]
     ) -> AsyncMotion:
-        """Move the tool along an arc through ``via`` to ``end``."""
+        """Move the tool along an arc from its current position through ``via`` to ``end``."""
         segment = MotionSegment(common.literal_end(end))
         return await self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 

@@ -287,7 +287,7 @@ class AsyncStream(AsyncSlaveMode):
     # --- feedback -----------------------------------------------------------------------------------------------
 
     async def feedback(self) -> AsyncIterator[Sample]:
-        """Iterate over all further samples, until the end of the block."""
+        """Yield all samples from now on, until the end of the block."""
         streaming = self._alive()
         reader = SampleReader(streaming.shared, streaming.shared.samples)
         while self._streaming is streaming and not streaming.ended:

@@ -59,7 +59,7 @@ class CallRequest(NamedTuple):
         function: Function of CAO.
         arguments: Arguments of the function, in order, with defaults filled in.
         seconds: Time-out in s; on UDP and serial lines, of each attempt.
-        exact: True to return the result with its type.
+        exact: True to return the result with its VARIANT type.
         deadline: Maximum duration of the call in s; ``None`` for no limit.
     """
 
@@ -155,8 +155,8 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
     """Check ``alive``, the interval in s within which the server must receive a sign of life from the client.
 
     Raises:
-        InvalidValue: If the value is not a number from 0.3 to 3,600, if the dialect has no options, or if the option
-            string of Service_Start already contains ``Alive``.
+        InvalidValue: If the value is not a number from 0.3 to 3,600, if Service_Start has no options in the dialect,
+            or if the option string of Service_Start already contains ``Alive``.
     """
     if seconds is None:
         return

@@ -38,7 +38,7 @@ class MotionSegment:
         target: End of the motion according to the commanded pose; ``None`` if the pose does not determine it.
         start: Joints at the start; ``None`` if unknown.
         end: Joints at the end, from the target or from DestJnt; ``None`` if unknown.
-        before: Previous motion, until this one is known to have begun; ``None`` if unknown.
+        before: Segment of the previous motion; ``None`` if it is unknown, or if this motion is known to have begun.
         begun: True if the motion is known to have begun.
     """
 
@@ -67,7 +67,7 @@ class MotionSegment:
         """Record the state immediately after the controller has accepted the motion.
 
         Args:
-            before: Previous motion.
+            before: Segment of the previous motion.
             start: Joints of the arm if no other motion is pending; otherwise ``None``.
             destination: Result of DestJnt.
         """
@@ -98,7 +98,10 @@ class MotionSegment:
             self.before = None
 
     def left_behind(self, destination: J) -> bool:
-        """Return True if the arm certainly executes a later motion: this one has begun, and DestJnt is not its end."""
+        """Return True if the arm certainly executes a later motion.
+
+        This is the case if this motion has begun and its end is not the result of DestJnt.
+        """
         return self.begun and self.end is not None and not near(destination, self.end)
 
     def fraction(self, now: J) -> float:
@@ -228,7 +231,13 @@ def _rounded(pose: J | P) -> J | P:
 
 
 def note_failure(error: BaseException, problem: OrinError, profile: TransportProfile) -> None:
-    """Add a note on a failed step of the clean-up to an exception; a lost connection is noted only once."""
+    """Add a note about a failed step of the clean-up to an exception; a lost connection is noted only once.
+
+    Args:
+        error: Exception that receives the note.
+        problem: Exception that the step raised.
+        profile: Properties of the transport.
+    """
     if not isinstance(problem, TransportError):
         error.add_note(tr("orinkit: error during clean-up: {problem}", problem=problem))
         return

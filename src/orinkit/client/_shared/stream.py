@@ -188,7 +188,7 @@ def broken_off(sent: int) -> StreamError:
 
 
 def sample_of(raw: RawSample, began_ns: int) -> Sample:
-    """Convert a sample of the streaming process to the public class; times are relative to ``began_ns``."""
+    """Convert a sample of the streaming process to a :class:`Sample`, with times in s since ``began_ns``."""
     own: dict[str, Any] = {}
     more: dict[str, Any] = {}
     for name, value in raw.values.items():

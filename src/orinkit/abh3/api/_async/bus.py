@@ -1,6 +1,6 @@
 """Open CAN buses and the ABH3 drivers on them, in asyncio.
 
-The synchronous twin is generated from this file by ``tools/make_sync.py``.
+The synchronous version is generated from this file by ``tools/make_sync.py``.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ async def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSet
 
     Args:
         at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. orinkit does not close a python-can
-            bus. While it is in use, nothing else may receive from it.
+            bus. While orinkit uses a python-can bus, no other code may receive from it.
         **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given.
 
     Raises:
