@@ -3,8 +3,8 @@
 :meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``. The caller sends ``data`` to the controller
 if it is not empty, and then waits up to ``seconds`` for received bytes. If ``seconds`` is ``None``, the caller
 continues the previous wait. The caller passes the received bytes to the generator: ``b""`` if the peer has closed the
-connection, ``None`` after a time-out. The generator returns the return code and the result. The two functions in
-:mod:`orinkit.transport` that run such generators do the I/O.
+connection, ``None`` after a time-out. The generator returns the return code and the result. The runners in
+:mod:`orinkit.transport.runner` execute such generators and do the I/O.
 
 On unreliable transports (:mod:`orinkit.bcap.profiles`), a request without a reply is repeated. The controller
 recognizes the duplicate by the reserved field and executes the request once.
@@ -43,7 +43,7 @@ _STOP_REPEATS: Final = 3
 
 
 class BcapConversation:
-    """Requests and replies of one client over one link, one at a time.
+    """The client side of the conversation on one link: creates requests and interprets replies, one call at a time.
 
     Args:
         limits: limits of a packet; the limits of the profile also apply.
@@ -286,7 +286,7 @@ class BcapConversation:
 
 
 def sign_of_life(handle: int) -> bytes:
-    """Return a keep-alive packet that may be sent over a stream during a call: Controller_GetName.
+    """Return a keep-alive packet that may be sent over TCP during a call: Controller_GetName.
 
     Its serial is 0, which no call uses. The client therefore drops the reply (E_BUSY_PROC).
     """
@@ -360,7 +360,7 @@ def _encoder(argument: Argument) -> Callable[[Any], bytes]:
 
 
 def _sized(encoder: Callable[[Any], bytes], vt_error_size: int) -> Callable[[Any], bytes]:
-    """Return an encoder with another size of VT_ERROR; that type occurs only in a VARIANT."""
+    """Return the encoder for another size of VT_ERROR; only the encoder of VARIANTs depends on that size."""
     if encoder is not codec.encode:
         return encoder
     return lambda value: codec.encode_variant(variant(value), vt_error_size)

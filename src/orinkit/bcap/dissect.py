@@ -70,7 +70,8 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
 
     Args:
         frame: a packet, possibly malformed.
-        kind: ``"request"`` or ``"reply"``; by default a code of 1 to 255 is a function id and any other a return code.
+        kind: ``"request"`` or ``"reply"``; by default, the code in the packet determines this: 1 to 255 is a function
+            id, any other code is a return code.
         request: the packet of the request, if ``frame`` is a reply.
     """
     dissector = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))

@@ -39,7 +39,7 @@ class Decision(Enum):
 
 @dataclass(frozen=True, slots=True)
 class CachedReply:
-    """A reply without its serial."""
+    """A stored reply, without its serial, which differs for each attempt."""
 
     code: int
     count: int = 0
@@ -143,7 +143,7 @@ class DuplicateFilter:
         return decision
 
     def _is_another(self, now: float) -> bool:
-        """Return True if a Service_Start with the number of an earlier one comes from a restarted client."""
+        """Return True if a Service_Start that has the number of an earlier one comes from a restarted client."""
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
@@ -165,7 +165,7 @@ class DuplicateFilter:
             del self._known[next(each for each in self._known if each != self._running)]
 
     def _is_late(self, number: int, now: float) -> bool:
-        """Return True if a request that is unknown or old has a number below the newest one."""
+        """Return True if a request is late: its number is below the newest number."""
         newest = self._known.get(self._newest)
         if newest is None or not newest.reserved or now - newest.time >= MEMORY:
             return False

@@ -22,7 +22,7 @@ from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 SOH: Final = 0x01
 EOT: Final = 0x04
 OVERHEAD: Final = 16
-"""Bytes of a packet without arguments and CRC."""
+"""Number of bytes of a packet without arguments and without CRC."""
 
 HEADER: Final = struct.Struct("<BIHHIH")
 _BODY: Final = HEADER.size
@@ -63,7 +63,7 @@ def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, 
 
 
 def with_room(body: bytes) -> bytearray:
-    """Return encoded arguments with room for the header and EOT of a packet, to be filled by :func:`pack_around`."""
+    """Return a buffer with encoded arguments, EOT, and room for the header, which :func:`pack_around` fills in."""
     room = bytearray(_BODY + len(body) + 1)
     room[_BODY:-1] = body
     room[-1] = EOT
@@ -189,7 +189,7 @@ def _no_packet(data: bytes | bytearray) -> ProtocolError:
 
 
 class FramerBase:
-    """Base of the framers: the limits and the received bytes."""
+    """Base class of the framers: stores the limits and the received bytes."""
 
     def __init__(self, limits: PacketLimits) -> None:
         self.limits = limits
@@ -202,7 +202,7 @@ class FramerBase:
 
 
 class Framer(FramerBase):
-    """Extracts packets from a byte stream that may be split anywhere.
+    """Extracts packets from a byte stream, which may arrive in pieces of any size.
 
     Every packet must begin where the previous one ends. A first byte other than SOH, an impossible length, or a last
     byte other than EOT raises an exception. All later calls then raise it too: the framer does not search for another
@@ -211,7 +211,7 @@ class Framer(FramerBase):
     """
 
     skipped_bytes = 0
-    """Always 0: no bytes are skipped in a stream."""
+    """Always 0: no bytes are skipped in a byte stream."""
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         super().__init__(limits)
@@ -219,15 +219,15 @@ class Framer(FramerBase):
 
     @property
     def partial_serial(self) -> int:
-        """Always 0: not used for a stream."""
+        """Always 0: not used for a byte stream."""
         return 0
 
     def resync(self) -> bytes | None:
-        """Return None: in a stream, an incomplete packet contains no other packet."""
+        """Return None: in a byte stream, an incomplete packet contains no other packet."""
         return None
 
     def discard_incomplete(self) -> bytes | None:
-        """Return None: in a stream, the rest of a packet is never lost."""
+        """Return None: in a byte stream, the rest of a packet is never lost."""
         return None
 
     def feed(self, data: bytes) -> bytes | None:

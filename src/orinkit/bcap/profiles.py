@@ -1,6 +1,6 @@
 """Transport profiles of b-CAP: stream (TCP), datagrams (UDP), serial line (b-CAP/COM).
 
-A :class:`BcapProfile` describes the differences. On a stream, nothing is lost, and data that is not a packet ends the
+A :class:`BcapProfile` describes the differences. Over TCP, nothing is lost, and data that is not a packet ends the
 connection. On the other two transports, a packet may be lost, so a client repeats a request without a reply. Each
 attempt has a new serial. Its reserved field contains the serial of the first attempt, by which a server recognizes the
 request (:mod:`orinkit.bcap.duplicate_filter`).
@@ -67,7 +67,7 @@ class DatagramFramer:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the packet in a datagram, even if it is too long, so that the server can send a reply."""
+        """Return the packet in a datagram, even a packet that is too long, so that the server can reply to it."""
         if packet.is_whole(data):
             return data
         self.skipped_bytes += len(data)
@@ -119,7 +119,7 @@ LINE: Final = BcapProfile(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True),
     crc=True, lossy=True, shared=True, uses_watchdog=False, packet=65536, timeout=0.5,
 )  # fmt: skip
-"""Time-outs of 500 ms: RC8 table 5-1."""
+"""The profile of serial lines; the time-out of 500 ms is from RC8 table 5-1."""
 
 LEAST_TRIES: Final = 1
 MOST_TRIES: Final = 7

@@ -12,7 +12,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 LEAST: Final = packet.OVERHEAD + 2
-"""Bytes of a packet without arguments, with its CRC."""
+"""Number of bytes of a packet without arguments, including its CRC."""
 
 _MAX_WORK: Final = 1 << 20  # if wrong checksums were computed over more bytes than this, the buffer is discarded
 _LAST_FUNCTION: Final = len(FUNCTIONS)
@@ -23,9 +23,9 @@ _HEAD: Final = packet.HEADER.size
 class LineFramer(packet.FramerBase):
     """Finds packets between noise: each packet must be complete and have a correct CRC.
 
-    If a sequence of bytes is not a packet, the search continues immediately after its first byte, so that no packet is
-    lost with the noise before it. Noise may look like a header and announce bytes that never arrive. Therefore the
-    caller calls :meth:`timeout` after a period of silence on the line.
+    If a sequence of bytes is not a packet, the search continues immediately after its first byte, so that noise before
+    a packet does not cause the loss of the packet. Noise may look like a header and announce bytes that never arrive.
+    Therefore the caller calls :meth:`discard_incomplete` after a period of silence on the line.
 
     Args:
         limits: limits of a packet.
@@ -92,9 +92,9 @@ class LineFramer(packet.FramerBase):
     def resync(self) -> bytes | None:
         """Return a complete packet that follows the header of an incomplete one, and skip everything before it.
 
-        Noise may look like a header. If the line is never silent, :meth:`timeout` is not called, and this method finds
-        the packets after the false header. A valid packet whose arguments contain other packets looks the same.
-        Therefore call this method only if a packet takes far too long.
+        Noise may look like a header. If the line is never silent, :meth:`discard_incomplete` is not called, and this
+        method finds the packets after the false header. A valid packet whose arguments contain other packets looks the
+        same. Therefore call this method only if a packet takes far too long.
         """
         buffer = self._buffer
         start = buffer.find(packet.SOH, 1)

@@ -35,7 +35,7 @@ _FAILED: Final = 0x8000_0000
 _OVERDUE: Final = 0.5  # s; if a packet on a serial line is incomplete for longer, a packet inside it is accepted
 _NEVER: Final = float("inf")
 LARGE: Final = 16 * 1024
-"""Size in bytes from which packets are decoded, and results encoded, outside the event loop."""
+"""Size in bytes above which packets are decoded, and results encoded, outside the event loop."""
 
 logger = logging.getLogger("orinkit.bcap.server")
 
@@ -89,8 +89,8 @@ class Encoded(NamedTuple):
     Attributes:
         code: the error code; ``None`` if the result can be sent.
         body: one encoded argument.
-        room: for a large result, used instead of ``body``: the encoded argument with room for the rest of the packet,
-            so that the argument is not copied.
+        room: for a large result, used instead of ``body``: a buffer with the encoded argument and room for the rest of
+            the packet, so that the argument is not copied.
     """
 
     code: int | None
@@ -102,7 +102,7 @@ Action: TypeAlias = Send | Execute | Decode | Close | EndSession
 
 
 class ServerConversation:
-    """Requests and replies of one client.
+    """The server side of the conversation with one client.
 
     Args:
         limits: limits of a packet.
@@ -117,7 +117,8 @@ class ServerConversation:
         stopped: True from the reply to Service_Stop until the next request.
         packets: number of complete packets received.
         calls: number of calls that were passed on for execution.
-        max_silence: longest silence that the client has announced, s; ``None`` for no such limit; set by ``Alive=<ms>``.
+        max_silence: longest silence that the client has announced, s; ``None`` for no such limit; set by
+            ``Alive=<ms>``.
         last_request_at: time of the last complete request.
         last_reply_at: time of the last reply to a call.
     """
@@ -158,7 +159,7 @@ class ServerConversation:
 
     @property
     def discardable_bytes(self) -> int:
-        """Number of bytes of an incomplete packet that may never be completed; 0 on a stream.
+        """Number of bytes of an incomplete packet that may never be completed; 0 over TCP.
 
         See :meth:`discard_incomplete`.
         """
@@ -176,7 +177,8 @@ class ServerConversation:
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
         """Process received bytes; yield the actions, one at a time.
 
-        If an :class:`Execute` is finished before the next action is requested, the next call is not refused as busy.
+        If the caller passes the result of an :class:`Execute` to :meth:`finish` before it requests the next action, the
+        next call is not refused with E_BUSY_PROC.
 
         Args:
             data: the bytes received.
@@ -272,7 +274,7 @@ class ServerConversation:
         return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
 
     def _take(self, frame: bytes, serial: int, reserved: int, function_id: int, count: int, end: int) -> Action:
-        """Decode a new request, to be executed or refused."""
+        """Decode a new request, and return the action that executes or refuses it."""
         self.stopped = False
         self._serial, self._reserved = serial, reserved
         if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many arguments
@@ -311,7 +313,7 @@ class ServerConversation:
         yield from self._with_next(self._call(decode.serial, decode.function_id, arguments))
 
     def _call(self, serial: int, function_id: int, arguments: list[Variant] | ProtocolError) -> Action:
-        """Return the call of a decoded request, or its refusal."""
+        """Return the action that executes or refuses a decoded request."""
         if isinstance(arguments, ProtocolError):
             error = arguments
             if self._dialect.closes_on_malformed_packet and error.code == hresult.E_INVALIDRCVPACKET:

@@ -1,9 +1,9 @@
-"""A CAN bus shared by several tasks of an event loop; the synchronous twin is :mod:`orinkit.can.shared_bus`.
+"""A CAN bus shared by several tasks of an event loop; the synchronous counterpart is :mod:`orinkit.can.shared_bus`.
 
 If the bus has a descriptor that reports pending frames, the event loop watches the descriptor. Otherwise a thread reads
-the bus and passes the frames to the loop. This applies to virtual buses, most drivers on Windows, and the interface
-serial of python-can. Frames are read even if no task waits for them. All methods must be called in the event loop in
-which the shared bus was created.
+the bus and passes the frames to the loop. The thread is required for virtual buses, most drivers on Windows, and the
+interface serial of python-can. Frames are read even if no task waits for them. All methods must be called in the event
+loop in which the shared bus was created.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
     @classmethod
     async def open(cls, address: CanAddress) -> Self:
-        """Open a bus to be shared, in a thread, because opening may block.
+        """Open a bus in a thread, because opening may block, and return it as a shared bus.
 
         Raises:
             InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
@@ -76,8 +76,8 @@ class AsyncSharedCanBus(SharedBusBase):
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
-            accepts: Returns True if a frame is for the receiver; must not raise.
-            size: Frames to buffer; beyond that, the oldest are dropped.
+            accepts: Callback that returns True if a frame is for the receiver; it must not raise exceptions.
+            size: Maximum number of buffered frames; if there are more, the oldest ones are dropped.
         """
         port = AsyncCanReceiver(self, accepts, size)
         self._ports += (port,)
@@ -91,7 +91,7 @@ class AsyncSharedCanBus(SharedBusBase):
         port.wake()
 
     def check(self, port: AsyncCanReceiver | None = None) -> None:
-        """Raise an exception if shared bus or receiver are closed, the bus is lost, or this is another event loop."""
+        """Raise an exception if bus or receiver is closed, the bus is lost, or the caller is in another event loop."""
         self._check_usable(port)
         if asyncio.get_running_loop() is not self._loop:
             raise other_loop()
@@ -103,7 +103,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Seconds to wait until the interface accepts a frame, for each frame, at most 0.05.
+            seconds: Time to wait for each frame until the interface accepts it, s; at most 0.05.
         """
         for frame in frames:
             checked(frame)
@@ -145,7 +145,7 @@ class AsyncSharedCanBus(SharedBusBase):
             )  # python-can may have buffered frames, which the descriptor does not report
 
     def _dispatch_pending(self, limit: int) -> bool:
-        """Dispatch pending frames, up to a limit; return True if more may be pending."""
+        """Pass pending frames to their receivers, up to a limit; return True if more may be pending."""
         try:
             for _ in range(limit):
                 frame = self._bus.receive(0.0)
@@ -158,7 +158,7 @@ class AsyncSharedCanBus(SharedBusBase):
         return True
 
     def _thread_ready(self) -> None:
-        """Dispatch the new frames of the reading thread, or handle its end."""
+        """Pass the new frames of the reading thread to their receivers, or handle the end of the thread."""
         thread = self._thread
         if thread is None:
             return
@@ -173,7 +173,7 @@ class AsyncSharedCanBus(SharedBusBase):
                 port.put(frame)
 
     async def dispatch_arrived(self) -> None:
-        """Dispatch all frames that have arrived until now."""
+        """Pass all frames that have arrived until now to their receivers."""
         if self._watched >= 0:
             self._dispatch_pending(_MAX_DRAINED)
             return
@@ -273,7 +273,10 @@ class AsyncCanReceiver(ReceiverBase):
                 waiter.set_result(None)
 
     def send(self, frames: Sequence[CanFrame], seconds: float) -> None:
-        """Send frames; see :meth:`AsyncSharedCanBus.send`. It is not a coroutine, so it cannot be cancelled halfway."""
+        """Send frames; see :meth:`AsyncSharedCanBus.send`.
+
+        This method is not a coroutine, so it cannot be cancelled halfway.
+        """
         self.line.send(frames, seconds)
 
     async def receive(self, seconds: float) -> CanFrame | None:
@@ -331,7 +334,7 @@ async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
     """Run an operation in asyncio and return its result.
 
     After a cancelled operation, the receiver can still be used: the next operation that has a ``fresh`` step drops the
-    frames that were not received.
+    frames that the cancelled operation did not receive.
 
     Args:
         operation: The operation.
@@ -370,8 +373,8 @@ def _finish(waiter: asyncio.Future[None]) -> None:
 def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
     """Run a function in a daemon thread, and return a future with its result.
 
-    The function may block forever, for example because it opens a bus. A thread of the loop's executor is not used: it
-    would then prevent the program from exiting.
+    The function may block forever, for example because it opens a bus. Therefore no thread of the loop's executor is
+    used: such a thread would prevent the program from exiting.
     """
     loop = asyncio.get_running_loop()
     result: asyncio.Future[T] = loop.create_future()

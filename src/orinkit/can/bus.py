@@ -1,4 +1,4 @@
-"""CAN buses of python-can: open, send, receive, and map their errors.
+"""CAN buses of python-can: open, send, receive, and convert errors to exceptions of orinkit.
 
 Shared buses are in :mod:`orinkit.can.shared_bus` and :mod:`orinkit.can.aio_shared_bus`.
 """
@@ -82,7 +82,7 @@ def to_frame(message: can.Message) -> CanFrame | None:
 
 
 class Bus:
-    """A CAN bus that sends and receives frames, and raises the errors of orinkit.
+    """A CAN bus that sends and receives frames, and raises exceptions of orinkit.
 
     One thread at a time may receive and one may send; these may be different threads. Any thread may close the bus.
 
@@ -176,7 +176,8 @@ class Bus:
     def _is_taken(self, error: BaseException) -> bool:
         """Return True if a port accepted the frame despite a time-out: pyserial checks the time after writing.
 
-        If the port can accept more bytes, it did not cause the time-out; then this program was suspended.
+        If the port can accept more bytes, its buffer was not full. The time-out then occurred because this program was
+        suspended.
         """
         late = type(error.__cause__).__name__ == _LATE_WRITE
         return late and self._descriptor >= 0 and os.name != "nt" and _takes_more(self._descriptor)
@@ -244,7 +245,7 @@ class Bus:
     def _more(self, empty: int) -> bool:
         """Return True if a frame may be pending although none was returned.
 
-        With a filter or with slcan, one reception may remove a message without returning a frame.
+        With a filter or with slcan, one call of python-can's ``recv`` may remove a message without returning a frame.
         """
         if self.tells:
             return not self._nothing()
@@ -334,7 +335,10 @@ class Bus:
         self._use(open_bus(address))
 
     def close(self) -> None:
-        """Close the bus if it is owned. A reception in another thread ends with an error or after its time-out."""
+        """Close the bus if this object owns it.
+
+        A reception in another thread ends with an error, or after its time-out.
+        """
         if self._own:
             shut(self._bus)
 

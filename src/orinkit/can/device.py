@@ -8,7 +8,7 @@ from orinkit.can.frame import CanFrame
 
 
 class DeviceClock(Protocol):
-    """A clock like those of :mod:`orinkit.virtual.clock`."""
+    """The clock of a device; the clocks of :mod:`orinkit.virtual.clock` have this interface."""
 
     scale: float
     """Seconds of the clock per real second."""
@@ -26,13 +26,13 @@ class CanDevice(Protocol):
 
     @property
     def clock(self) -> DeviceClock:
-        """The clock of :meth:`due`."""
+        """The clock to which the times of :meth:`due` refer."""
 
     def receive(self, frame: CanFrame) -> list[CanFrame]:
         """Process a frame for any destination, and return the frames to be sent now."""
 
     def advance(self) -> list[CanFrame]:
-        """Do what is due by the clock, and return the frames to be sent."""
+        """Perform the actions that are due according to the clock, and return the frames to be sent."""
 
     def due(self) -> float | None:
         """Return the next time to call :meth:`advance`, in s of the clock; ``None`` to wait for a frame."""

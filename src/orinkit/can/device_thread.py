@@ -53,7 +53,7 @@ class IsolatedDevice:
             return []
 
     def advance(self) -> list[CanFrame]:
-        """Call the device to do what is due, and return the frames that it sends."""
+        """Make the device perform the actions that are due, and return the frames that it sends."""
         now = monotonic()
         self._not_before, self._not_after = now + _SHORTEST_WAIT, now + _LONGEST_WAIT
         try:

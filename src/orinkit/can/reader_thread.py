@@ -23,12 +23,12 @@ class BusReader(threading.Thread):
     Args:
         bus: The bus; nothing else may read it.
         loop: The event loop to notify.
-        came: Called in the loop when there are frames or an error.
+        came: Callback invoked in the loop when there are new frames or an error.
 
     Attributes:
         stopping: Set this to True to end the thread; it ends within a fraction of a second.
         quiet: True while the thread has read all frames that have arrived, and waits for more.
-        error: The error that ended the thread.
+        error: The error that ended the thread; ``None`` if there was none.
     """
 
     def __init__(self, bus: Bus, loop: asyncio.AbstractEventLoop, came: Callable[[], None]) -> None:

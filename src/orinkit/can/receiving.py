@@ -12,7 +12,7 @@ from orinkit.core.errors import ConnectionLost
 from orinkit.transport.link_errors import closed
 
 Accepts: TypeAlias = Callable[[CanFrame], bool]
-"""Filter of a receiver. It must neither block nor raise. On a bus shared by threads, each of them may call it."""
+"""Filter of a receiver. It must neither block nor raise. On a bus shared by threads, each thread may call it."""
 
 SIZE: Final = 256
 """Maximum number of frames buffered in a receiver."""
@@ -44,7 +44,7 @@ class SharedBusBase:
     """The state of a shared bus.
 
     Args:
-        bus: The bus. From now on, nothing else may receive from it. If it is owned, it is closed with the shared bus.
+        bus: The bus, which is closed with the shared bus. From now on, nothing else may receive from it.
     """
 
     def __init__(self, bus: Bus) -> None:

@@ -29,7 +29,7 @@ class ReconnectingBus:
     """A bus that is reopened after a loss. All methods except :meth:`close` are called from one thread.
 
     Args:
-        at: Address of the bus, or an open python-can bus, which is not closed.
+        at: Address of the bus, or an open python-can bus, which :meth:`close` does not close.
         ending: Event that is set when the server ends.
 
     Raises:
@@ -94,7 +94,7 @@ class ReconnectingBus:
             self._quiet_until = monotonic() + _QUIET
 
     def close(self) -> None:
-        """Close the bus, unless it was passed in open."""
+        """Close the bus, unless an open python-can bus was passed to the constructor."""
         self._ending.set()
         opener = self._opener
         if opener is not None:
@@ -121,7 +121,7 @@ class ReconnectingBus:
         self._opener.start()
 
     def _open_again(self) -> None:
-        """Try to open the bus until this succeeds. It runs in a separate thread, because opening may take long."""
+        """Try to open the bus until this succeeds; run in a separate thread, because opening may take long."""
         last = self._last
         assert last is not None
         last.close()
@@ -149,14 +149,14 @@ class ReconnectingBus:
         return bus
 
     def _record_success(self, received: bool) -> None:
-        """Record a call without an error."""
+        """Record a call of the bus without an error."""
         if self._back_at is not None and (received or monotonic() - self._back_at >= _PROVEN):
             _log.info("the CAN bus %s is back", self.url)
             self._is_lost, self._back_at, self._delay = False, None, _FIRST_DELAY
 
 
 def _url(bus: can.BusABC) -> str:
-    """Return a name in the form of a URL for a bus that was passed in open."""
+    """Return a name in the form of a URL for a python-can bus that the caller has opened."""
     from can.interfaces import BACKENDS
 
     kind = (type(bus).__module__, type(bus).__name__)

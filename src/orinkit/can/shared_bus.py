@@ -4,7 +4,7 @@ There is no background thread. The first thread that waits for a frame becomes t
 all receivers. Another thread that waits is woken when a frame for its receiver arrives. When the reading thread returns
 from its call, one of the waiting threads becomes the reading thread.
 
-A lost bus stays broken until :meth:`SharedCanBus.reopen`. The asyncio twin is :mod:`orinkit.can.aio_shared_bus`.
+A lost bus stays broken until :meth:`SharedCanBus.reopen`. The asyncio counterpart is :mod:`orinkit.can.aio_shared_bus`.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class SharedCanBus(SharedBusBase):
 
     @classmethod
     def open(cls, address: CanAddress) -> Self:
-        """Open a bus to be shared; blocks until it is open.
+        """Open a bus and return it as a shared bus; block until it is open.
 
         Raises:
             InvalidAddress, ConnectFailed, MissingExtra: As for :func:`orinkit.can.bus.open_bus`.
@@ -73,8 +73,8 @@ class SharedCanBus(SharedBusBase):
         """Return a receiver for future frames that match a filter; other receivers may get the same frames.
 
         Args:
-            accepts: Returns True if a frame is for the receiver.
-            size: Frames to buffer; beyond that, the oldest are dropped.
+            accepts: Callback that returns True if a frame is for the receiver.
+            size: Maximum number of buffered frames; if there are more, the oldest ones are dropped.
         """
         port = CanReceiver(self, accepts, size, self._lock)
         with self._lock:
@@ -88,7 +88,7 @@ class SharedCanBus(SharedBusBase):
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Seconds to wait until the interface accepts a frame, for each frame.
+            seconds: Time to wait for each frame until the interface accepts it, s.
 
         Raises:
             InvalidValue: If a frame is not valid; no frame was sent.
@@ -380,7 +380,7 @@ def run_can(operation: CanOperation[T], port: FrameLink) -> T:
     """Run an operation on the caller's thread and return its result.
 
     An exception such as KeyboardInterrupt ends the operation. The receiver can still be used: the next operation that
-    has a ``fresh`` step drops the frames that were not received.
+    has a ``fresh`` step drops the frames that the interrupted operation did not receive.
 
     Args:
         operation: The operation.

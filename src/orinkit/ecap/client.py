@@ -1,8 +1,8 @@
 """The client side of an e-CAP conversation, without I/O.
 
-:meth:`EcapConversation.call` is a generator like :meth:`orinkit.bcap.client.BcapConversation.call`: it yields the
-body of a request, and the caller sends the body of the reply to the generator. Line feeds before a reply mean that
-the call is still executing, as S_EXECUTING does in b-CAP. Requests are never repeated.
+:meth:`EcapConversation.call` is a generator like :meth:`orinkit.bcap.client.BcapConversation.call`: it yields the body
+of a request. The caller posts this body, and passes the body of the reply to the generator. Line feeds before a reply
+mean that the call is still executing, as S_EXECUTING does in b-CAP. Requests are never repeated.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STOP_TIMEOUT: Final = 1.0  # s
 
 
 class EcapConversation:
-    """Requests and replies of one client, one at a time.
+    """The client side of a conversation: creates requests and interprets replies, one call at a time.
 
     Args:
         limits: limits on a request and on a reply.
@@ -81,10 +81,10 @@ class EcapConversation:
         """Return a generator that calls a function; the module's docstring describes it.
 
         Args:
-            function: an entry of the table.
+            function: an entry of the table of functions.
             arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
             seconds: time-out, s; every line feed from the server restarts it.
-            exact: return the result as a :class:`~orinkit.values.variant.Variant`.
+            exact: True to return the result as a :class:`~orinkit.values.variant.Variant`.
             tries: ignored; only b-CAP over UDP and serial lines uses it.
             retry_timeout: ignored; only b-CAP over UDP and serial lines uses it.
             deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.

@@ -58,8 +58,8 @@ def read_fields(body: bytes) -> dict[str, FormField]:
     """Return the fields of a body by their names in lower case, including ``func``.
 
     Raises:
-        CallError: E_INVALIDARG if ``Func`` is missing, a field is repeated or unknown, an escape is invalid, or the bytes are
-            not UTF-8.
+        CallError: E_INVALIDARG if ``Func`` is missing, a field is repeated or unknown, an escape is invalid, or the
+            bytes are not UTF-8.
     """
     body = body.removeprefix(_MARK).rstrip(b"\r\n")
     if b"=" not in body and _WHOLE.match(body):
@@ -102,7 +102,7 @@ def _split(body: bytes) -> dict[str, bytes]:
 
 
 def _pieces(body: bytes) -> list[bytes]:
-    """Split a body into at most ``MOST + 1`` pieces."""
+    """Split a body at its separators into at most ``MOST + 1`` pieces."""
     pieces: list[bytes] = []
     at = 0
     while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:
@@ -112,7 +112,7 @@ def _pieces(body: bytes) -> list[bytes]:
 
 
 def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match[bytes] | None:
-    """Return the first match, as ``pattern.search`` does, but search slice by slice."""
+    """Return the first match, as ``pattern.search`` does; search slice by slice, so that other threads can run."""
     for at in range(start, len(data), _SLICE):
         found = pattern.search(data, at, at + _SLICE + _MARGIN)
         if found is not None and found.start() < at + _SLICE:

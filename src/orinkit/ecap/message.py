@@ -42,7 +42,7 @@ class EcapRequest(NamedTuple):
     """A call to be executed by :meth:`orinkit.cao.session.Session.invoke`.
 
     Attributes:
-        function: an entry of the table.
+        function: an entry of the table of functions.
         arguments: the arguments with their types, without empty optional arguments at the end.
     """
 
@@ -57,7 +57,7 @@ def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> b
     """Return the body of a call.
 
     Args:
-        function: an entry of the table.
+        function: an entry of the table of functions.
         arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
 
     Raises:
@@ -77,8 +77,9 @@ def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequ
     """Decode the body of a call.
 
     Raises:
-        CallError: E_INVALIDARG if the body is not a request or an argument is invalid; E_INVALIDARGTYPE if an argument is not
-            a number; E_NOTIMPL if the function is unknown; E_PACKETSIZEOVER or E_ARGSIZEOVER if a limit is exceeded.
+        CallError: E_INVALIDARG if the body is not a request or an argument is invalid; E_INVALIDARGTYPE if an argument
+            is not a number; E_NOTIMPL if the function is unknown; E_PACKETSIZEOVER or E_ARGSIZEOVER if a limit is
+            exceeded.
     """
     if len(body) > limits.packet:
         raise error_for(hresult.E_PACKETSIZEOVER, _too_long(len(body), limits))
@@ -253,7 +254,7 @@ _READERS: Final[dict[VarType, Callable[[str], Variant]]] = {
 
 
 def _read_number(text: str) -> Variant:
-    """Return a number of any type; the caller checks its range, as it does for b-CAP."""
+    """Return a text as a number of any type; the caller checks its range, as it does for b-CAP."""
     word = text.strip(BLANKS)
     if not word:
         raise refused(tr("expected a number, got an empty value"))
@@ -426,7 +427,10 @@ def _count(text: str, sign: str) -> int:
 
 
 def _has_slow(text: str) -> bool:
-    """Return True if a text may contain an array of a slow type, or many blanks, which could hide its type."""
+    """Return True if a text may contain an array whose type is slow to parse.
+
+    Many blanks also count as such an array, because they could hide the type.
+    """
     for at in range(0, len(text), _SLICE):
         heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))
         if any(head.isspace() or int(head) in _SLOW for head in heads):

@@ -14,8 +14,8 @@ def result_of(work: Any) -> Awaitable[Any]:
     """Return an awaitable for the result of a call.
 
     Args:
-        work: ``Pending.work``: a :class:`~orinkit.cao.provider.BlockingCall`, a :class:`~orinkit.cao.provider.Deferred`,
-            or an awaitable.
+        work: ``Pending.work``: a :class:`~orinkit.cao.provider.BlockingCall`, a
+            :class:`~orinkit.cao.provider.Deferred`, or an awaitable.
     """
     if type(work) is BlockingCall:
         return in_thread(work.run)

@@ -33,8 +33,9 @@ _SocketAddress: TypeAlias = tuple[Any, ...]  # socket address of a client: host 
 class UdpClient(ConnectionlessClient):
     """A client on UDP.
 
-    Its session begins with its first call. It ends with Service_Stop, or if nothing is received for :data:`IDLE_TIMEOUT`
-    while no call is in progress. The reply to the last request is stored for :data:`IDLE_TIMEOUT`, in case it was lost.
+    The client's session begins with its first call. It ends with Service_Stop, or if nothing is received for
+    :data:`IDLE_TIMEOUT` while no call is in progress. The reply to the last request is stored for :data:`IDLE_TIMEOUT`,
+    in case it was lost.
     """
 
     def __init__(self, udp_socket: UdpSocket, socket_address: _SocketAddress) -> None:

@@ -15,7 +15,7 @@ class AsyncPortLink(AsyncStreamLink, asyncio.Protocol):
 
     @classmethod
     async def open(cls, address: SerialAddress, seconds: float) -> Self:
-        """Open a serial port, as :meth:`orinkit.transport.serial.aio_port.AsyncSerialLink.open`, within the given seconds."""
+        """Open a port within the given seconds, as :meth:`orinkit.transport.serial.aio_port.AsyncSerialLink.open`."""
         chosen = settings(address)
         import serialx
 

@@ -116,7 +116,8 @@ def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
 
     Args:
         address: The address of the peer.
-        error: The error: refused (on Windows, reset) if the peer's machine has replied that no program listens at the address.
+        error: The error: "connection refused" (on Windows, "connection reset") if the peer's machine has replied that
+            no program listens at the address.
         heard: True if something was received from the peer before.
     """
     refused = isinstance(error, ConnectionRefusedError | ConnectionResetError)
