@@ -72,7 +72,7 @@ from orinkit.values.variant import Value, Variant
 _DECLARED: Final[WeakKeyDictionary[type, dict[tuple[str, str], Declared]]] = WeakKeyDictionary()
 """Declarations of each class and its base classes.
 
-They are not stored in an attribute of the class, because the author of the class may already use its name.
+They are not stored in an attribute of the class, because the author of the class may already use the same name.
 """
 
 

@@ -3,8 +3,8 @@
 Error codes of the controller are returned to the client unchanged. Errors between gateway and controller have these
 codes:
 
-* E_CAO_REMOTE_PROVIDER (0x80000209): the controller is unreachable, or it has deleted the client's handles, as after a
-  restart. The call was not executed.
+* E_CAO_REMOTE_PROVIDER (0x80000209): the controller is unreachable, or it has deleted the client's handles, for example
+  because of a restart. The call was not executed.
 * E_NOT_CONNECTED (0x80000902): the connection was lost during the call. The call may or may not have been executed; it
   is never repeated.
 * E_TIMEOUT (0x80000900): the controller did not reply in time. The call may or may not have been executed.

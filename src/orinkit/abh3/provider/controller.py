@@ -40,7 +40,7 @@ class CommandArbiter(Protocol):
         """Return True if the client has the right to command its driver."""
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that commands the same driver, ``None`` if no client does."""
+        """Return the client that commands the driver of ``controller``; ``None`` if no client commands it."""
 
     def release(self, controller: ABH3Controller) -> None:
         """Withdraw the right to command from a client."""

@@ -24,7 +24,10 @@ _CODES: Final[tuple[tuple[tuple[type[OrinError], ...], int], ...]] = (
 
 
 class map_errors:  # noqa: N801 - used like a statement
-    """Context manager that converts driver exceptions to CallError with the same text; E_FAIL if no other code fits."""
+    """Context manager that converts the exceptions of drivers to CallError with the same text.
+
+    The return code is E_FAIL if no other return code fits.
+    """
 
     def __enter__(self) -> None:
         return None

@@ -52,7 +52,10 @@ OFF: Final = 0x0000
 ON: Final = 0x8000
 """Value that means on, for parameters that are switches."""
 ACK: Final = 0x06
-"""Status of an executed request in replies that this module creates. Every status except NAK means executed."""
+"""Status of an executed request in replies that this module creates.
+
+In replies of drivers, every status except NAK means that the request was executed.
+"""
 NAK: Final = 0x15
 """Status of a refused request."""
 

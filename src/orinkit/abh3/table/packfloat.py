@@ -169,9 +169,9 @@ def from_float(value: float, *, rounding: Rounding = "round") -> int:
 
     Args:
         value: The value; it is rounded to single precision first.
-        rounding: ``"round"`` rounds the sixth digit to the nearest, and halves away from zero. The document's functions
-            do this if they are built for a processor that rounds towards zero. ``"trunc"`` cuts off all further digits,
-            as in other builds of these functions.
+        rounding: ``"round"`` rounds to the nearest number of six digits; a half is rounded away from zero. The
+            document's functions do this if they are built for a processor that rounds towards zero. ``"trunc"`` cuts
+            off all further digits, as other builds of these functions do.
 
     Raises:
         InvalidValue: If ``rounding`` has another value.

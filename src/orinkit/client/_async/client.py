@@ -65,7 +65,7 @@ class AsyncClient(AsyncClosing):
 
     Args:
         link: Link to the controller.
-        timeout: Initial value of the attribute ``timeout``; the default depends on the profile.
+        timeout: Initial value of the attribute ``timeout``; the default depends on the transport.
         tries: Initial value of the attribute ``tries``.
         limits: Limits on the size of received packets and on the values in them; the limits of the transport apply,
             too.

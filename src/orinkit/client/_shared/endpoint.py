@@ -29,11 +29,11 @@ _MIN_OPEN_TIMEOUT: Final = 1.0  # s, because name resolution takes time
 
 
 def opening_of(url: str, timeout: float | None, tries: int) -> tuple[AnyAddress, TransportProfile, float]:
-    """Return the address in a URL, its transport profile, and the time limit in s for opening the connection.
+    """Return the address in a URL, the properties of its transport, and the time limit in s for opening the connection.
 
     Args:
         url: URL of the controller.
-        timeout: Time-out of one attempt in s; ``None`` for the default of the profile.
+        timeout: Time-out of one attempt in s; ``None`` for the default of the transport.
         tries: Maximum number of times that a request is sent.
 
     Raises:

@@ -323,7 +323,10 @@ def as_target(pose: PoseLike) -> Target:
 
 
 def literal_end(pose: PoseLike) -> J | P | None:
-    """Return the end of a motion if the pose contains it as a J or P; otherwise, for example for ``"P1"``, ``None``."""
+    """Return the end of a motion to a pose, if the pose contains the end as J or P.
+
+    Otherwise, for example if the pose is the variable ``"P1"``, return ``None``.
+    """
     try:
         end = as_target(pose)
     except ValueError:  # the controller reports the error
