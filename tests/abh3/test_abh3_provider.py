@@ -208,7 +208,7 @@ def test_error_descriptions(server, option):
 @pytest.mark.parametrize(
     ("option", "code", "text"),
     [
-        ("", hresult.E_INVALIDARG, "no CAN bus is selected"),
+        ("", hresult.E_INVALIDARG, "the options do not select a CAN bus"),
         ("Interface=virtual,Channel={},Adress=3", hresult.E_INVALIDARG, "unknown option adress"),
         ("Interface=virtual,Channel={},Address=300", hresult.E_INVALIDARG, "0 to 253, not 300"),
         ("Interface=virtual,Channel={},Address=x", hresult.E_INVALIDARG, "is not a whole number"),
@@ -216,8 +216,8 @@ def test_error_descriptions(server, option):
         ("Interface=virtual,Channel={},Idle=-1", hresult.E_INVALIDARG, "0 to 3600 s"),
         ("Interface=virtual,Channel={},KeepAlive=2", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
         ("Interface=virtual,Channel={},KeepAlive=1e-9", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
-        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "only Bus=URL"),
-        ("Bitrate=500000", hresult.E_INVALIDARG, "no CAN bus is selected"),
+        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "or Bus=URL without these three options"),
+        ("Bitrate=500000", hresult.E_INVALIDARG, "the options do not select a CAN bus"),
         ("Interface=virtual,Channel=1,Bitrate=500000&port=7", hresult.E_INVALIDARG, "is not a whole number"),
         ("Interface=slcan,Channel=spy:///dev/ptmx?file=/tmp/x", hresult.E_INVALIDARG, "can only be set on the server"),
         ("Interface=serial,Channel=socket://127.0.0.1:5007", hresult.E_INVALIDARG, "can only be set on the server"),

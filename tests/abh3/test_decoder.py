@@ -98,8 +98,8 @@ def test_torque_makes_a_command_a_current():
 
 
 def test_load_units():
-    assert "A load = 6 %" in decoded(0x00FF2B01, "0000000006000200").text
-    assert "A load = 0.6 %" in decoded(0x00FF2B01, "0000000006000200", load_unit=0.1).text
+    assert "A axis load = 6 %" in decoded(0x00FF2B01, "0000000006000200").text
+    assert "A axis load = 0.6 %" in decoded(0x00FF2B01, "0000000006000200", load_unit=0.1).text
 
 
 @pytest.mark.parametrize("priority", range(8))
@@ -123,7 +123,7 @@ def test_priority_does_not_matter(priority):
         (0x00EA0102, "28ff00ff", "REQUEST 2 -> 1: 4 bytes instead of 3: 28 FF 00 FF, requested = BR0, group = 5"),
         (0x00EA0102, "28", "REQUEST 2 -> 1: 1 bytes instead of 3: 28"),
         (0x01EF0102, "", "DP1S 2 -> 1: requested = DP1R"),
-        (0x01EF0201, "01000000ffffffff", "DP1R 1 -> 2: A pulse count = 1 pulse, B pulse count = -1 pulse"),
+        (0x01EF0201, "01000000ffffffff", "DP1R 1 -> 2: A axis pulse count = 1 pulse, B axis pulse count = -1 pulse"),
         (0x00FF2F01, "0102", "BR7 1 -> all: data = 01 02"),
         (
             0x00EC0102,
@@ -163,11 +163,11 @@ def test_a_group():
     assert decoded(0x00FF0001, "00" * 8, group=0).name == "BR0"
     other = decoded(0x00FF0001, "00" * 8, group=5)
     assert (other.name, other.record) == ("", None)
-    assert other.text == "unknown 1 -> all: BR0 of group 0: 00 00 00 00 00 00 00 00"
+    assert other.text == "unknown 1 -> all: BR0 of another broadcast group, 0: 00 00 00 00 00 00 00 00"
     assert other.fault is not None
     i18n.use("ja")
     assert other.text == "不明 1 -> 全体: グループ 0 の BR0: 00 00 00 00 00 00 00 00"
-    assert other.fault.english == "BR0 of group 0: 00 00 00 00 00 00 00 00"
+    assert other.fault.english == "BR0 of another broadcast group, 0: 00 00 00 00 00 00 00 00"
 
 
 # --- hosts and drivers ------------------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def test_a_group():
 def test_neither_address_is_known():
     found = decoded(0x00EF0304, "0000000000000000")
     assert (found.name, found.record) == ("", None)
-    assert "single packet with unknown host" in found.text
+    assert "single packet of which the host cannot be determined" in found.text
 
 
 def test_known_hosts():

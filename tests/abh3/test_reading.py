@@ -38,8 +38,8 @@ def test_parameters_and_monitors_are_separate() -> None:
 
 
 def test_whole_numbers_keep_all_their_digits() -> None:
-    assert str(monitor(0x1054, 0x7FFFFFFF)) == "0x1054 A pulse count: 2147483647 pulse"
-    assert str(monitor(0x1064, 0xFFFFFFFF)) == "0x1064 B pulse count: -1 pulse"
+    assert str(monitor(0x1054, 0x7FFFFFFF)) == "0x1054 A axis pulse count: 2147483647 pulse"
+    assert str(monitor(0x1064, 0xFFFFFFFF)) == "0x1064 B axis pulse count: -1 pulse"
     assert str(monitor(0x0000, 0x80400001)) == "0x0000 error flags: 2151677953"
 
 

@@ -189,14 +189,14 @@ def test_the_tables() -> None:
 @pytest.mark.parametrize(
     ("address", "kind", "english"),
     [
-        (20704, "int", "A/Y source of the data (0 the driver, 2 CAN) #0"),
-        (20720, "int", "B/X source of the data (0 the driver, 2 CAN) #0"),
+        (20704, "int", "A/Y data source #0 (0: driver, 2: CAN)"),
+        (20720, "int", "B/X data source #0 (0: driver, 2: CAN)"),
         (0x5007, "pack", "A/Y velocity #7"),
         (0x5008, "pack", "B/X velocity #0"),
         (0x50D7, "pack", "B/X I gain #7"),
         (0x5129, "int", "B/X data select 2"),
         (0x5187, "bits", "digital output #7"),
-        (16663, "int", "zero command time-out, 0 for none"),
+        (16663, "int", "command time-out after which the driver sets its commands to 0, 0 for none"),
         (16656, "int", "broadcast reception 1"),
         (24960, "int", "PDU format of single packets"),
     ],

@@ -68,7 +68,7 @@ def test_s_executing_does_not_extend_a_deadline(timed: TimedConversation) -> Non
     timed.now = 110.5
     assert operation.send(timed.executing) == (b"", 0.0)
     with pytest.raises(
-        CallTimeout, match=r"deadline of 10 s; the controller reported that it was still executing"
+        CallTimeout, match=r"deadline of 10 s; the controller reported that the call was still executing"
     ) as late:
         operation.send(None)
     assert (late.value.executing, late.value.seconds) == (True, 10.0)

@@ -259,7 +259,7 @@ def test_the_wait_after_opening_an_adapter(
 def test_a_bus_of_the_caller_is_not_reopened() -> None:
     with open_bus(address_of("can://virtual/x")) as given_bus:
         bus = Bus(given_bus, own=False)
-        with pytest.raises(InvalidValue, match="not opened by its address"):
+        with pytest.raises(InvalidValue, match="only if it was opened by an address"):
             bus.reopen()
         bus.close()
         given_bus.send(__import__("can").Message())  # it is still open

@@ -666,7 +666,7 @@ def test_a_bus_that_breaks(lines: Lines, error: Exception) -> None:
         with pytest.raises(ConnectionLost, match="a bad bus: "):  # at once, although a frame arrived before
             lines.do(call, *arguments)
     assert bus.calls == calls
-    with pytest.raises(InvalidValue, match="not opened by its address"):
+    with pytest.raises(InvalidValue, match="only if it was opened by an address"):
         lines.do(line.reopen)
 
 

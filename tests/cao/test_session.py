@@ -708,7 +708,7 @@ def test_the_number_of_arguments(session, entry):
         else:
             reply = session.invoke(entry.id, given)
             assert reply.code == hresult.E_INVALIDARG
-            assert reply.detail == f"got {count} arguments, {entry.name} has {wanted}"
+            assert reply.detail == f"got {count} arguments, expected {wanted} for {entry.name}"
 
 
 def test_omitted_optional_arguments_have_their_defaults():

@@ -247,7 +247,7 @@ def test_bind(entry, arguments, named, bound):
             (3,),
             {"speed": 1},
             "Robot_Halt got an unknown or repeated argument 'speed'",
-            "引数 'speed' はない",
+            "引数 'speed' は存在しない",
         ),
         (
             functions.robot_halt,
@@ -261,7 +261,7 @@ def test_bind(entry, arguments, named, bound):
             (),
             {"option": None, "x": 1},
             "Service_Start got an unknown or repeated argument 'x'",
-            "引数 'x' はない",
+            "引数 'x' は存在しない",
         ),
     ],
 )

@@ -235,7 +235,7 @@ def test_monitor_prints_a_line_for_each_frame(run, traffic):
     lines = done.out.splitlines()
     assert len(lines) == 12
     assert any(
-        "00EF0201#B6FF0000DBFFDBFF  DP0R 1 -> 2: A velocity feedback = -14.8 min^-1, B velocity" in line
+        "00EF0201#B6FF0000DBFFDBFF  DP0R 1 -> 2: A axis velocity feedback = -14.8 min^-1, B axis velocity" in line
         for line in lines
     )
     assert all(line.startswith("(") for line in lines)
@@ -299,7 +299,7 @@ def test_rows_of_the_table():
     now += 1.0
     driver, unknown, broadcast = rows.lines()
     assert driver[:4] == ("DP0R 1 -> 2", "10.0", "1.0", "21")
-    assert driver[4].startswith("A velocity feedback = 4.0 min^-1")  # the last one
+    assert driver[4].startswith("A axis velocity feedback = 4.0 min^-1")  # the last one
     assert (unknown[0], broadcast[0]) == ("unknown 3 -> all", "BR0 3 -> all")
     now += 10.0
     assert rows.lines()[0][1:3] == ("0.0", "11.0")  # silent

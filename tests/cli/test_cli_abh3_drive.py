@@ -393,7 +393,7 @@ def test_a_program_that_was_suspended_does_not_continue(start, serve, program):
         until(lambda: not bench.abh3.state().moving)  # the driver stops by itself
     _, err = process.communicate(timeout=30)
     assert process.returncode == 1
-    assert "is not restarted" in err
+    assert "orinkit does not restart it" in err
     assert bench.at_rest
 
 

@@ -18,7 +18,7 @@ from orinkit.cli.abh3.logs import read_line
 from orinkit.core import i18n
 
 LINE = "(1.000000) can0 00EF0201#B6FF0000DBFFDBFF\n"
-ANSWER = "00EF0201#B6FF0000DBFFDBFF  DP0R 1 -> 2: A velocity feedback = -14.8 min^-1"
+ANSWER = "00EF0201#B6FF0000DBFFDBFF  DP0R 1 -> 2: A axis velocity feedback = -14.8 min^-1"
 FRAMES = [
     can.Message(timestamp=1000.25, arbitration_id=0x00EF0201, data=bytes.fromhex("b6ff0000dbffdbff"), channel="can0"),
     can.Message(timestamp=1, arbitration_id=0x00FF2801, data=b"12345678", is_rx=False, channel=0),

@@ -240,7 +240,7 @@ def test_a_reply_that_differs_ends_the_demo():
     with pytest.raises(CommandError) as caught:
         run_program("List", with_check(4, exactly(VarType.BOOL, True)), [], output.append, fields=False)
     assert str(caught.value) == (
-        "List, 4. Read it: the point is off: the reply is [Variant(VT_BOOL, False)]; "
+        "List, 4. Read IO150: the point is off: the reply is [Variant(VT_BOOL, False)]; "
         "the document has Variant(VT_BOOL, True)"
     )
     assert caught.value.code == 1

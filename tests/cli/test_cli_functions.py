@@ -41,7 +41,7 @@ def test_one_function_is_shown_in_detail(run, text):
 def test_the_details_show_the_function_that_releases_a_handle(run):
     out = run("functions", "Controller_GetRobot").out
     assert "-> Robot handle" in out
-    assert "released by  Robot_Release" in out
+    assert "handle released by  Robot_Release" in out
 
 
 def test_json_contains_all_details(run):

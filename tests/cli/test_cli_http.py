@@ -81,7 +81,7 @@ def test_a_token_does_not_protect_b_cap():
     assert "--tcp, --pty" in warning
     i18n.use("ja")
     (warning,) = _warnings(ServerOptions(ServerListenAddresses(http=("8080",), udp=("5007",)), http))
-    assert "--udp に接続できるクライアント" in warning
+    assert "--udp のアドレスに接続できるクライアント" in warning
 
 
 # --- addresses --------------------------------------------------------------------------------------------------------

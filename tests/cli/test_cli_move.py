@@ -131,7 +131,7 @@ def test_an_error_before_the_motion(refused, run, rc8, url):
     line = refused("move", url, POSE)
     assert "the controller reports 0x83204071 axis 1 is at its limit" in line
     command = f"orinkit call {url} Controller_Execute ClearError"
-    assert f"to clear it: {command}" in line
+    assert f"to clear the error: {command}" in line
     assert run(*command.split()[1:]).code == 0
     assert run("move", url, POSE).code == 0
 

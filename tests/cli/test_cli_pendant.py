@@ -455,7 +455,7 @@ def test_a_control_port_that_is_taken(refused):
     [
         (["--control", "127.0.0.1:99999"], "is not 0 to 65535"),
         (["--mode", "asleep"], "'asleep' is not a mode. Try: manual, teach or auto"),
-        (["--token", "me"], "unknown token 'me'"),
+        (["--token", "me"], "unknown executable token 'me'"),
         (["--model", "VS-999"], "VS-999: no such robot model or file"),
         (["--joints", "J(0, 0"], "--joints J(0, 0: "),
         (["--joints", "P(1, 2, 3, 4, 5, 6)"], "--joints P(1, 2, 3, 4, 5, 6): "),

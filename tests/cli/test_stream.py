@@ -138,7 +138,7 @@ def test_an_arm_at_another_position(run, refused, rc8, url, tmp_path):
     file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
     line = refused("stream", url, file, code=2)
     assert "the trajectory begins at J(3, 45, 90, 0, 45, 0)" in line
-    assert line.endswith("Try: --move")
+    assert line.endswith("; the option --move does this")
     assert joints(rc8) == pytest.approx(HOME)
     done = run("stream", url, file, "--move", "--speed", "90")
     assert done.code == 0
@@ -216,7 +216,7 @@ def test_an_error_during_the_stream(refused, rc8, url, when, tmp_path):
     [
         ([], "TRAJECTORY is missing"),
         (["none.csv"], "cannot read none.csv"),
-        (["wave.csv", "--mode", "7"], "Try: 0, 1 or 2"),
+        (["wave.csv", "--mode", "7"], "Try: mode 0, 1 or 2"),
         (["wave.csv", "--mode", "1.5"], "'1.5'"),
         (["wave.csv", "--pose", "X"], "J, P or T"),
         (["wave.csv", "--pose", "p"], "type J, expected P"),

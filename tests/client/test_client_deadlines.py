@@ -139,7 +139,7 @@ def test_connect_ends_by_its_deadline(both: Both, kind: str, short: float) -> No
                 both.connect(url, timeout=4 * short, deadline=short)
             if not late.value.executing:  # the machine stalled before the first report
                 raise TooSlow
-            assert "reported that it was still executing" in str(late.value)
+            assert "reported that the call was still executing" in str(late.value)
 
 
 @pytest.mark.parametrize("kind", ["tcp", "http"])

@@ -43,8 +43,8 @@ def test_a_connection_that_was_closed(note) -> None:
     assert "if the closing packet is lost, the arm stops only when the next client connects" in note(LINE)
     i18n.use("ja")
     assert "失われた" not in note(STREAM)
-    assert "10 秒以上無通信が続いた後" in note(DATAGRAM)
-    assert "終了をサーバに伝えられなかった場合は、60 秒以上" in note(HTTP)
+    assert "終了を伝えるパケットが失われた場合、アームが停止するのは 10 秒以上要求がなかったとき" in note(DATAGRAM)
+    assert "サーバに通知されない場合、アームが停止するのは 60 秒以上要求がなかったとき" in note(HTTP)
     assert "次のクライアントが接続したとき" in note(LINE)
 
 

@@ -240,7 +240,8 @@ def test_a_driver_that_does_not_reply_to_a_request(function):
     """A request commands nothing; a driver that replies to commands only has another broadcast group."""
     error = DriverTimeout(function, 1.0, 7)
     assert str(error).startswith(
-        f"{function}: no reply from ABH3 7 within 1 s. Try: if it replies to commands, check its broadcast group; "
+        f"{function}: no reply from ABH3 7 within 1 s. Try: if the driver replies to commands, check its "
+        "broadcast group (a parameter); "
     )
     assert "taken" not in str(error)
     assert "accepted" not in str(error)

@@ -106,10 +106,10 @@ def test_the_message_writes_the_number_as_the_document_does():
 
 @pytest.mark.parametrize(("buffering", "kind"), [(3, "P"), (-1, "J"), (0, "V"), (0, "p"), (0, ""), (None, None)])
 def test_what_no_mode_has(buffering, kind):
-    with pytest.raises(InvalidValue, match='each for "P", "J" and "T"'):
+    with pytest.raises(InvalidValue, match='with pose type "P", "J" or "T"'):
         sf.mode_number(buffering, kind)
     i18n.use("ja")
-    with pytest.raises(InvalidValue, match="はありません。モードは 0、1、2"):
+    with pytest.raises(InvalidValue, match="はありません。対処: モードは 0、1、2"):
         sf.mode_number(buffering, kind)
 
 
@@ -383,7 +383,7 @@ def test_giant_arrays_are_refused_by_their_length(kind, value):
 @pytest.mark.parametrize(
     ("kind", "behind", "match"),
     [
-        ("P", (0x40, 1), "value 8 of a P is 0x0040; flags of extended joints are 0x400040"),
+        ("P", (0x40, 1), "value 8 of a P is 0x0040; expected a flag of extended joints: 0x400040"),
         ("P", (0x400041, 1), "value 8 of a P is 0x400041;"),
         ("P", (0x400100, 1), "value 8 of a P is 0x400100;"),
         ("P", (0x400040 + 0.5, 1), "value 8 of a P is 4194368.5;"),
@@ -481,7 +481,7 @@ def test_invalid_poses(parameter, name):
         return
     mismatch(f"pose: got {name}, expected an array of numbers", sf.read_set_point, "J", parameter, *POSE_ONLY)
     i18n.use("ja")
-    mismatch(f"位置には数値の配列が必要ですが {name} です", sf.read_set_point, "J", parameter, *POSE_ONLY)
+    mismatch(f"ポーズには数値の配列が必要ですが {name} です", sf.read_set_point, "J", parameter, *POSE_ONLY)
 
 
 # --- slvMove's parameter: with other parts ----------------------------------------------------------------------------
@@ -760,7 +760,7 @@ NAMES = {
     "mini": "mini I/O",
     "hand": "hand I/O",
     "user": "user I/O to send",
-    "window": "user I/O requested for the result",
+    "window": "user I/O to receive",
 }
 WANTING = {
     "mini": (SendBits.MINI, ReceiveFormat()),

@@ -441,7 +441,7 @@ def test_set_points_may_brake_as_hard_as_allowed_right_to_the_end() -> None:
         (
             (0.0, 45.0, 90.0, 0.0, 45.0, 0.5),
             "J6: at 0.5 the step differs from the last step by 0.5, which is 0.282 too much: the acceleration limit of 3400/s^2 allows 0.2176 in 0.008 s",
-            "J6: 0.5 では指令値の増分が 0.5 変化します。加速度 3400/s^2 で 0.008 秒に許される 0.2176 を 0.282 超えています",
+            "J6: 0.5 では指令値の増分が直前の増分から 0.5 変化します。加速度 3400/s^2 で 0.008 秒に許される 0.2176 を 0.282 超えています",
         ),
     ],
 )
@@ -462,7 +462,7 @@ def test_check_says_that_the_arm_could_not_be_braked() -> None:
     start = (VS050.upper[0] - 0.3, *HOME[1:])
     arms = Stream(VS050, 0.008, start)
     arms("track", (start[0] + 0.13, *start[1:]))
-    for text, tongue in (("cannot brake before the end of its range, 170", "en"), ("減速できません", "ja")):
+    for text, tongue in (("to stop before the end of its range, 170", "en"), ("までに停止するには", "ja")):
         i18n.use(tongue)
         with pytest.raises(InvalidValue, match=text) as error:
             arms.planner.check((start[0] + 0.29, *start[1:]))

@@ -442,17 +442,17 @@ def test_position_is_passed_on_while_the_orientation_catches_up() -> None:
         (
             (315.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
             "position: the step of 15 mm is 3 mm too large: the velocity limit of 1500 mm/s allows 12 mm in 0.008 s",
-            "位置: 直前の指令値から 15 mm 離れています。速度 1500 mm/s で 0.008 秒に許される 12 を 3 超えています",
+            "位置: 直前の指令値から 15 mm 離れています。速度 1500 mm/s で 0.008 秒に許される 12 mm を 3 mm 超えています",
         ),
         (
             (301.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),
             "position: the step differs from the last step by 1 mm, which is 0.52 mm too much: the acceleration limit of 7500 mm/s^2 allows 0.48 mm in 0.008 s",
-            "位置: 指令値の増分が 1 mm 変化します。加速度 7500 mm/s^2 で 0.008 秒に許される 0.48 を 0.52 超えています",
+            "位置: 指令値の増分が直前の増分から 1 mm 変化します。加速度 7500 mm/s^2 で 0.008 秒に許される 0.48 mm を 0.52 mm 超えています",
         ),
         (
             (300.0, 0.0, 300.0, 170.0, 0.0, 180.0, 5.0),
             "orientation: the step of 10 deg is 7.12 deg too large: the velocity limit of 360 deg/s allows 2.88 deg in 0.008 s",
-            "姿勢: 直前の指令値から 10 deg 離れています。速度 360 deg/s で 0.008 秒に許される 2.88 を 7.12 超えています",
+            "姿勢: 直前の指令値から 10 deg 離れています。速度 360 deg/s で 0.008 秒に許される 2.88 deg を 7.12 deg 超えています",
         ),
         (
             (2e5, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0),

@@ -247,7 +247,7 @@ def test_rounding_of_numbers_does_not_matter_that_of_files_does():
         ([(0.0, 0.0), (0.0, 170.1)], (0, 0), 1, 2, "J2: 170.100 is outside the range of -170 to 170"),
         ([(-171.0, 0.0)], (0, 0), 0, 1, "J1: -171.000 is outside the range"),
         ([(10.0, 20.0)] * 3, (10.0, 20.04), 0, 2, "the arm is at J(10, 20.04), but the trajectory begins at J(10, 20)"),
-        ([(10.0, 20.0)], (0.0, 0.0), 0, 1, "J2 is off by 20.000. Try: move there first"),
+        ([(10.0, 20.0)], (0.0, 0.0), 0, 1, "J2 is off by 20.000. Try: move to the beginning of the trajectory first"),
         ([(10.0, 20.0)], (10.0, 25.0, 0, 0, 0, 0, 0, 0), 0, 2, "J2 is off by 5.000"),
     ],
 )
@@ -402,7 +402,7 @@ def test_a_tool_that_is_somewhere_else(kind):
     if kind == "T":
         points, start = list(map(as_trans, points)), as_trans(start)
     with pytest.raises(
-        TrajectoryError, match=r"the trajectory begins at .* 30\.000 mm, 0\.000 deg\. Try: move there"
+        TrajectoryError, match=r"the trajectory begins at .* 30\.000 mm, 0\.000 deg\. Try: move to the beginning"
     ) as caught:
         check_path(points, SPACE, start, PERIOD, kind)
     assert caught.value.sample == 0
@@ -477,7 +477,7 @@ def test_files(tmp_path, text, kind, period, rows):
         (b"j1,j2\n", "line 1: no rows after the header"),
         (b"1,2,3\n", "line 1: 3 columns without names"),
         (b"1,2,3,4,5,6,7,8,9\n", "line 1: 9 columns without names"),
-        (b"a,b,c\n1,2,3\n", "line 1: no columns of a trajectory"),
+        (b"a,b,c\n1,2,3\n", "line 1: the header contains no columns of a trajectory"),
         (b"j1,j2,j4\n1,2,3\n", "line 1: column J3 is missing"),
         (b"x,y,z,rx\n1,2,3,4\n", "line 1: columns are missing: ry, rz"),
         (b"j1,j1\n1,2\n", "line 1: two columns have the same name"),

@@ -760,7 +760,7 @@ def test_an_answer_that_is_too_long(ways: Ways, sent: bytes) -> None:
         ("413 Payload Too Large", LimitExceeded, "A request of 6 bytes"),
         ("415 Unsupported Media Type", ProtocolError, "host, port and path"),
         ("418 I'm a Teapot", ProtocolError, "host, port and path"),
-        ("421 Misdirected Request", ConnectFailed, "this name"),
+        ("421 Misdirected Request", ConnectFailed, "for this host name"),
         ("429 Too Many Requests", TransportError, "Too many requests"),
         ("500 Internal Server Error", ProtocolError, "is unknown"),
         ("502 Bad Gateway", ConnectionLost, "upstream"),

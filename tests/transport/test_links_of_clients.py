@@ -173,7 +173,7 @@ def test_nobody_listens(both: Both) -> None:
     with socket.socket(type=socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         url = f"udp://127.0.0.1:{free.getsockname()[1]}"
-    with pytest.raises(ConnectFailed, match="no program listens there"):
+    with pytest.raises(ConnectFailed, match="no program listens at this address"):
         both.connect(url)
     client = both.client(url)
     with pytest.raises(ConnectFailed):

@@ -247,7 +247,7 @@ def test_an_argument_has_ten_bytes_at_least(size):
 
 def test_the_message_contains_the_offset():
     data = encode(1) + encode(2)[:-1]
-    with pytest.raises(ProtocolError, match="at offset 14 does not fit the 9 bytes present"):
+    with pytest.raises(ProtocolError, match="at offset 14 does not match the 9 bytes that follow"):
         decode(data, 14)
     with pytest.raises(ProtocolError, match="-4 are left at offset 14"):
         decode(data, 14, 10)
@@ -259,7 +259,7 @@ def test_the_message_contains_the_offset():
 @pytest.mark.parametrize("length", [0, 5, 11, 2**24, 2**24 - 1])
 def test_a_length_that_does_not_fit(length):
     data = argument(VarType.I4, 1, b"\0" * 4, length)
-    refused(data, hresult.E_INVALIDRCVPACKET, f"argument length {length} at offset 0 does not fit the 10 bytes")
+    refused(data, hresult.E_INVALIDRCVPACKET, f"argument length {length} at offset 0 does not match the 10 bytes that follow")
 
 
 @pytest.mark.parametrize("length", [2**24 + 1, 2**32 - 1])
@@ -273,18 +273,18 @@ def test_an_argument_beyond_the_limit(length):
 def test_a_count_that_does_not_agree_with_the_bytes(vt, size):
     name = f"VT_{VarType(vt).name}"
     wrong = hresult.E_INVALIDRCVPACKET
-    refused(argument(vt, 1, b"\0" * (size - 1)), wrong, f"1 x {name} at offset")
-    refused(argument(vt, 1, b"\0" * (size + 1)), wrong, f"1 x {name} at offset")
-    refused(argument(vt, 0, b""), wrong, f"0 x {name} at offset")
-    refused(argument(vt, 2, b"\0" * (2 * size)), wrong, f"2 x {name} at offset")
+    refused(argument(vt, 1, b"\0" * (size - 1)), wrong, f"at offset 10, {size - 1} bytes of data do not match 1 x {name}")
+    refused(argument(vt, 1, b"\0" * (size + 1)), wrong, f"at offset 10, {size + 1} bytes of data do not match 1 x {name}")
+    refused(argument(vt, 0, b""), wrong, f"at offset 10, 0 bytes of data do not match 0 x {name}")
+    refused(argument(vt, 2, b"\0" * (2 * size)), wrong, f"at offset 10, {2 * size} bytes of data do not match 2 x {name}")
     for count in (1, 3, 2**32 - 1):
-        refused(argument(vt | ARRAY, count, b"\0" * (2 * size)), wrong, rf"{count} x {name}\|VT_ARRAY at offset")
+        refused(argument(vt | ARRAY, count, b"\0" * (2 * size)), wrong, rf"at offset 10, {2 * size} bytes of data do not match {count} x {name}\|VT_ARRAY")
 
 
 @pytest.mark.parametrize("vt", [VarType.EMPTY, VarType.NULL])
 def test_nothing_has_one_element_and_no_bytes(vt):
     refused(argument(vt, 0, b""), hresult.E_INVALIDRCVPACKET, "0 x VT_")
-    refused(argument(vt, 1, b"\0"), hresult.E_INVALIDRCVPACKET, "does not agree with its 1 bytes")
+    refused(argument(vt, 1, b"\0"), hresult.E_INVALIDRCVPACKET, "1 bytes of data do not match")
 
 
 @pytest.mark.parametrize(
@@ -301,11 +301,11 @@ def test_unknown_types(vt):
     [
         (1, b"", "1 x VT_BSTR"),
         (1, b"\2\0\0", "1 x VT_BSTR"),
-        (1, b"\2\0\0\0a", "string of 2 bytes at offset 10, 1 are present"),
-        (1, b"\1\0\0\0a", "string of 1 bytes at offset 10"),
-        (1, b"\3\0\0\0abc", "string of 3 bytes"),
-        (1, b"\xff\xff\xff\xffab", "string of 4294967295 bytes"),
-        (1, b"\0\0\0\0ab", "does not agree with its 6 bytes"),
+        (1, b"\2\0\0\0a", "the length of the string at offset 10 must be even and at most 1 bytes, not 2"),
+        (1, b"\1\0\0\0a", "the length of the string at offset 10 must be even and at most 1 bytes, not 1"),
+        (1, b"\3\0\0\0abc", "must be even and at most 3 bytes, not 3"),
+        (1, b"\xff\xff\xff\xffab", "must be even and at most 2 bytes, not 4294967295"),
+        (1, b"\0\0\0\0ab", "6 bytes of data do not match"),
         (2, b"\0\0\0\0", "2 x VT_BSTR"),
         (0, b"", "0 x VT_BSTR"),
     ],
@@ -316,16 +316,16 @@ def test_broken_strings(count, data, match):
 
 def test_broken_string_arrays():
     wrong = hresult.E_INVALIDRCVPACKET
-    refused(argument(VarType.BSTR | ARRAY, 2, b"\0" * 4), wrong, r"2 x VT_BSTR at offset 14")
-    refused(argument(VarType.BSTR | ARRAY, 1, b"\0" * 8), wrong, r"does not agree with its 8 bytes")
-    refused(argument(VarType.BSTR | ARRAY, 0, b"\0"), wrong, r"does not agree with its 1 bytes")
+    refused(argument(VarType.BSTR | ARRAY, 2, b"\0" * 4), wrong, "at offset 14, 0 bytes of data do not match 2 x VT_BSTR")
+    refused(argument(VarType.BSTR | ARRAY, 1, b"\0" * 8), wrong, r"8 bytes of data do not match")
+    refused(argument(VarType.BSTR | ARRAY, 0, b"\0"), wrong, r"1 bytes of data do not match")
 
 
 def test_broken_variant_arrays():
     wrong = hresult.E_INVALIDRCVPACKET
     inside = element(VarType.I2, 1, b"\0\0")
     refused(argument(VARIANT_ARRAY, 2, inside), wrong, r"2 x VT_VARIANT\|VT_ARRAY at offset 18")
-    refused(argument(VARIANT_ARRAY, 1, inside + b"\0"), wrong, "does not agree with its 9 bytes")
+    refused(argument(VARIANT_ARRAY, 1, inside + b"\0"), wrong, "9 bytes of data do not match")
     refused(argument(VARIANT_ARRAY, 1, inside[:-1]), wrong, "1 x VT_I2 at offset 16")
     refused(argument(VARIANT_ARRAY, 1, inside[:5]), wrong, r"1 x VT_VARIANT\|VT_ARRAY at offset 10")
     refused(argument(VARIANT_ARRAY, 1, element(VarType.I2, 2, b"\0" * 4)), wrong, "2 x VT_I2")

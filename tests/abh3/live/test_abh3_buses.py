@@ -280,7 +280,7 @@ def test_a_bus_of_the_caller_is_not_reopened(both: Both, hosts: Hosts) -> None:
     with pytest.raises(ConnectionLost, match="the cable was pulled"):
         both.run(driver.command(6.0))
     bus.receiving = bus.receiving_then = None
-    with pytest.raises(InvalidValue, match="not opened by its address"):
+    with pytest.raises(InvalidValue, match="only if it was opened by an address"):
         both.run(driver.command(7.0))
     assert driver.commands == (0, 0)
     both.run(driver.close())

@@ -55,7 +55,7 @@ R = TypeVar("R")
 
 
 class Client(Closing):
-    """A connection to a controller for raw calls of CAO functions.
+    """A connection to a controller, over which a program calls the functions of CAO directly.
 
     Calls are executed one at a time; several threads may use one client. A call that times out leaves the
     connection usable: its reply is dropped if it arrives later.
@@ -65,18 +65,19 @@ class Client(Closing):
 
     Args:
         link: Link to the controller.
-        timeout: Initial value of the attribute ``timeout``; the default depends on the profile.
+        timeout: Initial value of the attribute ``timeout``; the default depends on the transport.
         tries: Initial value of the attribute ``tries``.
-        limits: Limits on received data; those of the profile apply, too.
+        limits: Limits on the size of received packets and on the values in them; the limits of the transport apply,
+            too.
         trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
             the bytes.
-        profile: Transport profile of the link.
+        profile: Properties of the transport.
 
     Attributes:
         timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
             restarts the time-out.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
-        profile: Transport profile of the link.
+        profile: Properties of the transport.
         deadline: Maximum duration of a call in s, regardless of S_EXECUTING; ``None`` (the default) for no limit.
     """
 
@@ -189,15 +190,16 @@ class Client(Closing):
                 executing; for other e-CAP servers, the time-out of a call is at least 180 s.
             tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
                 (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
-            limits: Limits on received data; a packet has at most 504 bytes on UDP, 65,536 bytes on a serial line.
+            limits: Limits on the size of received packets and on the values in them. A packet has at most 504 bytes on
+                UDP, and 65,536 bytes on a serial line.
             trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received),
                 and the bytes.
             token: Access token for HTTP, sent as ``Authorization: Bearer``.
             cafile: PEM file of CA certificates for verifying an https server, instead of those of the system.
             dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
                 considered lost (cable pulled, power off): 2 to 7,200.
-            deadline: Maximum duration of opening the connection in s; it has an effect if it is less than the time-out.
-                The deadline of calls is :attr:`Client.deadline`.
+            deadline: Maximum duration of opening the connection in s; it has an effect only if it is less than the
+                time-out. The deadline of calls is :attr:`Client.deadline`.
 
         Raises:
             InvalidAddress: If the URL is invalid.
@@ -237,7 +239,7 @@ class Client(Closing):
         deadline: float | None = None,
         exact: bool = False,
     ) -> Reply:
-        """Call a function like :meth:`call`; return the success code and the result.
+        """Call a function like :meth:`call`; return the return code, which is a success code, and the result.
 
         Args:
             function: Function of CAO (:mod:`orinkit.functions`).
@@ -253,7 +255,7 @@ class Client(Closing):
             return Reply(*self._execute(function, bound, seconds, exact, limit))
 
     def set_overall_deadline(self, seconds: float | None) -> None:
-        """Set a common deadline in s for all further calls; ``None`` removes it."""
+        """Set the time in s after which all further calls together must have ended; ``None`` removes this deadline."""
         self._end = None if seconds is None else Deadline(seconds)
 
     def connection_deadline(self) -> float:
@@ -298,7 +300,7 @@ class Client(Closing):
         self._pulse = KeepAlive(self._send_sign, self._sign_interval)
 
     def _send_sign(self) -> None:
-        """Send a sign of life: a call if the client is idle, otherwise a message during the call."""
+        """Send a sign of life: a call if no other call is executing, otherwise a message during that call."""
         if try_acquire(self._lock):
             try:
                 if self._idle.passed and not self._finished:
@@ -311,7 +313,7 @@ class Client(Closing):
             send_during_call(self._link, sign_of_life(self._controller))
 
     def _execute_with_signs(self, call: CallRequest) -> tuple[int, Any]:
-        """Execute a call. Before the first one that may start a motion, start to send signs of life."""
+        """Execute a call. Before the first call that may start a motion, start to send signs of life."""
         if call.function.id in MOVING and self._pulse is None and not self._finished:
             self._pulse = KeepAlive(self._keep_alive, _SIGN_INTERVAL)
         try:
@@ -336,7 +338,10 @@ class Client(Closing):
         self._execute_remembered(CallRequest(controller_get_name, (self._controller,), self._timeout))
 
     def _execute_remembered(self, call: CallRequest) -> tuple[int, Any]:
-        """Execute a call; add a hint to E_HANDLE if the session may have ended after a long idle period."""
+        """Execute a call. If it fails with E_HANDLE after a long idle period, add a hint to the error.
+
+        After such a period, the server may have ended the session and released all its objects.
+        """
         forgotten = self._session_deadline is not None and self._session_deadline.passed
         try:
             return self._execute_now(call)
@@ -382,7 +387,7 @@ class Client(Closing):
         """Hand the connection over to another process; all calls are refused until the connection is reattached.
 
         Args:
-            closing: Callback invoked if this process closes the connection before it is reattached.
+            closing: Callback invoked if this process closes the connection before the connection is reattached.
 
         Returns:
             Serial number of the next request.
@@ -392,7 +397,7 @@ class Client(Closing):
         return self._conversation.serial
 
     def _reattach(self, serial: int) -> None:
-        """Resume using the connection.
+        """Take the connection back from the other process.
 
         Args:
             serial: Serial number of the next request.
@@ -402,7 +407,7 @@ class Client(Closing):
         self._conversation.serial = serial
 
     def _forfeit(self) -> None:
-        """Leave the connection to the other process: close it in this process only."""
+        """Close the connection in this process only; the other process keeps it."""
         if isinstance(self._link, DetachedLink):
             self._link = self._link.link
         self._link.close_local()
@@ -413,7 +418,7 @@ class Client(Closing):
         return self._conversation.stray_replies
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Disable the client in a forked child, where the thread that held the lock does not exist."""
+        """Disable the client in a forked child process; the thread that may hold the lock does not exist there."""
         self._lock = threading.RLock()
         self._finished, self._pulse = True, None
         return ()

@@ -68,7 +68,8 @@ class Extension(ObjectContainer):
 class File(ObjectContainer):
     """A file or folder of a controller.
 
-    The file need not exist: setting its text or data creates it and its folders. Until then, all other functions fail.
+    The file need not exist. Setting its text or data creates the file and the folders in its path. Until then, all
+    other methods except :meth:`get_exists` raise an exception.
     """
 
     __slots__ = ("_missing",)
@@ -104,7 +105,7 @@ class File(ObjectContainer):
         return super()._call(function, *args, **kwargs)
 
     def _connect_missing(self, *, create: bool) -> None:
-        """Connect to a file that did not exist before; with ``create``, create it."""
+        """Connect to the file if it did not exist when this object was created; with ``create``, create the file."""
         self._require_open()
         if self._missing is None:
             return
@@ -122,7 +123,7 @@ class File(ObjectContainer):
         return text_list(self._call(f.file_get_file_names, option))
 
     def copy(self, name: str, option: str = "") -> None:
-        """Copy the file to a new name."""
+        """Copy the file; ``name`` is the name of the copy."""
         self._call(f.file_copy, name, option)
 
     def delete(self, option: str = "") -> None:
@@ -130,11 +131,11 @@ class File(ObjectContainer):
         self._call(f.file_delete, option)
 
     def move(self, name: str, option: str = "") -> None:
-        """Move or rename the file."""
+        """Move or rename the file; ``name`` is its new name."""
         self._call(f.file_move, name, option)
 
     def run(self, option: str = "") -> str:
-        """Run the program for one cycle; return the name of its task."""
+        """Run the program in the file for one cycle; return the name of its task."""
         return self._call(f.file_run, option)
 
     def get_date_created(self) -> Any:
@@ -157,7 +158,7 @@ class File(ObjectContainer):
         """Return the content as text.
 
         Raises:
-            InvalidValue: If the content is not text; use ``data`` for bytes.
+            InvalidValue: If the content is not text; :meth:`get_data` returns bytes.
         """
         return file_text(self.get_value())
 
@@ -223,7 +224,7 @@ class File(ObjectContainer):
         """Return the content as text.
 
         Raises:
-            InvalidValue: If the content is not text; use ``data`` for bytes.
+            InvalidValue: If the content is not text; :meth:`get_data` returns bytes.
         """
         return self.get_text()
 
@@ -266,7 +267,7 @@ class File(ObjectContainer):
 
 
 class Command(NamedObject):
-    """A command of a controller that can be executed, monitored and cancelled."""
+    """A Command object: a command of a controller that can be executed, monitored and cancelled."""
 
     __slots__ = ()
 
@@ -280,7 +281,7 @@ class Command(NamedObject):
         self._call(f.command_execute, mode)
 
     def cancel(self) -> None:
-        """Cancel the command during its execution."""
+        """Cancel the execution of the command."""
         self._call(f.command_cancel)
 
     def get_timeout(self) -> int:
@@ -337,7 +338,7 @@ class Command(NamedObject):
 
 
 class Message(ObjectBase):
-    """An event reported by a controller."""
+    """An event that a controller reports (a Message object of CAO)."""
 
     __slots__ = ()
 
@@ -510,8 +511,8 @@ class Controller(ObjectContainer):
 
         Args:
             deadline: Maximum time in s for these calls, regardless of S_EXECUTING. After that time, the connection is
-                closed without further calls, which has the same effect. The default is three time-outs (each with all
-                attempts), but at least 3 s.
+                closed without further calls, which has the same effect. The default is three times the time-out, on UDP
+                and serial lines also multiplied by ``tries``, but at least 3 s.
         """
         if not self._open:
             return
@@ -529,7 +530,10 @@ class Controller(ObjectContainer):
 def _file(
     owner: ObjectContainer, function: Function[[int, str, str], int], name: str, option: str, *, create: bool
 ) -> File:
-    """Connect to a file of an object. Without ``create``, a file that does not exist has no handle yet."""
+    """Connect to a file of a controller or folder.
+
+    If the file does not exist and ``create`` is False, the returned object has no handle yet.
+    """
     try:
         return owner._child(File, function, name, file_option(option, create=create))
     except CallError as error:
@@ -567,23 +571,24 @@ def connect(
             ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For e-CAP, ``http://192.168.0.1:8080/path`` or
             ``https://...``.
         provider: Provider name; RC9 and COBOTTA PRO require ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
-        name: Name of the controller within this connection; if empty, the controller chooses it.
+        name: Name of the controller within this connection; if empty, the controller chooses the name.
         machine: Machine name; controllers accept ``localhost`` or their own address.
         option: Option string of Controller_Connect, for example ``@IfNotMember``.
         timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a
             call may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry).
-            The controller executes a repeated request once. On TCP and HTTP, requests are sent once.
-        service: Option string of Service_Start. The default is a watchdog (``WDT=400``), so that a call may take longer
-            than the time-out. On serial lines, the default is empty, because the reply to a repeated request shows that
-            the call is still executing. On HTTP, the default is empty, too, because each request asks the server to
-            report that the call is still executing.
-        limits: Limits on received data.
+            The controller executes a repeated request only once. On TCP and HTTP, requests are sent once.
+        service: Option string of Service_Start. The default requests a watchdog (``WDT=400``), so that a call may take
+            longer than the time-out. On serial lines, the default is empty, because the reply to a repeated request
+            shows that the call is still executing. On HTTP, the default is empty, too, because each request asks the
+            server to report that the call is still executing.
+        limits: Limits on the size of received packets and on the values in them.
         trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
             the bytes.
         dialect: ``"rc8"`` or ``"ve026a"``. By default, the dialect is ``"ve026a"`` if the provider name is empty or
             contains ``VE026A``, or if the controller's variable ``@VERSION`` contains ``VE026A``; otherwise it is
-            ``"rc8"``. The variable is read only on serial lines, and on UDP if the replies have the form of a VE026A.
+            ``"rc8"``. The variable is read only on serial lines, and on UDP if the replies have the form that a VE026A
+            uses.
         token: Access token for HTTP, sent as ``Authorization: Bearer``.
         cafile: PEM file of CA certificates for verifying an https server, instead of those of the system.
         dead_after: Time in s without any reply from the controller's network stack after which a TCP connection is
@@ -593,9 +598,9 @@ def connect(
             signs of life, so they cease if the program is stopped (SIGSTOP) or, in asyncio, if its event loop is
             blocked. This is an option of orinkit's servers (``Alive=`` in Service_Start); other controllers may not
             support it.
-        deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three time-outs (each
-            with all attempts), but at least 3 s. Calls have no deadline by default; set ``client.deadline`` to limit
-            them.
+        deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three times the
+            time-out, on UDP and serial lines also multiplied by ``tries``, but at least 3 s. After connecting, calls
+            have no deadline by default; ``controller.client.deadline`` sets one.
 
     Raises:
         InvalidAddress: If the URL is invalid.

@@ -20,12 +20,13 @@ _HALT_TIMEOUT: Final = 0.3  # s
 
 
 class Lease(ABC):
-    """Base class of context managers for the arm semaphore and the motor: taken for a block, given back at its end.
+    """Base class of context managers that take the arm semaphore, or switch the motor on, for the duration of a block.
 
     At the normal end of a block, the current motion is completed first; if the program has paused the motion, it is
-    halted instead. If the block raises an exception, the arm is halted first. Errors during this clean-up are added to
-    the exception as notes, and the remaining steps are still executed. If the connection is lost, the controller itself
-    stops the arm and releases its semaphore.
+    halted instead. If the block raises an exception, the arm is halted first. Afterwards, the arm semaphore is given
+    back, or the motor is switched off. After an exception, errors in these steps are added to the exception as notes,
+    and the remaining steps are still executed. If the connection is lost, the controller itself stops the arm and
+    releases its semaphore.
     """
 
     __slots__ = ("_robot", "_track")
@@ -74,7 +75,7 @@ class Lease(ABC):
             track.passing = False
 
     def _clean_up(self, error: BaseException) -> None:
-        """Halt the arm and call ``_give`` after an exception; add errors of these steps to the exception as notes."""
+        """Halt the arm and call ``_give`` after an exception; add errors in these steps to the exception as notes."""
         robot = self._robot
         if not self._track.at_rest:
             problem = self._retry(error, robot.halt, _HALT_TIMEOUT)
@@ -89,8 +90,13 @@ class Lease(ABC):
     def _retry(self, error: BaseException, step: Callable[[], None], seconds: float) -> OrinError | None:
         """Execute a step of the clean-up; repeat the step while the controller is busy with an earlier call.
 
+        Args:
+            error: Exception to which an error in the step is added as a note.
+            step: Function that executes the step.
+            seconds: Maximum time in s for the repetitions.
+
         Returns:
-            The error of the step, which is also added to the exception as a note; ``None`` on success.
+            The error that the step raised; ``None`` on success.
         """
         deadline = Deadline(seconds)
         while True:
@@ -110,7 +116,7 @@ class Lease(ABC):
         return max(client.timeout, *client.dialect.command_timeouts.values(), 0.0)
 
     def _is_busy(self, problem: OrinError) -> bool:
-        """Return True if the error means that the controller is executing an earlier call."""
+        """Return True if an error in a step means that the controller is still executing an earlier call."""
         busy = self._robot.client.dialect.busy_code
         return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 

@@ -28,11 +28,12 @@ class MotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        replied: Number of the newest motion whose reply came at its end. All earlier motions are then over, too.
+        replied: Number of the newest motion to which the controller replied at its end. All earlier motions are then
+            over, too.
         halted: Number of the newest motion that this program has halted.
         running: Newest motion whose call did not wait for its end; ``None`` if there is none, or if it is known to be
             over.
-        passing: True if the reply to the newest motion came at its pass mark, so that the arm may still move.
+        passing: True if the controller replied to the newest motion at its pass mark, so that the arm may still move.
         sure: True if all motions of the arm are known. False after a call without a reply, or after a command that may
             have moved the arm.
         paused: True if this program has paused the motion.
@@ -106,7 +107,7 @@ class ArmBase(ObjectContainer):
         return motion
 
     def _previous(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
-        """Return the segment of the previous motion and whether it is over; ``None`` if the segment is unknown."""
+        """Return the segment of the previous motion, and True if this motion is over; ``None`` if both are unknown."""
         running = track.running
         replied = track.sure and running is None and track.newest == track.replied
         try:
@@ -141,7 +142,9 @@ class ArmBase(ObjectContainer):
         return super().execute(command, sendable(parameter))
 
     def halt(self, option: str = "") -> None:
-        """Stop and abort the motion; also possible over a second connection while the first one waits for the motion.
+        """Stop and abort the motion.
+
+        While one connection waits for the end of a motion, a program can call this method over a second connection.
 
         The reply arrives when the command position is at standstill. The arm itself follows a few cycles later: joints
         that are read immediately may still change by a fraction of a degree.
@@ -188,7 +191,7 @@ class ArmBase(ObjectContainer):
         return read_pose(T, "CurTrn", self._ask("CurTrn"))
 
     def get_destination(self) -> J:
-        """Return the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
+        """Return the joints at the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
         return read_pose(J, "DestJnt", self._ask("DestJnt"))
 
     def _locked(self) -> bool:
@@ -237,12 +240,12 @@ class ArmBase(ObjectContainer):
 
     @property
     def destination(self) -> J:
-        """Return the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
+        """Return the joints at the end of the current motion in deg (DestJnt); at standstill, the joints of the arm."""
         return self.get_destination()
 
 
 def _value_or_none(owner: ObjectContainer, name: str) -> Any:
-    """Return the value of a variable; ``None`` if the object does not have it or it cannot be read."""
+    """Return the value of a variable of an object; ``None`` if the variable does not exist or cannot be read."""
     try:
         with owner.variable(name) as variable:
             return variable.get_value()
@@ -324,7 +327,7 @@ class Motion:
         return self._over
 
     def get_progress(self) -> float:
-        """Return the progress: the covered part of the distance in joint space, 1 at the end.
+        """Return the part of the distance in joint space that the arm has covered, from 0 to 1.
 
         The value never decreases.
 
@@ -393,7 +396,7 @@ class Motion:
 
     @property
     def progress(self) -> float:
-        """Return the progress: the covered part of the distance in joint space, 1 at the end.
+        """Return the part of the distance in joint space that the arm has covered, from 0 to 1.
 
         The value never decreases.
 

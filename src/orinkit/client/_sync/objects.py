@@ -25,8 +25,9 @@ N = TypeVar("N", bound="ObjectBase")
 class ObjectBase(Closing):
     """Base class of all objects of a controller.
 
-    An object is released at the end of ``with``, by :meth:`close`, or when the controller is closed. An object
-    that is deleted without being closed is released before the next object is created.
+    An object is released on the controller at the end of ``with``, by :meth:`close`, or when the controller is
+    closed. If a Python object is garbage collected without being closed, its object on the controller is released
+    before the next object is created.
     """
 
     __slots__ = (
@@ -61,7 +62,11 @@ class ObjectBase(Closing):
             self.client.handles.add_orphan(self.functions.release, self.handle)
 
     def _call(self, function: Function[Concatenate[int, P], R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call a function of this object; add the object's name to errors."""
+        """Call a function of this object; add the object's name to the exception if the controller returns an error.
+
+        Raises:
+            CallError: If the controller returned an error code.
+        """
         self._require_open()
         try:
             return self.client.call(function, self.handle, *args, **kwargs)
@@ -92,7 +97,7 @@ class ObjectBase(Closing):
         self.client.handles.add_reference(child.functions.release, child.handle)
 
     def close(self) -> None:
-        """Release the object and its child objects, newest first. Further calls have no effect.
+        """Release the object and its child objects, newest first. Closing an object again has no effect.
 
         It is not an error if the controller has already released the object, or if the connection is lost. If the
         controller does not reply in time, no further calls are made.
@@ -100,9 +105,9 @@ class ObjectBase(Closing):
         self._release()
 
     def _release(self) -> bool:
-        """Release the object. Return False if there was no reply.
+        """Release the object. Return False if the controller did not reply.
 
-        The caller then releases no further objects, so that closing takes one time-out in total.
+        The caller then releases no further objects, so that closing takes only one time-out in total.
         """
         if not self._open:
             return True
@@ -155,7 +160,7 @@ class NamedObject(ObjectBase):
         self._call(self.functions.put_tag, tag)
 
     def get_id(self) -> Any:
-        """Return the ID; for a variable ``I*``, this is the index."""
+        """Return the ID; for a variable ``I*``, the ID is the number of the variable."""
         assert self.functions.get_id is not None
         return self._call(self.functions.get_id)
 
@@ -190,7 +195,7 @@ class NamedObject(ObjectBase):
 
     @property
     def id(self) -> Any:
-        """Return the ID; for a variable ``I*``, this is the index."""
+        """Return the ID; for a variable ``I*``, the ID is the number of the variable."""
         return self.get_id()
 
     @id.setter

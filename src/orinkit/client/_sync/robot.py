@@ -80,7 +80,9 @@ class Robot(ArmBase):
         user: tuple[int, bytes] | None = None,
         user_window: tuple[int, int] | None = None,
     ) -> Stream:
-        """Stream set-points in slave mode for the duration of a block (RC8 4). The arm must be taken and the motor on.
+        """Stream set-points in slave mode for the duration of a block (RC8 4).
+
+        The arm must be taken, and the motor must be on.
 
         ::
 
@@ -101,7 +103,8 @@ class Robot(ArmBase):
             period: Cycle time of the controller in s.
             queue: Maximum number of set-points that :meth:`Stream.push` queues.
             idle: Time in s without a pushed set-point after which slave mode is left; ``None`` for no limit.
-            on_range: Handling of a live target beyond the arm's range: ``"clamp"`` or ``"refuse"``.
+            on_range: Handling of a target (:attr:`Stream.target`) beyond the range of an axis: ``"clamp"`` moves
+                the axis to the end of its range, ``"refuse"`` raises InvalidValue.
             record: File for recording all set-points and their feedback, ``.csv`` or ``.mcap``.
             mini: Mini I/O outputs to send with every set-point.
             hand: Hand I/O outputs to send with every set-point.
@@ -139,8 +142,9 @@ class Robot(ArmBase):
 
         Args:
             pose: ``P(...)`` (mm, deg), ``J(...)`` (deg), ``T(...)``, or a text such as ``"P1"``.
-            mark: Pass mark, which defines the end of the motion: ``"@0"`` command position at the pose (the
-                controller's default), ``"@E"`` encoders at the pose, ``"@P"`` near the pose, ``"@10"`` within 10 mm.
+            mark: Pass mark, which defines the end of the motion: ``"@0"`` (the controller's default) when the command
+                position is at the pose, ``"@E"`` when the encoders are at the pose, ``"@P"`` near the pose, ``"@10"``
+                within 10 mm of the pose.
             options: ``speed``, ``accel`` and ``decel`` in percent, ``time`` in s, and ``wait``, see
                 :class:`MoveOptions`.
 
@@ -167,7 +171,7 @@ class Robot(ArmBase):
 
     @common.document_options
     def move_c(self, via: PoseLike, end: PoseLike, mark: str | PassMark = "", **options: Unpack[MoveOptions]) -> Motion:
-        """Move the tool along an arc through ``via`` to ``end``."""
+        """Move the tool along an arc from its current position through ``via`` to ``end``."""
         segment = MotionSegment(common.literal_end(end))
         return self._interpolate(common.ARC, common.arc_text(via, end, mark), options, segment)
 
@@ -252,10 +256,10 @@ class Robot(ArmBase):
         return self._drive(*arguments, **named)
 
     def rotate(self, plane: Value, angle: float, pivot: Value, option: str = "") -> None:
-        """Rotate in a plane around a pivot.
+        """Rotate the tool in a plane around a pivot.
 
         Args:
-            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in it are sent as text.
+            plane: ``"XY"``, ``"XYH"``, or a value of CAO; poses in this value are sent as text.
             angle: Angle in deg.
             pivot: ``V(...)``, ``"P1"``, or a value of CAO.
             option: Pass mark and options as text: ``"@E,SPEED=20,NEXT"``.
@@ -311,9 +315,9 @@ class Robot(ArmBase):
         return common.read_number("CurExtSpd", self._ask("CurExtSpd"))
 
     def put_ext_speed(self, percent: float) -> None:
-        """Set the external speed in percent; acceleration and deceleration are set to its square divided by 100.
+        """Set the external speed in percent, and the external acceleration and deceleration to speed * speed / 100.
 
-        This is a setting of the controller; it remains after the connection is closed.
+        These are settings of the controller, which remain after the connection is closed.
         """
         self._ask("ExtSpeed", [float(percent)])
 
@@ -377,7 +381,7 @@ class Robot(ArmBase):
         return self._convert(T, "T", pose)
 
     def out_of_range(self, pose: PoseLike) -> int:
-        """Return 0 if the arm can reach a pose (OutRange); the arm does not move.
+        """Check if the arm can reach a pose (OutRange). The arm does not move.
 
         Returns:
             0 if the pose is reachable; the sum of 1, 2, 4, ... for axes 1, 2, 3, ... beyond their soft limits; -1 if

@@ -116,7 +116,10 @@ class SlaveMode:
         )  # fmt: skip
 
     def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Wait for standstill; return the position of the arm, and the joints without limits."""
+        """Wait for standstill; return the pose of the arm.
+
+        If the pose type is J, the joints for which no limits are known are returned separately, as the second value.
+        """
         robot = self._robot
         deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
         while not deadline.passed and not robot.motion_complete(1):
@@ -151,10 +154,10 @@ class SlaveMode:
             self._give_up(streaming)
 
     def _give_up(self, streaming: StreamerProcess) -> None:
-        """Take the connection back; close it if its state is unknown.
+        """Take the connection back from the streaming process; close the connection if its state is unknown.
 
-        If the wait for the streaming process was interrupted, that process still runs and keeps the connection. It
-        stops the arm and leaves slave mode by itself.
+        If the wait for the end of the streaming process was interrupted, that process still runs and keeps the
+        connection. It stops the arm and leaves slave mode by itself.
         """
         self._streaming = None
         if self._recording is not None:
@@ -218,10 +221,10 @@ class SlaveMode:
         return self._failure
 
     def _alive(self) -> StreamerProcess:
-        """Return the streaming process.
+        """Return the streaming process, which is running.
 
         Raises:
-            OrinError: If streaming has ended.
+            OrinError: If streaming has ended: the error that ended it.
         """
         self._check()
         assert self._streaming is not None

@@ -33,10 +33,12 @@ from orinkit.values.poses import J, P, T
 class Stream(SlaveMode):
     """A context manager for slave mode, returned by ``Robot.slave_mode``.
 
-    During the block, a separate streaming process has the connection. It sends a set-point in each cycle of the
-    controller, independently of the load of this program. The set-points come from :meth:`run`, :attr:`target` or
-    :meth:`push`. If there are no more set-points, or if this program raises an exception, is stopped or killed, the
-    streaming process stops the arm within the limits, repeats the last pose and leaves slave mode.
+    During the block, a separate streaming process uses the connection to the controller; this program cannot make
+    calls. The streaming process sends a set-point in each cycle of the controller, independently of the load of this
+    program. The set-points come from :meth:`run`, :attr:`target` or :meth:`push`.
+
+    If there are no more set-points, the streaming process stops the arm within the limits and repeats the last pose. If
+    this program raises an exception, or is stopped or killed, the streaming process then also leaves slave mode.
 
     Attributes:
         limits: Limits of all motions.
@@ -66,7 +68,8 @@ class Stream(SlaveMode):
 
         Args:
             trajectory: Array with one row per cycle, sequence of ``J(...)``, ``P(...)`` or ``T(...)``, path of a CSV
-                file, or iterator. All set-points are checked before the arm moves, except those of an iterator.
+                file, or iterator. All set-points are checked before the arm moves, except those of an iterator, which
+                are checked as they are read.
             retime: Slow the trajectory down if it exceeds the limits; not available for an iterator.
             progress: Callback invoked with the progress.
 
@@ -75,7 +78,7 @@ class Stream(SlaveMode):
 
         Raises:
             TrajectoryError: If a set-point is invalid or exceeds a limit; the message gives the set-point and the axis.
-            CallError: If the controller ended slave mode; this is its first error.
+            CallError: If the controller ended slave mode: the first error that it returned.
             StreamError: If slave mode has ended.
         """
         streaming = self._alive()
@@ -121,7 +124,7 @@ class Stream(SlaveMode):
         return sent
 
     def _poll(self, run: common.TrajectoryRun) -> None:
-        """Read the state of a trajectory, and yield to other tasks.
+        """Read the state of the streaming process and report the progress; then let other tasks run.
 
         Raises:
             StreamError: If another call interrupted the trajectory.
@@ -175,17 +178,19 @@ class Stream(SlaveMode):
     ) -> None:
         """Queue a set-point; wait while the queue is full.
 
-        If no further set-point is pushed, the arm is stopped; after ``idle`` s, slave mode is left.
+        If no further set-point is pushed, the arm is stopped. If none is pushed for the time ``idle`` that was passed
+        to ``slave_mode``, slave mode is left.
 
         Args:
-            point: Pose of the type of the block, ``J(...)``, ``P(...)`` or ``T(...)``, or the numbers of such a pose.
+            point: Pose of the type that was passed to ``slave_mode``, ``J(...)``, ``P(...)`` or ``T(...)``, or the
+                numbers of such a pose.
             mini: New mini I/O outputs from this set-point on, if enabled in ``slave_mode``.
             hand: New hand I/O outputs from this set-point on, if enabled in ``slave_mode``.
             user: New user I/O outputs from this set-point on, if enabled in ``slave_mode``.
 
         Raises:
-            InvalidValue: If the set-point is invalid, or exceeds the limits with respect to the previous one.
-            CallError: If the controller ended slave mode; this is its first error.
+            InvalidValue: If the set-point is invalid, or the step from the previous set-point exceeds the limits.
+            CallError: If the controller ended slave mode: the first error that it returned.
             StreamError: If slave mode has ended.
         """
         values = read_point(point, self._pose_type, self._axes)
@@ -282,7 +287,7 @@ class Stream(SlaveMode):
     # --- feedback -----------------------------------------------------------------------------------------------
 
     def feedback(self) -> Iterator[Sample]:
-        """Iterate over all further samples, until the end of the block."""
+        """Yield all samples from now on, until the end of the block."""
         streaming = self._alive()
         reader = SampleReader(streaming.shared, streaming.shared.samples)
         while self._streaming is streaming and not streaming.ended:
@@ -301,14 +306,14 @@ class Stream(SlaveMode):
 
     @property
     def latest(self) -> Sample:
-        """The newest sample. From the beginning of the block, there is at least one."""
+        """The newest sample. At least one sample exists from the beginning of the block."""
         sample = self._newest()
         if sample is None:
             raise StreamError(tr("no sample of the stream can be read yet"))
         return sample
 
     def _newest(self) -> Sample | None:
-        """Return the newest sample; ``None`` before the first one."""
+        """Return the newest sample; ``None`` if no sample can be read yet."""
         shared = self._alive().shared
         for number in range(shared.samples - 1, max(-1, shared.samples - 3), -1):
             raw = shared.sample(number)
@@ -336,7 +341,7 @@ class Stream(SlaveMode):
         return len(self.limits.lower) if isinstance(self.limits, Limits) else 6
 
     def _command(self) -> tuple[float, ...]:
-        """Return the newest command position; NaN without a sample."""
+        """Return the newest command position; NaN for each value if no sample can be read yet."""
         sample = self._newest()
         assert self.limits is not None
         count = len(self.limits.lower) if isinstance(self.limits, Limits) else {"P": 7, "T": 10}[self._pose_type]

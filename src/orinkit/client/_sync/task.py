@@ -45,8 +45,8 @@ class Task(ObjectContainer):
             option: Option string of Task_Start.
 
         Raises:
-            CallError: If the controller refuses. For SYNTAX_ERROR, ``detail`` is the text from the controller's error
-                log.
+            CallError: If the controller refuses. For SYNTAX_ERROR, the attribute ``detail`` of the exception is the
+                text from the controller's error log.
         """
         try:
             self._call(f.task_start, task_mode(TaskMode, mode), option)
@@ -59,8 +59,8 @@ class Task(ObjectContainer):
         """Stop the program.
 
         Args:
-            mode: ``"default"`` (0), ``"instant"`` (1), ``"step"`` (2) after the current statement, ``"cycle"`` (3)
-                after the current cycle, ``"initialize"`` (4).
+            mode: ``"default"`` (0), ``"instant"`` (1) immediately, ``"step"`` (2) after the current statement,
+                ``"cycle"`` (3) after the current cycle, ``"initialize"`` (4).
             option: Option string of Task_Stop.
         """
         self._call(f.task_stop, task_mode(StopMode, mode), option)

@@ -59,7 +59,7 @@ def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]
 
     Args:
         at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. orinkit does not close a python-can
-            bus. While it is in use, nothing else may receive from it.
+            bus. While orinkit uses a python-can bus, no other code may receive from it.
         **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given.
 
     Raises:

@@ -321,11 +321,15 @@ class Driver(Closing, Generic[F, S]):
         return parameter_value.monitor(address, (self._ask(telabh3.read_monitor(address))).word)
 
     def read_identification(self, number: int = telabh3.VERSION) -> str:
-        """Read an identification of the driver, by default its version. For exceptions, see :meth:`read_parameter`."""
+        """Read an identification of the driver, by default its version. For exceptions, see :meth:`read_parameter`.
+
+        Args:
+            number: One of :data:`orinkit.abh3.session.telabh3.IDENTIFICATIONS`.
+        """
         return (self._ask(telabh3.read_identification(number))).confirmed()
 
     def _ask(self, request: bytes) -> telabh3.TelReply:
-        """Send a TelABH3 request and return the driver's reply. It contains a description of the request for errors."""
+        """Send a TelABH3 request; return the driver's reply, with a description of the request for error messages."""
         reply = self.exchange_message(request)
         return telabh3.parse_reply(reply, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
 
@@ -355,9 +359,9 @@ class Driver(Closing, Generic[F, S]):
         self._keep_alive_call = PeriodicCall(self._send_if_due, self._keep_alive_lost, f"orinkit-abh3-{self.address}")
 
     def end_keep_alive(self) -> None:
-        """End the keep-alive, and discard its DriverTimeout if no call has raised it yet.
+        """End the keep-alive. If it ended earlier with a DriverTimeout that no call has raised yet, discard this error.
 
-        If no commands arrive after this, the driver stops by itself.
+        If the driver then receives no commands, it stops by itself.
         """
         self._ended = None
         periodic_call = self._stop_keep_alive()
@@ -371,7 +375,7 @@ class Driver(Closing, Generic[F, S]):
         return periodic_call
 
     def _keep_alive_lost(self) -> None:
-        """Reset the commands after the thread or task of the keep-alive has ended by itself or by an exception."""
+        """Reset the commands; called after the thread or task of the keep-alive has ended unexpectedly."""
         if self._keep_alive_timer is not None:
             self._keep_alive_timer = None
             self.host.reset_commands()
@@ -451,7 +455,10 @@ class Driver(Closing, Generic[F, S]):
             self.host.reset_commands()
 
     def relinquish(self) -> None:
-        """End the keep-alive, and reset commands and inputs without sending them: another host commands the driver."""
+        """End the keep-alive, and set commands and inputs to 0 without sending them.
+
+        The driver is now commanded by another host.
+        """
         self._stop_keep_alive()
         self.host.relinquish()
 

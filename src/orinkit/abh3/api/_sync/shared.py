@@ -36,7 +36,7 @@ _SLICE: Final = 3600.0
 
 
 class BusMember(Protocol):
-    """The part of a driver that its bus uses."""
+    """The members of a driver object that its bus uses."""
 
     host: Host[Any]
 
@@ -62,7 +62,7 @@ class DriverLock:
 
 
 class SharedBus(Closing):
-    """A bus with the operations that concern all of its drivers.
+    """A CAN bus, and the operations that concern all drivers on it.
 
     Args:
         line: The shared CAN bus that transfers the frames.
@@ -162,9 +162,9 @@ class SharedBus(Closing):
             port.close()
 
     def close(self) -> None:
-        """Stop every driver that may be moving, and close the bus, unless it is a python-can bus that was passed in.
+        """Stop every driver that may be moving, then close the bus. May be called again.
 
-        May be called again.
+        A python-can bus that was passed in stays open.
         """
         try:
             for member in list(self._members):
@@ -191,17 +191,17 @@ class SharedBus(Closing):
         return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
     def run(self, operation: CanOperation[R], port: CanReceiver, *, revive: bool = True) -> R:
-        """Run an operation over a receiver.
+        """Run an operation: send its frames over the bus, and pass to it the frames that arrive.
 
         Args:
             operation: The operation.
-            port: The receiver to use.
+            port: The receiver for the frames that the operation expects.
             revive: True to reopen the bus first, if it is lost and was opened by orinkit.
 
         Raises:
             TransportError: If a frame could not be sent.
-            ConnectionLost, ConnectionClosed, ConnectFailed: If the bus is lost or closed; the commands of all its
-                drivers are then 0.
+            ConnectionLost, ConnectionClosed, ConnectFailed: If the bus is lost or closed, or cannot be reopened; the
+                commands of all its drivers are then 0.
         """
         try:
             if revive and self._line.broken:
