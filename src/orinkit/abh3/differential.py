@@ -111,8 +111,8 @@ class Differential:
         """Return the velocities of motors A and B in min^-1 for given velocities of the vehicle.
 
         Args:
-            v: Forward velocity in m/s.
-            omega: Angular velocity in rad/s, positive to the left.
+            v: Forward velocity in m/s, as for :meth:`to_travel`.
+            omega: Angular velocity in rad/s, as for :meth:`to_travel`.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.

@@ -214,7 +214,7 @@ class Client(Closing):
         return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
 
     def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Call a function of CAO (:mod:`orinkit.functions`) and return its result.
+        """Call a function of CAO (:mod:`orinkit.cao.functions`) and return its result.
 
         Raises:
             TypeError: If the arguments do not match the function's parameters.
@@ -242,7 +242,7 @@ class Client(Closing):
         """Call a function like :meth:`call`; return the return code, which is a success code, and the result.
 
         Args:
-            function: Function of CAO (:mod:`orinkit.functions`).
+            function: Function of CAO (:mod:`orinkit.cao.functions`).
             arguments: Arguments of the function.
             timeout: Time-out in s, instead of :attr:`timeout`; on UDP and serial lines, of each attempt.
             deadline: Maximum duration of the call in s, instead of :attr:`deadline`.
