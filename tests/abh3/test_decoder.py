@@ -166,7 +166,7 @@ def test_a_group():
     assert other.text == "unknown 1 -> all: BR0 of another broadcast group, 0: 00 00 00 00 00 00 00 00"
     assert other.fault is not None
     i18n.use("ja")
-    assert other.text == "不明 1 -> 全体: グループ 0 の BR0: 00 00 00 00 00 00 00 00"
+    assert other.text == "不明 1 -> 全体: 別のブロードキャストグループ 0 の BR0: 00 00 00 00 00 00 00 00"
     assert other.fault.english == "BR0 of another broadcast group, 0: 00 00 00 00 00 00 00 00"
 
 

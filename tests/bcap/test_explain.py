@@ -215,7 +215,9 @@ def test_two_bytes_that_are_not_the_crc_are_the_reserved_area():
     bad = good[:-3] + b"\xab\xcd\x04"
     area = explain(bad)[-2]
     assert (area.name, area.raw) == ("reserved area", b"\xab\xcd")
-    assert area.meaning == f"2 bytes after the arguments; if they are a CRC, the correct value is {good[-3:-1].hex(' ')}"
+    assert (
+        area.meaning == f"2 bytes after the arguments; if they are a CRC, the correct value is {good[-3:-1].hex(' ')}"
+    )
     assert first_error(explain(bad)) is None
 
 
@@ -282,7 +284,7 @@ def test_an_error_in_a_nested_element():
     frame[at] = 0x7F
     error = error_of(bytes(frame))
     assert error.offset == at
-    assert "string of 127 bytes" in error.meaning
+    assert "must be even and at most 4 bytes, not 127" in error.meaning
     assert meanings(bytes(frame))["parameter[1][0]"] == "3,2"
 
 

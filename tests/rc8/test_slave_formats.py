@@ -587,7 +587,7 @@ def test_set_points_that_are_not_as_the_formats_say(parameter, match):
 def test_parts_of_a_wrong_type(parameter, match):
     mismatch(match, sf.read_set_point, "J", parameter, MINI_HAND, ReceiveFormat())
     i18n.use("ja")
-    mismatch("位置には|MiniIO 状態: |HandIO 状態: ", sf.read_set_point, "J", parameter, MINI_HAND, ReceiveFormat())
+    mismatch("ポーズには|MiniIO 状態: |HandIO 状態: ", sf.read_set_point, "J", parameter, MINI_HAND, ReceiveFormat())
 
 
 def test_bits_of_a_state_as_hexadecimal_text():
@@ -605,7 +605,7 @@ def test_a_part_of_no_format_in_force():
     )
     i18n.use("ja")
     error = invalid("slvMove の要素が 2 個", sf.read_set_point, "J", form(r8(*J), 1), *POSE_ONLY)
-    assert error.detail.endswith("1 個必要です (位置)")
+    assert error.detail.endswith("1 個必要です (ポーズ)")
 
 
 # --- user I/O ---------------------------------------------------------------------------------------------------------
