@@ -118,7 +118,7 @@ def test_loads(code: int, value: float) -> None:
 
 @pytest.mark.parametrize("unit", [0, 10, math.nan, "0.1"])
 def test_other_units_of_a_load(unit: float) -> None:
-    with pytest.raises(InvalidValue, match=r"unit of a load must be 1 or 0\.1 %"):
+    with pytest.raises(InvalidValue, match=r"unit of a load, in %, must be 1 or 0\.1"):
         cnvCAN2Load(1, unit)
 
 

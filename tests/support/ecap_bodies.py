@@ -188,7 +188,7 @@ BAD_BODIES = [
     BadBody("a number beyond double precision", b"Func=68,Arg1=5,Arg2=1,Arg3=1e999", _ARG, "argument 3 (value): inf is not a finite number"),
     BadBody("digits of another script", "Func=68,Arg1=5,Arg2=1,Arg3=１".encode(), _TYPE, "'１' is not a number"),
     BadBody("an exponent whose + was a blank", b"Func=68,Arg1=5,Arg2=1,Arg3=1e+06", _TYPE, "'1e 06' is not a number. Try: encode a \"+\" as %2B"),
-    BadBody("the same in notation", b"Func=102,Arg1=3,Arg2=5,1e+06", _ARG, "column 3: expected a number within double precision (VT_R8), found '1e 06'; a VARIANT is written <type>,<value>, such as 3,100 or 8,text. Try: encode a \"+\""),
+    BadBody("the same in notation", b"Func=102,Arg1=3,Arg2=5,1e+06", _ARG, "column 3: expected a number in the range of double precision (VT_R8), found '1e 06'; a VARIANT is written <type>,<value>, such as 3,100 or 8,text. Try: encode a \"+\""),
     BadBody("no notation", b"Func=102,Arg1=3,Arg2=IO150", _ARG, "Variable_PutValue, argument 2 (value): column 1: expected the number of a type"),
     BadBody("a number by itself for a VARIANT", b"Func=102,Arg1=3,Arg2=100", _ARG, "a VARIANT is written <type>,<value>, such as 3,100 or 8,text"),
     BadBody("nested too deep", b"Func=102,Arg1=3,Arg2=" + b"12,(" * 20 + b"3,1" + b")" * 20, _ARG, "nested deeper than 16"),

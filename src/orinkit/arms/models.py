@@ -62,7 +62,7 @@ class AxisModel:
         upper: Upper soft limit.
         velocity: Largest velocity, deg/s or mm/s.
         acceleration: Largest acceleration, deg/s^2 or mm/s^2. DENSO does not publish it. If a file does not contain it,
-            the acceleration is 5 x ``velocity`` per second, which is an assumption of this project.
+            it is 5 times ``velocity``, which is an assumption of this project.
         linear: True for a linear axis.
     """
 

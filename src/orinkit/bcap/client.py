@@ -249,8 +249,8 @@ class BcapConversation:
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the packets to send before a connectionless link is closed: Service_Stop.
 
-        Each packet comes with the time to wait for a reply, s. This time is 0: a loss would not be detected, so the
-        packet is sent several times.
+        Each packet comes with the time to wait for a reply, s. This time is 0, because the client does not
+        wait for a reply. It cannot detect a loss, so it sends the packet several times.
         """
         if self._stopped or not self.profile.lossy:
             return []

@@ -369,7 +369,7 @@ class _Dissector:
             if area == _CRC_SIZE and crc == end:
                 right = _U16.pack(packet.checksum(self.frame[1 : self.at])).hex(" ")
                 description = tr(
-                    "{said}; if they are a CRC, the correct value is {right}", said=description, right=right
+                    "{said}; if these bytes are a CRC, the correct value is {right}", said=description, right=right
                 )
             self.take(area, tr("reserved area"), description)
         if self.at == crc < end:

@@ -49,7 +49,7 @@ class Framing(Protocol):
         """Return the first complete packet after the header of an incomplete packet; ``None`` if there is none."""
 
     def discard_incomplete(self) -> bytes | None:
-        """Abandon the incomplete packet, and return a complete packet found inside it."""
+        """Abandon the incomplete packet, and return the first complete packet after its first byte, if there is one."""
 
 
 class DatagramFramer:

@@ -111,7 +111,9 @@ class LineFramer(packet.FramerBase):
         return None
 
     def discard_incomplete(self) -> bytes | None:
-        """Abandon the incomplete packet, and return a complete packet found inside it.
+        """Abandon the incomplete packet, and return the first complete packet in the bytes after its first byte.
+
+        Return ``None`` if there is none. The incomplete packet may have been noise that looks like a header.
 
         Raises:
             LimitExceeded: See :meth:`next_frame`.

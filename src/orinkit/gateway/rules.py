@@ -115,10 +115,10 @@ class AccessRules:
             Leading zeros of numbers are ignored: ``I015`` is ``I15``. The name of a variable may contain ``*``; the
             client then chooses the number later, by setting the ID of the variable. Such a variable is allowed only by
             the identical pattern or by ``*``: ``I*`` is allowed by ``I*``, not by ``I??*`` or ``I[!0]*``. The list also
-            applies to variables in any text of the parameters of Execute and Command objects (``"@P P1"``), and in the
-            poses (``[5, "P"]``) and options (``SPEED=F2``) of Robot_Move, Robot_Rotate and Robot_Drive. In the
-            parameters of a Command object, any array that may be a pose is treated as a pose, because its meaning is
-            unknown.
+            applies to variables that a call names in its arguments: in any text in the parameters of an Execute
+            function or of a Command object (``"@P P1"``), and in the poses (``[5, "P"]``) and options (``SPEED=F2``) of
+            Robot_Move, Robot_Rotate and Robot_Drive. In the parameters of a Command object, any array that may be a
+            pose is treated as a pose, because its meaning is unknown.
         commands: Patterns of commands of Execute and of Command objects, for example ``CurPos`` or ``Robot.CurPos``.
 
     Raises:

@@ -41,7 +41,7 @@ class MonitoredClient(Protocol):
 
     @property
     def default_silence_limit(self) -> float | None:
-        """The server's limit, s; ``None`` if there is no limit."""
+        """The server's limit on silence while motions run, s; ``None`` if there is no limit."""
 
     @property
     def session(self) -> Session | None:

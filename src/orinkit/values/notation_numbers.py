@@ -153,8 +153,8 @@ def whole(low: int, high: int) -> ElementFormat:
     )
 
 
-SINGLE: Final = ElementFormat(_read_single, _write_single, N_("a number within single precision"))
-DOUBLE: Final = ElementFormat(_read_real, _write_real, N_("a number within double precision"))
+SINGLE: Final = ElementFormat(_read_single, _write_single, N_("a number in the range of single precision"))
+DOUBLE: Final = ElementFormat(_read_real, _write_real, N_("a number in the range of double precision"))
 AMOUNT: Final = ElementFormat(
     _read_amount,
     _write_amount,

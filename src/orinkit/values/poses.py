@@ -362,7 +362,7 @@ class Target:
 
     @property
     def pose(self) -> P | T | J | V | None:
-        """The value as an object; ``None`` for a variable, or if the pose type is unspecified."""
+        """The value as a P, T, J or V; ``None`` for a global variable, or if the pose type is unspecified."""
         if isinstance(self.value, int):
             return None
         kind = _CLASSES.get(self.kind)

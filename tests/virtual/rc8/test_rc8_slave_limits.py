@@ -191,7 +191,7 @@ def test_external_speed_counts_if_the_setting_includes_it(setting, accepted):
 
 @pytest.mark.parametrize("number", [4, -1, 1.5, "servo", None, [0]])
 def test_invalid_settings(number):
-    with pytest.raises(ValueError, match="limits in slave mode"):
+    with pytest.raises(ValueError, match="selects the limits in slave mode"):
         VirtualRC8(slave_limit=number)
 
 
@@ -199,7 +199,7 @@ def test_the_pendant_has_the_setting(cell):
     for number in (3, 0, 1, 2):
         cell.rc8.pendant.slave_limit(number)
         assert cell.rc8.pendant.status()["slave_limit"] == number == cell.rc8.state.switches.slave_limit
-    with pytest.raises(ValueError, match="limits in slave mode"):
+    with pytest.raises(ValueError, match="selects the limits in slave mode"):
         cell.rc8.pendant.slave_limit(4)
     assert cell.rc8.pendant.status()["slave_mode"] == 0
     cell.on(J2)

@@ -64,7 +64,7 @@ def cnvCAN2Load(load: int, unit: float = 1.0) -> float:  # noqa: N802 - the docu
         InvalidValue: If the code is not in -32768 to 65535, or the unit is not 1 or 0.1.
     """
     if unit not in (1.0, 0.1):
-        raise InvalidValue(tr("the unit of a load must be 1 or 0.1 %, not {unit}", unit=brief(unit)))
+        raise InvalidValue(tr("the unit of a load, in %, must be 1 or 0.1, not {unit}", unit=brief(unit)))
     return (LOAD if unit == 1.0 else LOAD_TENTHS).decode(_unsigned(load))
 
 

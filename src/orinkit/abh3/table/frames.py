@@ -53,7 +53,7 @@ class Codec:
         return reader.kind(*values, codes=codes)
 
     def read(self, kind: type[R], name: str, data: bytes) -> R:
-        """Return the record of a frame, which is of the given class.
+        """Return the record of a frame; the record must be an instance of ``kind``.
 
         Raises:
             ProtocolError: If the length is not 8 bytes.

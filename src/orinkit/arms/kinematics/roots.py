@@ -70,13 +70,15 @@ class _Brackets:
 
 
 def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[Lines, Array]:
-    """Return the roots of all functions: indices of functions and angles, (M,) each. A root may occur more than once.
+    """Return the roots of all functions as two arrays, (M,): the index of the function, and the angle, of each root.
+
+    A root may occur more than once.
 
     Args:
         function: The functions.
         samples: Samples of all functions over their whole range. The last two of a row repeat the first two, one turn
             further, so that no root at the ends of the range is missed.
-        steepness: Upper bound of the rate at which a margin changes, per rad.
+        steepness: Upper bound of the change of a margin (see :data:`Function`) per rad of the angle.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         every = _resampled(function, samples, steepness)

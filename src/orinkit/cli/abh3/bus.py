@@ -57,7 +57,7 @@ def _interface(_given: object) -> str:
 
 
 def _channel(_given: object) -> str:
-    return tr("{channel} with udp_multicast", channel=CHANNEL)
+    return tr("{channel} if the interface is udp_multicast", channel=CHANNEL)
 
 
 @Parameter(name="*", group=BUS)

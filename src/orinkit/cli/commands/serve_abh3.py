@@ -94,8 +94,8 @@ def serve_abh3(
         str,
         Parameter(
             group=_DRIVER,
-            help=tr("Axis model: with motor, the commands apply to the motors A and B; with travel, to travelling (Y) "
-                "and turning (X)."),
+            help=tr("Axis model. motor: the commands apply to the motors A and B. travel: the commands apply to "
+                "travelling (Y) and turning (X)."),
         ),
     ] = "motor",
     broadcast: Annotated[

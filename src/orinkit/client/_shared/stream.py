@@ -131,7 +131,7 @@ class StreamResult:
 
 
 def timing_of(samples: Iterable[Sample]) -> Timing:
-    """Return the gaps between successive samples; gaps next to a missed sample are omitted."""
+    """Return the gaps between successive samples; a gap in which samples were overwritten unread is omitted."""
     return Timing(tuple(b.sent - a.sent for a, b in pairwise(samples) if b.number == a.number + 1))
 
 

@@ -355,7 +355,7 @@ class HttpSessions:
         return self._by_address.get(address)
 
     def is_reachable_by_address(self, session: HttpSession) -> bool:
-        """Return True if a session can be reached by its address."""
+        """Return True if requests without a cookie from the session's address reach this session."""
         return self._by_address.get(session.address) is session
 
     def create(self, address: str, port: int) -> HttpSession | None:

@@ -57,8 +57,9 @@ class TargetMotion(NamedTuple):
     def relative_state(self, offset: float, velocity: float, acceleration: float, period: float) -> AxisState:
         """Return the state of an axis at its last command, relative to the moving set-points.
 
-        The next command corresponds to the last set-point. Therefore the last command is compared with the position of
-        the set-points one period before the last set-point.
+        The last set-point belongs to the next command, and the set-point before it to the last command. Therefore the
+        relative position is the distance of the last command from the estimated position of the set-points one period
+        before the last set-point.
 
         Args:
             offset: Last command minus last set-point.
@@ -244,8 +245,8 @@ class AxisLimiter:
         end, room = (self.upper, self.upper - now) if step > 0.0 else (self.lower, now - self.lower)
         rate, most = abs(step) / self._period, self._fastest(room) / self._period
         return tr(
-            "{name}: at {value:g} the velocity of {rate:g}/s is {excess:.3g}/s too high: the axis may move at "
-            "{most:g}/s at most to stop before the end of its range, {end:g}",
+            "{name}: at {value:g} the velocity is {rate:g}/s, which is {excess:.3g}/s too high; to stop before "
+            "the end of its range, {end:g}, the axis may move at {most:g}/s at most",
             name=self.name,
             value=value,
             rate=rate,

@@ -67,12 +67,13 @@ class CartesianLimiter:
 
     Args:
         name: Name of the limited quantity in English; messages contain its translation.
-        unit: Unit of a step.
+        unit: Unit of a step, which is the difference of two consecutive commands.
         speed: Largest velocity, per second.
         acceleration: Largest acceleration, per second squared.
         jerk: Jerk of planned motions, per second cubed.
         period: Period, s.
-        spacing: Rounding error of a step: the spacing of the floating-point numbers from which it is computed.
+        spacing: Rounding error of a step, in its unit. It results from the spacing of floating-point numbers as large
+            as the coordinates or angles from which the step is computed.
         turning: True if the orientation is limited, False if the position is limited.
 
     Attributes:

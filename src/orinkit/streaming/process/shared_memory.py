@@ -108,7 +108,7 @@ class Outputs:
     Attributes:
         mini: States of the mini I/O.
         hand: States of the hand I/O.
-        user: Number of the first user I/O point, and the bytes.
+        user: Number of the first user I/O point, and bytes with the states of the points from this one on.
     """
 
     mini: int | None = None
@@ -345,7 +345,7 @@ class StreamMemory:
         return StreamCommand(self._words[_Word.ORDER] & 0xFF)
 
     def mark_done(self) -> None:
-        """Report that the last command of the program is done."""
+        """Report that the streaming process has executed the last :class:`StreamCommand` of the program."""
         self._words[_Word.ORDER_DONE] = self._words[_Word.ORDER]
 
     @property

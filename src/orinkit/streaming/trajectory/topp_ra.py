@@ -52,7 +52,10 @@ class CurveConstraints(Protocol):
         """Return, for each interval between samples, True if a rate of 1 sample per period is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
+        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+
+        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        """
 
 
 class JointConstraints:
@@ -91,7 +94,10 @@ class JointConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
+        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+
+        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        """
         terms = []
         fastest = 1.0
         for b, c, d, scale in self._joints:
@@ -138,7 +144,10 @@ class PathConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a place, and the greatest z within the velocity limits there."""
+        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+
+        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        """
         rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
         slope, along, across = _along(rows)
         terms = _polygon_terms(slope, along, across, self._acceleration)

@@ -38,8 +38,8 @@ class SlaveLimit(IntEnum):
         except ValueError:
             raise ValueError(
                 tr(
-                    "the limits in slave mode must be 0 (servo), 1 (servo x external speed), 2 (command) or 3 "
-                    "(command x external speed), not {number!r}",
+                    "the number that selects the limits in slave mode must be 0 (servo limits), 1 (servo limits x "
+                    "external speed), 2 (command limits) or 3 (command limits x external speed), not {number!r}",
                     number=number,
                 )
             ) from None

@@ -154,8 +154,8 @@ def table_path(
         tool: Frame of the TCP relative to the flange.
         start: Joints of all axes at the start.
         extra_end: End values of axes 7 and 8, as many as the arm has; ``None`` to leave them unchanged.
-        hopeless: Callback that receives a table of the six joints, shape (N, 6), with large steps, and returns True if
-            a finer table cannot succeed either.
+        hopeless: Callback that is called if the joints change too much between two rows of a table. It receives the
+            table of the six joints, shape (N, 6), and returns True if a finer table cannot succeed either.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE if the end is out of reach; OUT_OF_WORKING_RANGE if another point of the path is

@@ -108,7 +108,7 @@ class MotionProfile:
         return MotionProfile(knots, duration, self.slowing * k)
 
     def at(self, time: float) -> float:
-        """Return s, 0 to 1."""
+        """Return s, the progress along the path from 0 to 1, at ``time`` in seconds."""
         if time >= self.duration:
             return 1.0
         if time <= 0:

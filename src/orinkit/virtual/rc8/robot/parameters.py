@@ -204,7 +204,7 @@ def check_length(text: str) -> str:
     """Return a string after checking its length.
 
     Raises:
-        CallError: E_INVALIDARG if the string has more than 1,024 characters, which only a pose may have.
+        CallError: E_INVALIDARG if the string has more than 1,024 characters. Only poses may be longer.
     """
     if len(text) > _LONGEST:
         raise error_for(
