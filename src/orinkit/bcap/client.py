@@ -1,10 +1,10 @@
 """The client side of a b-CAP conversation, without I/O.
 
-:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``. The caller sends ``data`` to the controller
-if it is not empty, and then waits up to ``seconds`` for received bytes. If ``seconds`` is ``None``, the caller
-continues the previous wait. The caller passes the received bytes to the generator: ``b""`` if the peer has closed the
-connection, ``None`` after a time-out. The generator returns the return code and the result. The runners in
-:mod:`orinkit.transport.runner` execute such generators and do the I/O.
+:meth:`BcapConversation.call` is a generator. It yields ``(data, seconds)``. If ``data`` is not empty, the caller sends
+it to the controller. The caller then waits for bytes from the controller, for at most ``seconds`` s. If ``seconds`` is
+``None``, the caller continues the previous wait. The caller passes the received bytes to the generator, or ``b""`` if
+the peer has closed the connection, or ``None`` after a time-out. Finally, the generator returns the return code and the
+result. The runners in :mod:`orinkit.transport.runner` execute such generators and do the I/O.
 
 On unreliable transports (:mod:`orinkit.bcap.profiles`), a request without a reply is repeated. The controller
 recognizes the duplicate by the reserved field and executes the request once.
@@ -46,7 +46,7 @@ class BcapConversation:
     """The client side of the conversation on one link: creates requests and interprets replies, one call at a time.
 
     Args:
-        limits: limits of a packet; the limits of the profile also apply.
+        limits: limits of a packet; the packet size is also limited by the profile.
         trace: callback invoked with every packet; ``None`` for no callback.
         profile: the b-CAP transport profile.
         dialect: dialect of the controller; may be set later, when it is known.
@@ -56,8 +56,8 @@ class BcapConversation:
         stray_replies: number of replies that did not belong to the current call: late, repeated, or for another client.
         trace: callback invoked with every packet; ``None`` for no callback.
         profile: the b-CAP transport profile.
-        echoes_reserved: True if the last reply repeated the reserved field of the request, as a VE026A does (UDP,
-            serial lines).
+        echoes_reserved: True if the last reply repeated the reserved field of its request; a VE026A does this over UDP
+            and serial lines.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class BcapConversation:
         retry_timeout: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
-        """Return a generator that calls a function; the module's docstring describes it.
+        """Return a generator that calls a function; the docstring of the module describes how to use the generator.
 
         Args:
             function: an entry of the table of functions.
@@ -125,8 +125,8 @@ class BcapConversation:
             exact: True to return the result as a :class:`~orinkit.values.variant.Variant`.
             tries: total number of attempts on unreliable transports (RC8 table 5-1: TORetry); every S_EXECUTING
                 restarts the count.
-            retry_timeout: minimum time-out of every attempt except the first, s. After noise on a serial line, the
-                server detects the next packet only after a period of silence.
+            retry_timeout: minimum time-out of every attempt except the first, s. It may exceed ``seconds``: after noise
+                on a serial line, a server detects the next packet only after a period of silence.
             deadline: limit on the duration of the call, s, regardless of S_EXECUTING; ``None`` for no limit.
 
         Raises:
@@ -247,10 +247,11 @@ class BcapConversation:
             received = yield requests[serial], timer.bound(max(seconds, retry_timeout))
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
-        """Return the packets to send before a connectionless link is closed: Service_Stop.
+        """Return the Service_Stop packets to send before a UDP link or a serial line is closed.
 
-        Each packet comes with the time to wait for a reply, s. This time is 0, because the client does not
-        wait for a reply. It cannot detect a loss, so it sends the packet several times.
+        The list is empty over TCP, and if no Service_Stop is necessary. Each packet comes with the time to wait for a
+        reply, s: always 0, because the client does not wait. Without a reply, the client cannot detect the loss of a
+        packet, so the list contains several attempts.
         """
         if self._stopped or not self.profile.lossy:
             return []
@@ -265,7 +266,7 @@ class BcapConversation:
         return serial
 
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:
-        """Return the packet of one attempt, and pass it to the trace."""
+        """Return the packet of one attempt, and pass the packet to the trace callback."""
         request = encode_request(
             function, arguments, serial, first, crc=self.profile.crc, vt_error_size=self._limits.vt_error_size
         )
@@ -286,9 +287,9 @@ class BcapConversation:
 
 
 def sign_of_life(handle: int) -> bytes:
-    """Return a keep-alive packet that may be sent over TCP during a call: Controller_GetName.
+    """Return a keep-alive packet that may be sent over TCP during a call; it calls Controller_GetName.
 
-    Its serial is 0, which no call uses. The client therefore drops the reply (E_BUSY_PROC).
+    The server replies E_BUSY_PROC. The client drops this reply, because its serial is 0, which no call uses.
     """
     return encode_request(controller_get_name, (handle,), 0)
 
@@ -360,7 +361,7 @@ def _encoder(argument: Argument) -> Callable[[Any], bytes]:
 
 
 def _sized(encoder: Callable[[Any], bytes], vt_error_size: int) -> Callable[[Any], bytes]:
-    """Return the encoder for another size of VT_ERROR; only the encoder of VARIANTs depends on that size."""
+    """Return ``encoder``, adapted to the size of a VT_ERROR; only the encoder of VARIANTs depends on this size."""
     if encoder is not codec.encode:
         return encoder
     return lambda value: codec.encode_variant(variant(value), vt_error_size)

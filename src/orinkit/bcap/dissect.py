@@ -54,7 +54,7 @@ class PacketField:
         name: name of the field, in the current language.
         meaning: meaning of the field; for a value its VARIANT notation, for an error its description.
         error: True if the field is an error.
-        level: 0 for the packet itself, 1 for an argument, one more for each enclosing array.
+        level: 0 for a field of the packet itself, 1 for a field of an argument, one more for each array around it.
     """
 
     offset: int
@@ -72,7 +72,7 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
         frame: a packet, possibly malformed.
         kind: ``"request"`` or ``"reply"``; by default, the code in the packet determines this: 1 to 255 is a function
             id, any other code is a return code.
-        request: the packet of the request, if ``frame`` is a reply.
+        request: if ``frame`` is a reply, the packet of its request; ``None`` if that packet is unknown.
     """
     dissector = _Dissector(bytes(frame), kind or ("reply" if request is not None else None), _function_of(request))
     dissector.packet()
@@ -89,7 +89,7 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
 
     Args:
         frame: a packet, possibly malformed.
-        request: the packet of the request, if ``frame`` is a reply.
+        request: if ``frame`` is a reply, the packet of its request; ``None`` if that packet is unknown.
     """
     try:
         found = packet.decode(frame, exact=True)
@@ -127,7 +127,7 @@ def split(data: bytes) -> list[bytes]:
 
 
 def _packet_size(data: bytes, at: int) -> int:
-    """Return the length of the packet at this position, 0 if there is none."""
+    """Return the length of the packet at position ``at``, bytes; 0 if there is no packet."""
     if data[at] != packet.SOH or at + packet.OVERHEAD > len(data):
         return 0
     size: int = _U32.unpack_from(data, at + 1)[0]
@@ -179,7 +179,8 @@ def _notation(vt: int, count: int, data: bytes) -> str:
 class _Dissector:
     """Dissects one packet in a single pass.
 
-    The decoder decides whether the packet is valid and describes errors; this class locates the fields.
+    The decoder (:mod:`orinkit.values.codec`) decides whether an argument is valid, and describes its errors; this class
+    locates the fields.
     """
 
     def __init__(self, frame: bytes, kind: Kind | None, function: Function[..., Any] | None) -> None:
@@ -190,14 +191,14 @@ class _Dissector:
         self.at = 0
 
     def take(self, size: int, name: str, meaning: str, *, error: bool = False, level: int = 0) -> bytes:
-        """Add a field with the next bytes."""
+        """Add a field with the next ``size`` bytes, and return these bytes."""
         raw = self.frame[self.at : self.at + size]
         self.fields.append(PacketField(self.at, raw, name, meaning, error, level))
         self.at += len(raw)
         return raw
 
     def wrong(self, end: int, name: str, meaning: str, level: int = 0) -> None:
-        """Add an error field with all bytes up to ``end``."""
+        """Add an error field with all bytes from the current position up to ``end``."""
         self.take(max(end - self.at, 0), name, meaning, error=True, level=level)
 
     def packet(self) -> None:
@@ -224,7 +225,7 @@ class _Dissector:
         self._end(end, stop)
 
     def _stop(self) -> int:
-        """Return the end of the packet according to its length, if an EOT is there; otherwise the end of the bytes."""
+        """Return the end of the packet according to its length field; the end of all bytes if no EOT is there."""
         (length,) = packet.LENGTH.unpack_from(self.frame, 1)
         fits = packet.OVERHEAD <= length <= len(self.frame) and self.frame[length - 1] == packet.EOT
         return length if fits else len(self.frame)
@@ -277,7 +278,7 @@ class _Dissector:
         return tr("result {index}", index=index + 1)
 
     def _argument(self, name: str, end: int, missing: int) -> bool:
-        """Dissect one argument; return False if the next one cannot be located."""
+        """Dissect one argument; return False if the argument after it cannot be located."""
         start = self.at
         wrong: ProtocolError | None = None
         try:
@@ -309,7 +310,7 @@ class _Dissector:
         self.take(4, _part(name, tr("element count")), str(count), level=level)
 
     def _data(self, name: str, vt: int, count: int, stop: int, level: int) -> bool:
-        """Dissect the valid part of the data of an argument or element; return True if all of the data is valid."""
+        """Dissect the valid part of the data of an argument or array element; return True if all of it is valid."""
         base, array = vt & ~ARRAY, bool(vt & ARRAY)
         if not array and count != 1:
             return False

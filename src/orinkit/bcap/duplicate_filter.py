@@ -3,8 +3,8 @@
 On UDP and on serial lines, each request has a number: the serial of its first attempt. The reserved field of every
 attempt contains this number. Numbers increase with every request and continue with 1 after 65535. A request with a
 number below the newest number is late and is not executed: its client has already received the reply, or has abandoned
-the call and made another one. Old clients set the reserved field to 0. In this case the serial itself is the number,
-which may also be 0, and only duplicates of the newest request are detected.
+the call and made another one. Old clients set the reserved field to 0. In this case, the number of a request
+is the serial of its packet, which may also be 0, and only duplicates of the newest request are detected.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Final
 from orinkit.core import hresult
 
 MEMORY: Final = 10.0
-"""Seconds for which requests are stored. (Reference behaviour: a silent UDP client is disconnected after this time.)"""
+"""Seconds for which requests are stored; a silent UDP client is disconnected after the same time."""
 
 _SERVICE_START: Final = 1
 _LATE_DATAGRAM: Final = 2.0  # s, longest delay of a packet; a later Service_Start belongs to another client
@@ -74,7 +74,7 @@ class DuplicateFilter:
         self._stopped = True
 
     def check(self, serial: int, reserved: int, function: int, content: bytes, now: float, *, busy: bool) -> Decision:
-        """Return the way to handle a request. A new request is then in progress until :meth:`store_reply`.
+        """Return the way to handle a request. A new request is then in progress until its reply is stored.
 
         Args:
             serial: serial of this attempt.

@@ -98,7 +98,8 @@ def decode(frame: bytes, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool =
     """Decode one complete packet, for example one from :class:`Framer`.
 
     Raises:
-        ProtocolError: If the bytes are not a valid packet; its ``code`` is the return code with which a server replies.
+        ProtocolError: If the bytes are not a valid packet. The ``code`` of the exception is the return code for
+            the reply of a server.
     """
     check_frame(frame, limits, crc=crc)
     end = len(frame) - (3 if crc else 1)
@@ -127,7 +128,7 @@ def decode_arguments(
 
 
 def is_whole(frame: bytes) -> bool:
-    """Return True if the bytes are one packet from SOH to EOT, without a CRC; the content is not checked."""
+    """Return True if the bytes begin with SOH and their own length, and end with EOT; nothing else is checked."""
     return len(frame) >= OVERHEAD and frame[-1] == EOT and _START(frame) == (SOH, len(frame))
 
 
@@ -174,7 +175,10 @@ def _too_long(length: int, limits: PacketLimits) -> LimitExceeded:
 
 
 def _no_packet(data: bytes | bytearray) -> ProtocolError:
-    """Return the exception for data that does not begin with SOH. Its text shows the first bytes in printable form."""
+    """Return the exception for data that does not begin with SOH.
+
+    The text of the exception shows the first bytes of the data in printable form.
+    """
     shown = ascii(bytes(data[:_SHOWN]))[1:] + ("..." if len(data) > _SHOWN else "")
     hint = tr(". This is HTTP. Try: use an http:// address and an e-CAP server") if _HTTP.match(data) else ""
     return ProtocolError(
@@ -205,9 +209,9 @@ class Framer(FramerBase):
     """Extracts packets from a byte stream, which may arrive in pieces of any size.
 
     Every packet must begin where the previous one ends. A first byte other than SOH, an impossible length, or a last
-    byte other than EOT raises an exception. All later calls then raise it too: the framer does not search for another
-    packet. The reason is that a web page can make a browser send bytes of the page's choice, but only after an HTTP
-    header.
+    byte other than EOT raises an exception. All later calls raise the same exception: the framer does not search for
+    another packet. This protects against web pages, which can make a browser send any bytes to a server. An HTTP header
+    always precedes these bytes, and the header raises the exception.
     """
 
     skipped_bytes = 0
@@ -248,7 +252,7 @@ class Framer(FramerBase):
         """Return the next complete packet, or ``None`` if more bytes are needed.
 
         Raises:
-            ProtocolError: If the data is not a packet; its ``fatal`` is True.
+            ProtocolError: If the data is not a packet; the ``fatal`` of the exception is True.
         """
         if self._error is not None:
             raise self._error

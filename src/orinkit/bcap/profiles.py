@@ -2,8 +2,8 @@
 
 A :class:`BcapProfile` describes the differences. Over TCP, nothing is lost, and data that is not a packet ends the
 connection. On the other two transports, a packet may be lost, so a client repeats a request without a reply. Each
-attempt has a new serial. Its reserved field contains the serial of the first attempt, by which a server recognizes the
-request (:mod:`orinkit.bcap.duplicate_filter`).
+attempt has a new serial. The reserved field of every attempt contains the serial of the first one, so that a server
+recognizes the request (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Framing(Protocol):
         """Return the first complete packet after the header of an incomplete packet; ``None`` if there is none."""
 
     def discard_incomplete(self) -> bytes | None:
-        """Abandon the incomplete packet, and return the first complete packet after its first byte, if there is one."""
+        """Abandon the incomplete packet; return the first complete packet after its first byte, or ``None``."""
 
 
 class DatagramFramer:
@@ -67,7 +67,10 @@ class DatagramFramer:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the packet in a datagram, even a packet that is too long, so that the server can reply to it."""
+        """Return the packet in a datagram; ``None`` if the datagram is dropped.
+
+        A packet that is too long is not dropped, so that the server can reply to it.
+        """
         if packet.is_whole(data):
             return data
         self.skipped_bytes += len(data)
@@ -106,7 +109,7 @@ class BcapProfile(TransportProfile):
         return 3 if self.crc else 1
 
     def bound(self, limits: PacketLimits) -> PacketLimits:
-        """Return the limits, reduced to the packet size of the transport."""
+        """Return limits with the packet size reduced to the limit of the transport; the other limits are unchanged."""
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 

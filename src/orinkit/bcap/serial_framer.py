@@ -90,11 +90,12 @@ class LineFramer(packet.FramerBase):
         return None
 
     def resync(self) -> bytes | None:
-        """Return a complete packet that follows the header of an incomplete one, and skip everything before it.
+        """Return a complete packet that follows the header of an incomplete packet; ``None`` if there is none.
 
-        Noise may look like a header. If the line is never silent, :meth:`discard_incomplete` is not called, and this
-        method finds the packets after the false header. A valid packet whose arguments contain other packets looks the
-        same. Therefore call this method only if a packet takes far too long.
+        All bytes before the returned packet are skipped. Noise may look like a header. If the line is never silent,
+        :meth:`discard_incomplete` is not called, and this method finds the packets after the false header. However, the
+        incomplete packet may also be valid, and contain the returned packet in its arguments. Therefore call this
+        method only if a packet remains incomplete for far too long.
         """
         buffer = self._buffer
         start = buffer.find(packet.SOH, 1)
@@ -126,7 +127,7 @@ class LineFramer(packet.FramerBase):
         return None
 
     def _whole(self, length: int) -> bytes | None:
-        """Return the packet at the beginning of the buffer; if it is not valid, skip its first byte."""
+        """Return the packet at the beginning of the buffer. If it is invalid, skip its first byte and return None."""
         buffer = self._buffer
         if buffer[length - 1] == packet.EOT:
             frame = bytes(buffer[:length])
@@ -142,7 +143,8 @@ class LineFramer(packet.FramerBase):
     def _refuse(self, length: int) -> None:
         """Skip the first byte of a header that announces a packet above the limit.
 
-        The header is noise, unless it looks like the header of a request.
+        A header that does not look like that of a request is noise. Otherwise, an exception may be raised: see
+        :meth:`next_frame`.
         """
         _, _, serial, _, function, count = packet.HEADER.unpack_from(self._buffer)
         request = serial and 1 <= function <= _LAST_FUNCTION and count <= _MAX_ARGUMENTS

@@ -2,10 +2,10 @@
 
 :class:`ServerConversation` receives bytes and yields actions: :class:`Send` (send bytes), :class:`Execute` (execute a
 call), :class:`Decode` (decode a large packet), :class:`Close` (close the link) and :class:`EndSession` (end the
-client's session). The caller executes the call, passes the result to :meth:`~ServerConversation.finish`, and calls
-:meth:`~ServerConversation.tick` at :meth:`~ServerConversation.next_time`. One call is executed at a time. Calls that
-arrive during this time return E_BUSY_PROC (reference behaviour: docs/protocol.md). On unreliable transports, duplicates
-are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
+client's session). The caller executes the call and passes the result to :meth:`~ServerConversation.finish`. It calls
+:meth:`~ServerConversation.tick` at the time that :meth:`~ServerConversation.next_time` returns. One call is executed at
+a time. Calls that arrive while another call is executing return E_BUSY_PROC (docs/protocol.md). On unreliable
+transports, duplicates are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ class Execute:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decode:
-    """Call ``read`` in a worker thread, which decodes a large packet while other clients are served.
+    """Call ``read``, which decodes a large packet, in a worker thread, so that other clients are served meanwhile.
 
-    Then pass this object and the result to :meth:`ServerConversation.decoded`. Until then, further calls of the client
-    return E_BUSY_PROC.
+    Then pass this object and the result of ``read`` to :meth:`ServerConversation.decoded`. Until then, further calls of
+    the client return E_BUSY_PROC.
     """
 
     serial: int
@@ -88,7 +88,7 @@ class Encoded(NamedTuple):
 
     Attributes:
         code: the error code; ``None`` if the result can be sent.
-        body: one encoded argument.
+        body: the result, encoded as one argument.
         room: for a large result, used instead of ``body``: a buffer with the encoded argument and room for the rest of
             the packet, so that the argument is not copied.
     """
@@ -117,7 +117,7 @@ class ServerConversation:
         stopped: True from the reply to Service_Stop until the next request.
         packets: number of complete packets received.
         calls: number of calls that were passed on for execution.
-        max_silence: longest silence that the client has announced, s; ``None`` for no such limit; set by
+        max_silence: limit on the client's silence while its arm moves, s; ``None`` for no such limit; set by
             ``Alive=<ms>``.
         last_request_at: time of the last complete request.
         last_reply_at: time of the last reply to a call.
@@ -188,7 +188,7 @@ class ServerConversation:
         return self._actions(lambda: self._framer.feed(data), self._framer.next_frame)
 
     def discard_incomplete(self, now: float) -> Iterator[Action]:
-        """Abandon an incomplete packet on a serial line; yield the actions, as :meth:`receive` does.
+        """Abandon an incomplete packet on a serial line; yield the actions for the packets that follow its first byte.
 
         Call this method after :data:`~orinkit.bcap.profiles.SILENCE` seconds without data. Afterwards, another
         incomplete packet may be in the buffer.
@@ -224,7 +224,7 @@ class ServerConversation:
             yield action
 
     def _inside(self, took: bool) -> bytes | None:
-        """Return a packet that follows the header of an overdue incomplete packet (on a serial line)."""
+        """Return a packet that follows the header of an overdue incomplete packet; ``None`` if there is none."""
         if not self.discardable_bytes:
             self._pending_since = _NEVER
         elif took or self._pending_since == _NEVER:
@@ -235,7 +235,7 @@ class ServerConversation:
         return None
 
     def update_time(self, now: float) -> None:
-        """Set the current time, before further actions of :meth:`receive` are requested and before :meth:`finish`."""
+        """Set the current time; call this method before requesting further actions, and before :meth:`finish`."""
         self._now = now
 
     def _request(self, frame: bytes) -> Action | None:
@@ -262,7 +262,7 @@ class ServerConversation:
         return self._take(frame, serial, reserved, function_id, count, end)
 
     def _not_new(self, requests: DuplicateFilter, decision: Decision, serial: int, reserved: int) -> Action | None:
-        """Handle a request that must not be executed."""
+        """Return the action for a request that must not be executed; ``None`` to drop the request."""
         if decision is Decision.STALE:
             return None
         if decision is Decision.REPLIED:
@@ -334,7 +334,7 @@ class ServerConversation:
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
     def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
-        """Return the reply to a call; ``b""`` if the call was already finished, timed out or abandoned.
+        """Return the reply to a call; ``b""`` if the call has timed out, or was already finished or abandoned.
 
         Args:
             call: the call that has been executed.
@@ -379,7 +379,7 @@ class ServerConversation:
         return self._reply(code, 1, result.body) if result.code is None else self._reply(result.code)
 
     def _reply(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
-        """Return the reply to the current request, and store it on unreliable transports."""
+        """Return the reply to the current request; on unreliable transports, also store the reply."""
         if self._requests is not None:
             self._requests.store_reply(CachedReply(code, count, body), self._now)
         return self._pack(self._serial, self._reserved, code, count, body)
