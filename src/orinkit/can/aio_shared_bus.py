@@ -103,7 +103,7 @@ class AsyncSharedCanBus(SharedBusBase):
 
         Args:
             frames: The frames; all of them are checked before the first is sent.
-            seconds: Time to wait for each frame until the interface accepts it, s; at most 0.05.
+            seconds: Time to wait for each frame until the interface accepts it, s; a longer time is reduced to 0.05.
         """
         for frame in frames:
             checked(frame)
@@ -130,7 +130,7 @@ class AsyncSharedCanBus(SharedBusBase):
         self._thread.start()
 
     def _end(self) -> None:
-        """Stop reading. If a thread reads the bus, it ends soon afterwards."""
+        """Stop reading. If a thread reads the bus, this thread ends soon afterwards."""
         if self._watched >= 0:
             self._loop.remove_reader(self._watched)
             self._watched = -1
@@ -231,7 +231,7 @@ class AsyncSharedCanBus(SharedBusBase):
             raise
 
     async def _stop_reading(self) -> None:
-        """Stop reading, and wait for the thread to end."""
+        """Stop reading; if a thread reads the bus, wait until this thread has ended."""
         self._end()
         if self._leaving is not None:
             await self._leaving.wait_ended(_STOP_TIMEOUT)
@@ -333,8 +333,8 @@ class AsyncCanReceiver(ReceiverBase):
 async def arun_can(operation: CanOperation[T], port: AsyncFrameLink) -> T:
     """Run an operation in asyncio and return its result.
 
-    After a cancelled operation, the receiver can still be used: the next operation that has a ``fresh`` step drops the
-    frames that the cancelled operation did not receive.
+    After a cancelled operation, the receiver can still be used: the next operation with a step whose ``fresh`` is True
+    (:class:`~orinkit.can.frame.OperationStep`) drops the frames that the cancelled operation did not receive.
 
     Args:
         operation: The operation.
@@ -374,7 +374,7 @@ def _in_thread(function: Callable[[], T]) -> asyncio.Future[T]:
     """Run a function in a daemon thread, and return a future with its result.
 
     The function may block forever, for example because it opens a bus. Therefore no thread of the loop's executor is
-    used: such a thread would prevent the program from exiting.
+    used: a blocked thread of the executor would prevent the program from exiting.
     """
     loop = asyncio.get_running_loop()
     result: asyncio.Future[T] = loop.create_future()

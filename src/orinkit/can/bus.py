@@ -89,7 +89,7 @@ class Bus:
     Args:
         bus: A python-can bus. Nothing else may receive from it (no Notifier); its filters are kept.
         own: True to close the python-can bus with this one; False if the python-can bus belongs to the caller.
-        address: Address by which the bus was opened; used to reopen the bus.
+        address: Address by which the bus was opened; ``None`` if there is none, so that the bus cannot be reopened.
     """
 
     def __init__(self, bus: can.BusABC, *, own: bool = True, address: CanAddress | None = None) -> None:
@@ -143,8 +143,8 @@ class Bus:
 
         Args:
             frame: The frame.
-            seconds: Seconds to wait until the interface accepts the frame. The wait may be up to twice as long. It is
-                at least 31 ms and at most 1 s.
+            seconds: Time to wait until the interface accepts the frame, s. It is increased to the next power of two,
+                and limited to the range from 31 ms to 1 s.
 
         Raises:
             InvalidValue: If the frame is not valid.
@@ -203,8 +203,8 @@ class Bus:
     def receive(self, seconds: float) -> CanFrame | None:
         """Return the next frame, ``None`` after a time-out.
 
-        With 0 seconds, ``None`` means that no frame is pending; this is certain only if ``tells`` is True. Messages
-        that :func:`to_frame` does not convert, and bytes that are not a message, are skipped.
+        With 0 seconds, ``None`` means that no frame is pending; this is certain only if the attribute ``tells`` is
+        True. Messages that :func:`to_frame` does not convert, and bytes that are not a message, are skipped.
 
         Raises:
             ConnectionLost: If the bus is lost.
@@ -296,7 +296,10 @@ class Bus:
         return noise and self._is_open()
 
     def _is_open(self) -> bool:
-        """Return True if the bus is open. This is checked because a closed bus also raises ValueError."""
+        """Return True if the bus is open, or if this is unknown because it has no descriptor.
+
+        Invalid bytes and a closed bus may both raise ValueError; this method distinguishes them.
+        """
         return self._descriptor < 0 or self.fileno() >= 0
 
     # --- the bus itself -----------------------------------------------------------------------------------------------
@@ -361,7 +364,7 @@ def _takes_more(descriptor: int) -> bool:
 
 
 def _is_interrupted(error: BaseException) -> bool:
-    """Return True if a port accepted the frame, but a stop of the process interrupted the wait for its transmission."""
+    """Return True if a port accepted the frame, but the process was suspended before the end of the transmission."""
     return getattr(error.__cause__, "args", ())[:1] == (errno.EINTR,)  # termios.error of tcdrain, wrapped by slcan
 
 

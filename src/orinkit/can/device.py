@@ -18,7 +18,7 @@ class DeviceClock(Protocol):
 
 
 class CanDevice(Protocol):
-    """A device for :func:`serve_can`, independent of the bus. All its methods are called from one thread."""
+    """A device for :func:`serve_can`, independent of the bus. All methods except ``close`` run in one thread."""
 
     @property
     def address(self) -> int:
@@ -35,7 +35,7 @@ class CanDevice(Protocol):
         """Perform the actions that are due according to the clock, and return the frames to be sent."""
 
     def due(self) -> float | None:
-        """Return the next time to call :meth:`advance`, in s of the clock; ``None`` to wait for a frame."""
+        """Return the next time to call :meth:`advance`, in s of the clock; ``None`` to wait for the next frame."""
 
     def close(self) -> None:
         """Release the resources of the device; it is not used afterwards."""

@@ -22,7 +22,7 @@ _QUIET: Final = 1.0  # s between two logged exceptions of a device
 
 
 def run(devices: Sequence[IsolatedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
-    """Pass received frames to the devices and send the frames that they return, until the event is set."""
+    """Pass received frames to the devices and send the frames that the devices return, until ``ending`` is set."""
     while not ending.is_set():
         frame = bus.receive(min((device.seconds_until_due() for device in devices), default=_LONGEST_WAIT))
         if frame is not None:
@@ -82,7 +82,7 @@ class IsolatedDevice:
             self._log_error("while closing", error)
 
     def _log_error(self, when: str, error: Exception) -> None:
-        """Log an exception, at most one per second: a busy bus may cause thousands."""
+        """Log an exception, at most one per second, because a busy bus may cause thousands of exceptions."""
         if monotonic() >= self._quiet_until:
             _log.error("a device raised an exception %s", when, exc_info=error)
             self._quiet_until = monotonic() + _QUIET

@@ -1,4 +1,7 @@
-"""Base classes of the shared CAN buses in :mod:`~orinkit.can.shared_bus` and :mod:`~orinkit.can.aio_shared_bus`."""
+"""Base classes of the shared CAN buses and of their receivers.
+
+The derived classes are in :mod:`~orinkit.can.shared_bus` and :mod:`~orinkit.can.aio_shared_bus`.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,13 @@ from orinkit.core.errors import ConnectionLost
 from orinkit.transport.link_errors import closed
 
 Accepts: TypeAlias = Callable[[CanFrame], bool]
-"""Filter of a receiver. It must neither block nor raise. On a bus shared by threads, each thread may call it."""
+"""Filter of a receiver: function that returns True if a frame is for the receiver.
+
+The filter must neither block nor raise. On a bus shared by threads, any of the threads may call it.
+"""
 
 SIZE: Final = 256
-"""Maximum number of frames buffered in a receiver."""
+"""Maximum number of frames buffered in a receiver, by default."""
 
 
 class ReceiverBase:
@@ -44,7 +50,7 @@ class SharedBusBase:
     """The state of a shared bus.
 
     Args:
-        bus: The bus, which is closed with the shared bus. From now on, nothing else may receive from it.
+        bus: The bus, which is closed with the shared bus. Nothing else may receive from it afterwards.
     """
 
     def __init__(self, bus: Bus) -> None:
@@ -70,7 +76,7 @@ class SharedBusBase:
             raise closed()
 
     def _check_usable(self, port: ReceiverBase | None) -> None:
-        """Raise an exception if the shared bus or a receiver is closed, or the bus is lost."""
+        """Raise an exception if the shared bus or the receiver ``port`` is closed, or the bus is lost."""
         if self._closed or (port is not None and port.closed):
             raise closed()
         if self._broken is not None:

@@ -121,7 +121,7 @@ class ReconnectingBus:
         self._opener.start()
 
     def _open_again(self) -> None:
-        """Try to open the bus until this succeeds; run in a separate thread, because opening may take long."""
+        """Try to open the bus until this succeeds or the server ends; run in a thread, because opening may block."""
         last = self._last
         assert last is not None
         last.close()
@@ -149,7 +149,7 @@ class ReconnectingBus:
         return bus
 
     def _record_success(self, received: bool) -> None:
-        """Record a call of the bus without an error."""
+        """Record a call of the bus without an error; log it if it shows that a reopened bus works."""
         if self._back_at is not None and (received or monotonic() - self._back_at >= _PROVEN):
             _log.info("the CAN bus %s is back", self.url)
             self._is_lost, self._back_at, self._delay = False, None, _FIRST_DELAY

@@ -59,8 +59,8 @@ def serve_can(*devices: CanDevice, at: str | can.BusABC = DEFAULT_BUS) -> CanSer
 
     Args:
         devices: The devices; they are closed with the server.
-        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, with the names of python-can, or an open python-can
-            bus. The server does not close a python-can bus, and nothing else may receive from it.
+        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, in which the names are those of python-can; or an
+            open python-can bus, which the server does not close, and from which nothing else may receive.
 
     Raises:
         InvalidAddress: If the URL is not valid.

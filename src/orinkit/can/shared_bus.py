@@ -151,7 +151,7 @@ class SharedCanBus(SharedBusBase):
                 self._wake_next_reader()
 
     def _wait(self, port: CanReceiver, seconds: float) -> None:
-        """Wait until there is a frame, or until no thread reads. The caller must hold the lock."""
+        """Wait until ``port`` has a frame, no thread reads the bus, or a time-out. The caller must hold the lock."""
         self._waiting.append(port)
         try:
             if self._reader is not None:  # after append(): a thread that stops reading checks _waiting without the lock
@@ -363,8 +363,8 @@ class CanReceiver(ReceiverBase):
     def clear(self) -> None:
         """Drop the frames that have arrived on the bus for this receiver; other receivers get their frames.
 
-        Frames that are arriving during the call, or are still in an adapter, may not be dropped: they cannot be
-        distinguished from later frames.
+        Frames that are arriving during the call, or are still in an adapter, may not be dropped, because they cannot be
+        distinguished from frames that arrive after the call.
 
         Raises:
             ConnectionLost, ConnectionClosed: As for :meth:`receive`.
@@ -379,8 +379,9 @@ class CanReceiver(ReceiverBase):
 def run_can(operation: CanOperation[T], port: FrameLink) -> T:
     """Run an operation on the caller's thread and return its result.
 
-    An exception such as KeyboardInterrupt ends the operation. The receiver can still be used: the next operation that
-    has a ``fresh`` step drops the frames that the interrupted operation did not receive.
+    An exception such as KeyboardInterrupt ends the operation. The receiver can still be used: the next operation with
+    a step whose ``fresh`` is True (:class:`~orinkit.can.frame.OperationStep`) drops the frames that the interrupted
+    operation did not receive.
 
     Args:
         operation: The operation.
