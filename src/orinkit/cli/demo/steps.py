@@ -1,4 +1,6 @@
-"""The steps of the demo and the replies that the document specifies, as data: a list for each program of the document.
+"""The steps of the RC8 demo (``orinkit demo``), as data: one list of steps for each program in the RC8 document.
+
+A step contains a call and a check of the reply, which must be as the document specifies.
 
 To add another program of the document, add a list here and an entry in :data:`LISTS`.
 """
@@ -24,7 +26,7 @@ DEMO_ERROR: Final = hresult.MOTOR_NOT_ON
 
 @dataclass(frozen=True, slots=True)
 class HandleOf:
-    """Placeholder for the result of an earlier step, usually a handle."""
+    """Placeholder, in the arguments of a step, for the result of an earlier step; the result is usually a handle."""
 
     name: str
 
@@ -41,15 +43,15 @@ class DemoStep:
     """A call, and the expected reply.
 
     Attributes:
-        text: Description in English, a message of the catalogue.
+        text: Description in English; the message catalogue contains the translation.
         section: Section of the document.
         function: The function to call.
-        arguments: Its arguments; a :class:`HandleOf` for a handle.
-        check: Checks the reply.
-        save_as: Name under which the result is stored for later steps, usually a handle.
+        arguments: Arguments of the call. A :class:`HandleOf` takes the place of a handle that an earlier step returned.
+        check: Function that checks the arguments of the reply.
+        save_as: Name under which the result, usually a handle, is stored for later steps; ``""`` if it is not stored.
         before: Function that is invoked with the virtual controller before the call; ``None`` for none.
         watch: True to show the joint position while the call is executing.
-        log: True to keep the control log of the motion, for a picture.
+        log: True to keep the control log of the motion, from which the demo draws a picture.
     """
 
     text: str
@@ -73,12 +75,12 @@ class StreamStep:
     """Set-points sent in slave mode, one in each cycle of the controller.
 
     Attributes:
-        text: Description in English, a message of the catalogue.
+        text: Description in English; the message catalogue contains the translation.
         section: Section of the document.
         controller, robot: Handles of the controller and of the robot.
-        start: Initial joint position, the result of an earlier step.
+        start: Placeholder for the initial joint position, which an earlier step has read.
         mode: Slave mode: 0, 1 or 2.
-        points: Returns the set-points (joints) for an initial joint position.
+        points: Function that returns the set-points (joints) of the stream for an initial joint position.
     """
 
     text: str
@@ -99,18 +101,18 @@ class StreamStep:
 
 
 def nothing(answer: list[Variant]) -> str:
-    """Check that there is no result."""
+    """Check that a reply contains no result."""
     return tr("no argument") if answer else ""
 
 
 def a_handle(answer: list[Variant]) -> str:
-    """Check for a handle: one VT_I4 above zero."""
+    """Check that a reply consists of a handle: one VT_I4 above zero."""
     right = len(answer) == 1 and answer[0].type == VarType.I4 and answer[0].value > 0
     return "" if right else tr("a handle (VT_I4 above 0)")
 
 
 def exactly(vt: VarType, value: Any = None) -> Check:
-    """Return the check for one value of one type."""
+    """Return a function that checks that a reply consists of exactly this value of this type."""
     wanted = Variant(vt, value)
 
     def check(answer: list[Variant]) -> str:
@@ -120,7 +122,7 @@ def exactly(vt: VarType, value: Any = None) -> Check:
 
 
 def an_error(code: int) -> Check:
-    """Return the check for an array that begins with an error code and its text (GetCurErrorInfo)."""
+    """Return a function that checks for an array, which begins with this error code and a text (GetCurErrorInfo)."""
 
     def check(answer: list[Variant]) -> str:
         right = len(answer) == 1 and answer[0].type == VARIANT_ARRAY and len(answer[0].value) > 1
@@ -298,7 +300,10 @@ def sine(start: Sequence[float]) -> list[tuple[float, ...]]:
 
 
 def near_first(answer: list[Variant]) -> str:
-    """Check for the joints of the first pose: eight numbers, each within 0.001 deg; the last two are unused."""
+    """Check for the joints of the pose from which the stream starts: eight numbers, each within 0.001 deg.
+
+    The last two numbers are unused and must be 0.
+    """
     right = len(answer) == 1 and isinstance(answer[0].value, list) and len(answer[0].value) == len(_FIRST) + 2
     right = right and all(abs(a - b) < 1e-3 for a, b in zip(answer[0].value, (*_FIRST, 0.0, 0.0), strict=True))
     return "" if right else f"J{_FIRST}"
@@ -347,8 +352,8 @@ class DemoProgram:
     """A program of the document.
 
     Attributes:
-        text: Title in English, a message of the catalogue.
-        steps: Its steps.
+        text: Title in English; the message catalogue contains the translation.
+        steps: Steps of the program, in the order of execution.
     """
 
     text: str

@@ -48,7 +48,7 @@ def carry_out(
         entered: Callback invoked when slave mode is on; the packets after that are not traced.
 
     Returns:
-        The report, and the difference from the document; ``""`` if there is none.
+        The report, and a text that describes how the stream differs from the document; ``""`` if it does not differ.
 
     Raises:
         OrinError: If the controller refuses or ends the stream.
@@ -81,7 +81,7 @@ def carry_out(
 
 
 def _motor_on(robot: orinkit.Robot) -> None:
-    """Switch the motor on; retry while the controller is still switching it off because of the error."""
+    """Switch the motor on; retry while the controller is still switching it off after an error."""
     end = monotonic() + _SWITCH_OFF_TIMEOUT
     while True:
         try:
@@ -100,7 +100,7 @@ def _run(stream: Stream, points: Sequence[tuple[float, ...]], say: Callable[[str
 
 
 def deviation_from_document(result: StreamResult, points: Sequence[tuple[float, ...]]) -> str:
-    """Return the difference from the document (RC8 4.3.1, table 4-3); ``""`` if there is none."""
+    """Return how a stream differs from the document (RC8 4.3.1, table 4-3), as text; ``""`` if it does not differ."""
     if result.underflows or result.missed or result.sent != len(points):
         return tr(
             "{sent} of {count} set-points sent, {underflows} underflows, {missed} samples overwritten before they "
@@ -129,7 +129,7 @@ def deviation_from_document(result: StreamResult, points: Sequence[tuple[float, 
 
 
 class _Lines:
-    """Prints the joint position at intervals, and once after the last set-point."""
+    """Prints the joint position every 25 set-points, and once after the last set-point."""
 
     def __init__(self, stream: Stream, say: Callable[[str], None]) -> None:
         self._stream = stream

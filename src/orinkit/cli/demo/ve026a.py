@@ -82,10 +82,10 @@ class VE026ADemo:
         self._step("9", tr("motor off"), lambda: robot.execute("Motor", off))
 
     def _slave_mode(self, controller: orinkit.Controller, robot: orinkit.Robot, angles: list[float]) -> float:
-        """Run steps 7 and 8, and retry if this computer was too busy to send the set-points in time.
+        """Run steps 7 and 8 of VE026A 6.2; retry if this computer was too busy to send the set-points in time.
 
         Returns:
-            Deviation of the arm from its first pose, deg.
+            Largest deviation of an axis, at the end of the wave, from its position before slave mode, deg.
         """
         steps = len(self.steps)
         for _ in range(_TRIES - 1):
@@ -114,7 +114,7 @@ class VE026ADemo:
         return max(abs(now - then) for now, then in zip(there, angles, strict=True))
 
     def _wave(self, robot: orinkit.Robot, angles: list[float]) -> list[float]:
-        """Move J1 there and back, set-point by set-point; return the feedback of the last one."""
+        """Move J1 away and back, set-point by set-point; return the feedback for the last set-point."""
         answer = angles
         for cycle in range(1, _CYCLES + 1):
             part = cycle / _CYCLES
@@ -153,7 +153,10 @@ class VE026ADemo:
                     self.say(line)
 
     def _check(self, packets: list[TracedPacket], title: str) -> int:
-        """Check checksum, serial number, reserved field and return code of each reply; return the number of replies."""
+        """Check checksum, serial number, reserved field and return code of each reply; return the number of replies.
+
+        Replies with S_EXECUTING are checked, but not counted.
+        """
         from orinkit.bcap import packet
         from orinkit.core import hresult
 

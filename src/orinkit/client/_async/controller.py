@@ -140,15 +140,24 @@ class AsyncFile(AsyncObjectContainer):
         return await self._call(f.file_run, option)
 
     async def get_date_created(self) -> Any:
-        """Return the time of creation, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of creation as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(await self._call(f.file_get_date_created))
 
     async def get_date_last_accessed(self) -> Any:
-        """Return the time of the last access, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last access as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(await self._call(f.file_get_date_last_accessed))
 
     async def get_date_last_modified(self) -> Any:
-        """Return the time of the last modification, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last modification as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(await self._call(f.file_get_date_last_modified))
 
     async def get_names(self) -> list[str]:
@@ -215,11 +224,11 @@ class AsyncCommand(AsyncNamedObject):
         await self._call(f.command_cancel)
 
     async def get_timeout(self) -> int:
-        """Return the time-out in ms."""
+        """Return the time-out of an execution of the command in ms."""
         return await self._call(f.command_get_timeout)
 
     async def put_timeout(self, timeout: int) -> None:
-        """Set the time-out in ms."""
+        """Set the time-out of an execution of the command in ms."""
         await self._call(f.command_put_timeout, timeout)
 
     async def get_state(self) -> int:

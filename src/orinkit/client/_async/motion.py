@@ -79,8 +79,8 @@ class AsyncArmBase(AsyncObjectContainer):
             function: Function that starts the motion.
             arguments: Arguments of the call, without the handle.
             wait: True if the controller replies at the end of the motion.
-            segment: Segment to fill with the start and end of the motion. Without a segment, the controller is not
-                queried for them.
+            segment: Object in which the start and the end of the motion are recorded; ``None`` if they are not
+                required. The controller is queried for them only if ``wait`` is False.
         """
         track = self._track
         before = None if wait or segment is None else await self._previous(track)
@@ -109,7 +109,10 @@ class AsyncArmBase(AsyncObjectContainer):
         return motion
 
     async def _previous(self, track: AsyncMotionTracker) -> tuple[common.MotionSegment, bool] | None:
-        """Return the segment of the previous motion, and True if this motion is over; ``None`` if both are unknown."""
+        """Return the segment of the previous motion, and True if that motion is over; ``None`` if they are unknown.
+
+        The segment contains the start and the end of the previous motion.
+        """
         running = track.running
         replied = track.sure and running is None and track.newest == track.replied
         try:

@@ -200,7 +200,7 @@ class AsyncRobot(AsyncArmBase):
         line: bool = False,
         **options: Unpack[MoveOptions],
     ) -> AsyncMotion:
-        """Move to the point that is ``distance`` mm before a pose, against the tool's Z axis.
+        """Move to the point that is ``distance`` mm away from a pose, in the -Z direction of the tool at that pose.
 
         The motion is point to point; with ``line``, the tool moves in a straight line.
         """

@@ -119,7 +119,7 @@ class AsyncTask(AsyncObjectContainer):
                 raise program_error(info, self._label)
 
     async def _logged(self, code: int) -> str:
-        """Return the message of the newest record in the error log, if the record has this code."""
+        """Return the message of the newest record in the error log, if the record has this code; otherwise ``""``."""
         if not isinstance(self._parent, AsyncObjectContainer):
             return ""
         try:
