@@ -137,7 +137,9 @@ def error_info(value: Any) -> ErrorInfo:
 
 
 def service_option(option: str | None, profile: TransportProfile, dialect: Dialect, timeout: float) -> str | None:
-    """Return the option string of Service_Start: the given one, or by default a request for the watchdog.
+    """Return the option string of Service_Start: ``option`` or, if it is ``None``, a request for the watchdog.
+
+    The result is ``None`` if Service_Start is to be called without options.
 
     With the watchdog, calls may take longer than the time-out. The watchdog interval must be above 80 ms and below the
     time-out (RC8 table 3-1). No watchdog is requested if such an interval is impossible, or if the controller reports
@@ -153,6 +155,8 @@ def service_option(option: str | None, profile: TransportProfile, dialect: Diale
 
 def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> None:
     """Check ``alive``, the interval in s within which the server must receive a sign of life from the client.
+
+    ``None`` means that the server requires no signs of life.
 
     Raises:
         InvalidValue: If the value is not a number from 0.3 to 3,600, if Service_Start has no options in the dialect,
@@ -170,10 +174,14 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
 
 
 def check_no_watchdog(option: str | None) -> None:
-    """Check that an option string of Service_Start requests no watchdog, if repeated requests serve as signs of life.
+    """Check that an option string of Service_Start requests no watchdog.
+
+    The function is called only if repeated requests are the signs of life of the client (``alive`` on UDP or a serial
+    line).
 
     Raises:
-        InvalidValue: If the option string contains ``WDT``, because S_EXECUTING would postpone the next repetition.
+        InvalidValue: If the option string contains ``WDT``. Each S_EXECUTING would then postpone the next repetition of
+            the request.
     """
     if option is not None and "wdt=" in option.replace(" ", "").lower():
         raise InvalidValue(
@@ -200,7 +208,7 @@ def motor_state(dialect: Dialect, *, on: bool) -> Value:
 
 
 def clear_error_parameter(dialect: Dialect) -> Value:
-    """Return the parameter of ClearError (VE026A table 5-2: a code that the controller ignores)."""
+    """Return the parameter of ClearError: a code that a VE026A ignores (VE026A table 5-2), ``None`` for an RC8."""
     return Variant(VarType.I2, 0) if dialect.short_numbers else None
 
 
@@ -359,6 +367,8 @@ def parse_date(value: Any) -> Any:
 def file_text(content: Any) -> str:
     """Return the content of a file as text; bytes are decoded as UTF-8, or else as Shift_JIS (code page 932).
 
+    ``None`` (VT_EMPTY) is returned as an empty text.
+
     Raises:
         InvalidValue: If the content cannot be decoded.
     """
@@ -376,7 +386,9 @@ def file_text(content: Any) -> str:
 
 
 def file_data(content: Any) -> bytes:
-    """Return the content of a file as bytes.
+    """Return the content of a file as bytes; a text is encoded as UTF-8.
+
+    ``None`` (VT_EMPTY) is returned as ``b""``.
 
     Raises:
         InvalidValue: If the content is neither text nor bytes.
@@ -393,10 +405,12 @@ def file_data(content: Any) -> bytes:
 
 
 def check_content(kind: type[T], content: T) -> T:
-    """Return the new content of a file after checking its type.
+    """Check that the new content of a file has the type ``kind``, and return it.
+
+    A ``bytearray`` is converted if ``kind`` is ``bytes``.
 
     Raises:
-        InvalidValue: If the content has another type.
+        InvalidValue: If the content is not of the type ``kind``.
     """
     given: object = content
     if isinstance(given, bytearray) and kind is bytes:

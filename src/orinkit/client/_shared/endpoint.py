@@ -55,7 +55,7 @@ def connection_deadline(timeout: float, tries: int, profile: TransportProfile) -
 
 
 def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
-    """Create the conversation, b-CAP or e-CAP, for the transport with the given profile."""
+    """Create the conversation, b-CAP or e-CAP, for the transport that a profile describes."""
     if isinstance(profile, BcapProfile):
         return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation
@@ -65,7 +65,7 @@ def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace |
 
 @runtime_checkable
 class _RepeatableLink(Protocol):
-    """A link on which nothing else can be sent during a call; a second link to the same address can be opened."""
+    """A link on which nothing else can be sent during a call; instead, it can open a second link to its address."""
 
     def another(self) -> Self: ...
 
@@ -75,8 +75,8 @@ class _RepeatableLink(Protocol):
 def link_for_closing(link: L) -> L:
     """Return the link over which to send the closing requests.
 
-    If nothing can be sent on the given link during a call of another thread or task, the link is closed, which ends
-    that call. A new link to the same address is then returned; no other call can use it.
+    If ``link`` can send nothing during a call of another thread or task, it is closed, which ends that call. A new link
+    to the same address is then returned; no other call can use the new link. Any other ``link`` is returned itself.
     """
     if isinstance(link, _RepeatableLink):
         link.close()

@@ -18,7 +18,10 @@ SETTLE: Final = 0.05
 """Time in s after which the position of the arm is read again if the arm is not at the end of its motion: encoders lag
 behind the command, and a motion may not have begun yet."""
 TOLERANCE: Final = 0.1
-"""Tolerance of a joint at the end of a motion in deg or mm; ten times the deviation of controllers at standstill."""
+"""Maximum deviation of each joint from the end of a motion, in deg or mm, at which the arm has arrived there.
+
+The value is ten times the deviation of controllers at standstill.
+"""
 UNFINISHED: Final = 0.999
 """Maximum progress of an unfinished motion."""
 
@@ -32,7 +35,8 @@ class MotionSegment:
     """The start and the end of a motion, if they are known.
 
     DestJnt returns the end of the motion that is *executing*. While the previous motion may still be executing, the
-    result of DestJnt belongs to this motion only if it differs from the end of the previous motion.
+    result of DestJnt belongs to the motion of this segment only if the result differs from the end of the previous
+    motion.
 
     Attributes:
         target: End of the motion according to the commanded pose; ``None`` if the pose does not determine it.
@@ -98,14 +102,17 @@ class MotionSegment:
             self.before = None
 
     def left_behind(self, destination: J) -> bool:
-        """Return True if the arm certainly executes a later motion.
+        """Return True if the arm certainly executes a later motion than that of this segment.
 
-        This is the case if this motion has begun and its end is not the result of DestJnt.
+        This is certain if the motion of this segment has begun, and its end differs from ``destination``, the result of
+        DestJnt.
         """
         return self.begun and self.end is not None and not near(destination, self.end)
 
     def fraction(self, now: J) -> float:
-        """Return the progress of the motion for given joints, from 0 to slightly below 1; 0 if unknown.
+        """Return the progress of the motion, from 0 to slightly below 1, when the arm is at the joints ``now``.
+
+        The result is 0 if the start or the end of the motion is unknown.
 
         The progress is the covered part of the distance in joint space. If the path is a line in joint space, this is
         also the covered part of the path; otherwise, it is an approximation.
@@ -196,7 +203,7 @@ class StopDiagnosis(NamedTuple):
         """Return the cause of a stop as text.
 
         Args:
-            error: First error that the controller reports; ``""`` if none.
+            error: Oldest error that the controller reports, as text; ``""`` if it reports none.
             halted: True if this program halted the motion.
         """
         parts = [
@@ -267,7 +274,7 @@ def closed_note(profile: TransportProfile) -> str:
 
 
 def _if_packet_lost(profile: TransportProfile) -> str:
-    """Return a text in brackets: when the arm stops if the controller is not notified that the client has ended.
+    """Return a text, in brackets, on when the arm stops if the controller receives no notice of the client's end.
 
     The text is empty if the controller always detects the end of the client.
     """

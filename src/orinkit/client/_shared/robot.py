@@ -55,14 +55,17 @@ class MoveOptions(TypedDict, total=False):
 
 
 class _Default:
-    """The default of an option in a signature; it stands for the setting of the controller."""
+    """Default of a motion option in a signature for ``help()``; it stands for the setting of the controller."""
 
     def __repr__(self) -> str:
         return "..."
 
 
 def document_options(function: F) -> F:
-    """Set the signature that ``help()`` shows for a function: its last overload, with all options of a motion."""
+    """Set the signature that ``help()`` shows for a function, and return the function.
+
+    The signature is that of the last overload, in which each option of a motion is listed as a keyword argument.
+    """
     *_, shown = get_overloads(function) or [function]
     signature = inspect.signature(shown)
     named = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
@@ -240,7 +243,8 @@ def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
 def passes(arguments: object) -> bool:
     """Return True if the reply to a motion may arrive while the arm still moves.
 
-    The pass mark in the arguments is then ``@P`` or a radius.
+    This is possible if the pass mark in the arguments is ``@P`` or a radius. The function does not examine lists within
+    lists and Variants; it returns True for them.
     """
     if isinstance(arguments, str):
         return _PASSING.search(arguments) is not None
@@ -250,7 +254,7 @@ def passes(arguments: object) -> bool:
 
 
 def arc_text(via: PoseLike, end: PoseLike, mark: str | PassMark) -> str:
-    """Return the two poses of an arc (RC8 3.3.4): ``P1, @E P2``."""
+    """Return the two poses of an arc as text, with the pass mark of the end (RC8 3.3.4): ``P1, @E P2``."""
     return f"{pose_text(via)}, {pose_text(end, mark)}"
 
 

@@ -29,10 +29,10 @@ SETTLE: Final = 2.0
 PREFETCH: Final = 25
 """Number of set-points that are read from an iterator before the first one is sent."""
 TRIES: Final = 3
-"""Maximum number of attempts to recover after an error, as in existing programs of users."""
+"""Maximum number of attempts to recover after an error. Existing programs of users make as many attempts."""
 
 POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
-"""Class of each pose type."""
+"""Python class for the poses of each pose type."""
 
 _RECORD_INTERVAL: Final = 0.05  # s
 
@@ -51,16 +51,16 @@ class Progress(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Statistics of the time between successive set-points, as sent.
+    """Statistics of the time between the sending of successive set-points.
 
     Attributes:
-        gaps: Times between successive set-points in s.
+        gaps: Times in s from the sending of each set-point to the sending of the next one.
     """
 
     gaps: tuple[float, ...] = ()
 
     def quantile(self, q: float) -> float:
-        """Return a quantile of the gaps in s; ``q`` is from 0 to 1."""
+        """Return a quantile of the gaps in s; ``q`` is from 0 to 1. Without gaps, the result is 0."""
         ordered = sorted(self.gaps)
         return ordered[min(len(ordered) - 1, int(q * len(ordered)))] if ordered else 0.0
 
@@ -108,9 +108,9 @@ class StreamResult:
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.
-        late: Late set-points, counted by virtual controllers only. For each, the virtual controller waited or, with
-            strict time in mode 1, stopped the arm in place. Real controllers stop the arm and do not count late
-            set-points.
+        late: Late set-points, counted by virtual controllers only. For each late set-point, the virtual controller
+            waited or, with strict time in mode 1, stopped the arm in place. Real controllers stop the arm and do not
+            count late set-points.
     """
 
     sent: int
@@ -157,7 +157,7 @@ def ended_because(reason: str, idle: float | None) -> StreamError:
 
 
 def split_by_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Split joints into those with limits and the others.
+    """Split the joints of an arm into those for which there are limits and the others.
 
     Raises:
         StreamError: If a joint without limits is not 0, because it would move without limits.
@@ -301,7 +301,7 @@ class TrajectoryRun:
             self.shared.hold()
 
     def result(self, sent: int) -> StreamResult:
-        """Return the result, after the end of the trajectory."""
+        """Return the result of the trajectory, all ``sent`` set-points of which have been sent."""
         self.shared.hold()
         self._read()
         if self._progress is not None:

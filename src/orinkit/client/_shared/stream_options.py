@@ -29,7 +29,7 @@ from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 
 FeedbackField: TypeAlias = Literal["time", "joints", "position", "trans", "mini", "hand", "current"]
-"""Feedback that a controller can return for each set-point; by default, its time and the joints.
+"""Feedback that a controller can return for each set-point; by default, the controller's time and the joints.
 
 The names are those of the table of fields (:mod:`orinkit.rc8.slave_fields`), repeated here for type checkers.
 """
@@ -143,7 +143,8 @@ def read_outputs(**given: int | tuple[int, bytes] | None) -> Outputs:
         **given: Outputs by their names in the table of fields.
 
     Raises:
-        InvalidValue: If a value is not an integer, or not an integer and bytes.
+        InvalidValue: If the value of mini or hand outputs is not an integer, or that of user outputs is not a pair of
+            an integer and bytes.
     """
     found: dict[str, Any] = {}
     for row in OUTPUTS:
@@ -244,7 +245,9 @@ def _refuse(name: str, value: object, known: str) -> NoReturn:
 
 
 def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits:
-    """Return the limits of a stream: the given ones, or by default those of the arm with the given type name.
+    """Return the limits of a stream: those in the options or, by default, those of the arm with this type name.
+
+    The limits are then reduced to the percentage ``speed`` in the options.
 
     Raises:
         StreamError: If the type of arm is unknown.
