@@ -1,4 +1,7 @@
-"""The blocks that are open while a program is compiled: Sub, If, For, Do, While, Select Case."""
+"""The blocks of a program (Sub, Function, If, For, Do, While, Select Case) that are open during its compilation.
+
+A block is open if its first line has been compiled, but not its last line.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.tree import Place
 
 @dataclass(slots=True, eq=False)
 class Block:
-    """An open block: its keyword, its position, and the jump target after its end."""
+    """An open block: its keyword, the position of its first line, and the jump target after its end."""
 
     word: str
     at: Place
@@ -35,14 +38,20 @@ class RoutineBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class IfBlock(Block):
-    """An If block; ``otherwise`` is the jump target if none of the conditions so far is met. After Else, it is None."""
+    """An If block.
+
+    ``otherwise`` is the jump target if none of the conditions compiled so far is met. It is None after Else.
+    """
 
     otherwise: Spot | None = field(default_factory=Spot)
 
 
 @dataclass(slots=True, eq=False)
 class ForBlock(Block):
-    """A For block: the loop variable and its access functions, the frame slots of limit and step, and its body."""
+    """A For block: the loop variable, the functions that read and set it, and the jump target at the start of the body.
+
+    ``slots`` are the indices in the frame at which the limit and the step of the loop are stored.
+    """
 
     target: tree.Target | None = None
     read: Evaluate | None = None
@@ -61,9 +70,9 @@ class LoopBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class SelectBlock(Block):
-    """A Select Case block: the frame slot of the value, and the jump target of the next Case.
+    """A Select Case block: the index in the frame of the compared value, and the jump target of the next Case.
 
-    ``following`` is None before the first Case and after Case Else.
+    The jump target ``following`` is None before the first Case and after Case Else.
     """
 
     slot: int = 0

@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.tree import Expression, Name, Place
 
 _Bind: TypeAlias = Callable[[Frame], Any]
 NO_RESULT: Final = -1
-"""Used instead of the index of a slot if the result of a call is discarded."""
+"""Used instead of the index in the frame at which the result of a call is stored, if the result is discarded."""
 
 
 def emit_call(
@@ -26,15 +26,16 @@ def emit_call(
     Args:
         expressions: Compiles the arguments.
         routine: The Sub or Function to call.
-        at: Position of the call.
+        at: Position of the call in the source.
         arguments: Arguments, one for each parameter.
         result: True if the result is used.
 
     Returns:
-        The slot of the result, or NO_RESULT.
+        The index in the caller's frame at which the result is stored, or NO_RESULT if the result is not used.
 
     Raises:
-        CompileError: If the number of arguments is wrong, or if the argument of a ByRef parameter has another type.
+        CompileError: If the number of arguments is wrong, or if a parameter is declared ByRef and the argument is a
+            variable of another type than the parameter.
     """
     count = len(routine.parameters)
     check_count(Name(at, routine.name.text), len(arguments), count, count)

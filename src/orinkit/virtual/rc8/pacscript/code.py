@@ -15,11 +15,13 @@ from typing import Any, Final, TypeAlias
 Frame: TypeAlias = list[Any]
 """A frame: world, machine, return addresses of Gosub, variables."""
 Op: TypeAlias = Callable[[Frame], int]
-"""An instruction."""
+"""An instruction: takes a frame and returns the index of the next instruction, WAIT or DONE."""
 Evaluate: TypeAlias = Callable[[Frame], Any]
-"""Evaluates an expression."""
+"""Returns the value of an expression, with the values of the variables in a frame."""
 Make: TypeAlias = Callable[[int], Op]
-"""Creates an instruction at link time, when all addresses are known; the argument is the next instruction's address."""
+"""Creates an instruction at link time, when the indices of all instructions are known.
+
+The argument is the index of the instruction that follows in the code."""
 
 WAIT: Final = -1
 """Returned by an instruction that begins to wait (:meth:`Machine.wait_for`)."""
@@ -27,18 +29,21 @@ DONE: Final = -2
 """Returned by an instruction that ends the program."""
 
 WORLD: Final = 0
-"""Index of the world in a frame."""
+"""Index in a frame of the "world", the interface to the controller."""
 MACHINE: Final = 1
-"""Index of the machine in a frame."""
+"""Index in a frame of the machine that runs the program."""
 RETURNS: Final = 2
-"""Index of the stack of return addresses of Gosub in a frame; it is ``None`` before the first Gosub."""
+"""Index in a frame of the stack of return addresses of Gosub; the stack is ``None`` before the first Gosub."""
 FIRST_SLOT: Final = 3
 """Index of the first variable in a frame."""
 
 
 @dataclass(slots=True, eq=False)
 class Spot:
-    """A jump target in the code; ``pc`` is set by the linker before instructions are created."""
+    """A jump target in the code.
+
+    ``pc`` is the index of the instruction there. The linker sets it before the instructions are created.
+    """
 
     pc: int = -1
 

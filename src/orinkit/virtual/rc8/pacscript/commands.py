@@ -1,4 +1,4 @@
-"""The commands other than motions: waiting, messages, arm semaphore, motor, speeds, I/O, elements of poses."""
+"""The commands other than motions: waiting, messages, arm semaphore, motor, speeds, I/O, LetX and similar."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
 
 
 def compile_let_part(expressions: Expressions, node: LetPart) -> None:
-    """Emit the instruction of LetX or of a similar command."""
+    """Emit the instruction of LetX or of a similar command, which sets one element of a pose."""
     read, put = expressions.value(node.target), store(expressions, node.target)
     value = expressions.value(node.value)
     take, place = functions.LET_PARTS[node.word]
@@ -108,11 +108,10 @@ def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool
 
 
 def percent(value: AnyValue) -> float:
-    """Return a percentage.
+    """Return a value as a percentage after checking that it is above 0 and at most 100.
 
     Raises:
-        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is 0 or less, or
-            exceeds 100.
+        CallError: VARIABLE_CHANGE_FAILED if the value is not a number; VALUE_OUT_OF_RANGE if it is out of this range.
     """
     share = float(number(value))
     if 0 < share <= MAX_PERCENT:

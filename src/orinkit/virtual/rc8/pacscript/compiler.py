@@ -40,7 +40,8 @@ class Program:
         linked: Instructions.
         entry: Index of the first instruction of Main.
         elements: Total number of elements of the arrays of Main.
-        new_frame: Creates the frame of Main; its arguments are the world and the machine.
+        new_frame: Creates the frame of Main; its arguments are the interface to the controller and the machine that
+            runs the program.
     """
 
     file: str
@@ -91,7 +92,11 @@ class _Compiler:
         return self.code.link()
 
     def main(self) -> Routine:
-        """Return Sub Main."""
+        """Return Sub Main.
+
+        Raises:
+            CompileError: If the program has no Sub Main, or if it has parameters.
+        """
         main = self.scope.routines.get(_MAIN)
         if main is None or main.word != "Sub":
             raise CompileError(tr("the program has no Sub Main"), Place(1, 1))

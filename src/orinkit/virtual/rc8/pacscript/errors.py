@@ -58,7 +58,7 @@ class ProgramFault(Exception):
 
 
 class CompileError(Exception):
-    """An error at a position of the source; loading converts it to a :class:`ProgramLoadError`."""
+    """An error at a position of the source; functions that load a program raise it as a :class:`ProgramLoadError`."""
 
     def __init__(self, message: str, at: tuple[int, int]) -> None:
         super().__init__(message, at)

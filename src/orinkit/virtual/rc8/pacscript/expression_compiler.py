@@ -25,4 +25,4 @@ class ExpressionCompiler(Protocol):
         """Return a function that evaluates an expression."""
 
     def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return a function that calculates the position of an element in the list that stores the array."""
+        """Return a function that calculates the position of an array element in the list that stores the array."""

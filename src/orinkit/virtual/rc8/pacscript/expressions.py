@@ -77,7 +77,7 @@ class Compiled:
 
     Attributes:
         run: Evaluates the expression.
-        logical: True if the value is a truth value: -1 or 0, or 1 or 0 of an I/O point.
+        logical: True if the value is a truth value: -1 or 0; for an I/O point, 1 or 0.
         point: True if the expression is an I/O point.
         constant: The value of a constant expression, else None.
     """
@@ -105,7 +105,8 @@ class Expressions:
         """Compile an expression.
 
         Raises:
-            CompileError: If a name is not declared, a number of arguments is wrong, or a function is not supported.
+            CompileError: If a name is not declared, the number of arguments of a call is wrong, or a function is not
+                supported.
         """
         match node:
             case Literal():
@@ -150,7 +151,7 @@ class Expressions:
         """Emit the call of a Sub or Function.
 
         Returns:
-            The slot of the result; -1 if the result is not used.
+            The index in the caller's frame at which the result is stored; -1 if the result is not used.
         """
         if self.polled:
             raise CompileError(
@@ -160,7 +161,7 @@ class Expressions:
         return emit_call(self, routine, at, arguments, result=result)
 
     def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return a function that calculates the position of an element in the list that stores the array."""
+        """Return a function that calculates the position of an array element in the list that stores the array."""
         check_count(node.name, len(node.arguments), len(variable.sizes), len(variable.sizes))
         indices = [self.value(argument) for argument in node.arguments]
         if len(indices) == 1:
@@ -296,14 +297,14 @@ class Expressions:
 
 
 def constant(value: AnyValue, *, logical: bool = False) -> Compiled:
-    """Return a constant expression."""
+    """Return a value as a constant expression; ``logical`` is True for a truth value."""
     return Compiled(lambda _: value, logical, constant=value)
 
 
 def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
-    """Evaluate a calculation with constants at compile time.
+    """Calculate a value from constants at compile time, and return it as a constant expression.
 
-    If the evaluation fails, return an expression that raises the error at run time.
+    If the calculation fails, return an expression that raises the error at run time.
     """
     try:
         return constant(run([]), logical=logical)
@@ -312,7 +313,7 @@ def folded(run: Evaluate, *, logical: bool = False) -> Compiled:
 
 
 def read_global(kind: str, index: int | Evaluate) -> Compiled:
-    """Return an expression that reads a global variable or I/O point of a class."""
+    """Return an expression that reads a global variable or I/O point, given by its class and index."""
     if kind in POINT_KINDS:
         return _read_point(kind, index)
     if kind in ("V", "P", "J", "T"):
@@ -338,7 +339,7 @@ def _read_point(kind: str, index: int | Evaluate) -> Compiled:
 
 
 def whole_at(value: AnyValue, at: Place) -> int:
-    """Return a constant as a whole number.
+    """Return a constant, rounded to a whole number of 32 bits.
 
     Raises:
         CompileError: If the constant is not a number, or if it exceeds 32 bits.

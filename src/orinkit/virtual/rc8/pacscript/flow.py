@@ -331,7 +331,7 @@ class FlowCompiler:
         """Return the innermost open block after checking that a keyword belongs to it.
 
         Raises:
-            CompileError: If the block is of another type.
+            CompileError: If no block is open, or if the innermost one is of another type.
         """
         top = self.blocks[-1] if self.blocks else None
         if isinstance(top, kind) and top.word == opening:

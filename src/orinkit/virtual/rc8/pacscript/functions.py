@@ -1,7 +1,7 @@
 """The table of built-in functions: names, numbers of arguments, implementations.
 
-Angles are in deg, as on the controller. Positions in strings are counted from 1; lengths are in characters. ``Rnd``
-returns the same sequence after every start of the program.
+Angles are in deg, as on the controller. Positions in strings are counted from 1; lengths of strings are in characters.
+``Rnd`` returns the same sequence after every start of the program.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Function:
         least: Minimum number of arguments.
         most: Maximum number of arguments.
         run: Calculates the result from the arguments.
-        framed: If True, ``run`` takes the frame (world, machine ...) before the arguments.
+        framed: If True, ``run`` takes the frame, which contains the interface to the controller, before the arguments.
     """
 
     name: str
@@ -225,7 +225,9 @@ POSES: Final[Mapping[str, Function]] = {
     "t": _make("T", 9, fig=True),
     "v": _make("V", 1, fig=False),
 }
-"""``P(...)``, ``J(...)``, ``T(...)``, ``V(...)``: omitted values are 0, an omitted Fig is -1."""
+"""The constructors of poses ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)``, by name in lower case.
+
+Omitted values are 0, an omitted Fig is -1."""
 
 
 # --- the controller ---------------------------------------------------------------------------------------------------
@@ -306,6 +308,6 @@ LET_PARTS: Final[Mapping[str, tuple[Callable[[AnyValue], tuple[float, ...]], int
     "LetX": (_PLACED, 0), "LetY": (_PLACED, 1), "LetZ": (_PLACED, 2), "LetRX": (_POSITION, 3), "LetRY": (_POSITION, 4),
     "LetRZ": (_POSITION, 5), "LetF": (_FIGURED, -1), "LetJ": (_JOINTS, 0),
 }  # fmt: skip
-"""For ``LetX P1 = ...`` and similar commands: the function that checks the pose, and the index of the element.
+"""For ``LetX P1 = ...`` and similar commands: the function that checks the pose, and the index of the element to set.
 
-The index of LetJ is not used."""
+The index of LetJ is not used, because the command itself contains the number of the joint."""

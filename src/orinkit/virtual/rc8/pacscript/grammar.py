@@ -1,4 +1,6 @@
-r"""The grammar of PacScript: a flat list of statements; the compiler matches the ends of blocks to their beginnings.
+r"""The grammar of PacScript, in which a program is a flat list of statements.
+
+The compiler matches the end of each block to its beginning.
 
 The tokens come from :mod:`orinkit.virtual.rc8.pacscript.lexer`. Precedence of operators as in the RC8 manual, highest
 first: ``^``, sign, ``* /``, ``\``, ``Mod``, ``+ -``, ``&``, ``<< >>``, comparison, ``Not``, ``And``, ``Or``, ``Xor``.

@@ -9,7 +9,9 @@ from orinkit.rc8.motion_options import MotionOptions
 from orinkit.values.poses import PassMark, Target
 
 Value: TypeAlias = int | float | str | tuple[float, ...]
-"""A value of a program: a number, a string, or a pose (V 3, P 7, J 8, T 10 numbers: mm, deg)."""
+"""A value of a program: a number, a string, or a pose.
+
+A pose is a tuple of 3 (V), 7 (P), 8 (J) or 10 (T) numbers, in mm and deg."""
 
 Wait: TypeAlias = Callable[[], bool]
 """A function that is polled until it returns True, which means that the operation is complete.
@@ -19,7 +21,7 @@ It may raise :class:`orinkit.core.errors.CallError`."""
 VariableKind: TypeAlias = Literal["I", "F", "D", "V", "P", "J", "T", "S"]
 """The classes of global variables."""
 PointKind: TypeAlias = Literal["IO", "IOB", "IOW", "IOD"]
-"""The classes of I/O: 1, 8, 16, 32 points."""
+"""The classes of I/O: IO is one point; IOB, IOW and IOD are groups of 8, 16 and 32 points."""
 Plane: TypeAlias = Literal["XY", "YZ", "ZX", "XYH", "YZH", "ZXH"]
 """Planes of the work frame; the names with H are planes of the tool frame."""
 
@@ -29,8 +31,8 @@ class HostInterface(Protocol):
 
     Every method may raise :class:`orinkit.core.errors.CallError`. A method that starts a motion returns a :data:`Wait`
     immediately; the program continues when the wait is complete. With the option ``Next``, the wait is complete as soon
-    as the motion has been accepted. Interpolations are 1 P, 2 L, 3 C, 4 S. Lengths are in mm, angles in deg, times in
-    s, speeds in %.
+    as the motion has been accepted. The interpolations are 1 (P: PTP), 2 (L: linear), 3 (C: arc) and 4 (S: free
+    curve). Lengths are in mm, angles in deg, times in s, speeds in %.
     """
 
     def read(self, kind: VariableKind, index: int) -> Value:
@@ -40,10 +42,16 @@ class HostInterface(Protocol):
         """Set a global variable: ``int`` for I, ``float`` for F and D, ``str`` for S, a tuple for the others."""
 
     def read_io(self, kind: PointKind, point: int) -> int:
-        """Return the state of an I/O point, 0 or 1, or the number in the 8, 16 or 32 points from this point on."""
+        """Return the state of an I/O point, 0 or 1, or the states of 8, 16 or 32 points as the bits of a number.
+
+        The points of a group are counted from ``point`` on, which is the lowest bit.
+        """
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
-        """Set an I/O point to 0 or 1, or the 8, 16 or 32 points from this point on to the lowest bits of a number."""
+        """Set an I/O point to 0 or 1, or set 8, 16 or 32 points to the bits of a number.
+
+        The points of a group are counted from ``point`` on, which is the lowest bit; higher bits are ignored.
+        """
 
     def now(self) -> float:
         """Return the controller's time in s."""
@@ -70,7 +78,7 @@ class HostInterface(Protocol):
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to the pose at a distance from the target, opposite to the Z axis of the tool at the target."""
+        """Move to the pose that is a distance away from the target, in the -Z direction of the tool at the target."""
 
     def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Wait:
         """Move by a distance in the direction opposite to the tool's Z axis."""
@@ -81,9 +89,9 @@ class HostInterface(Protocol):
         """Move joints to positions (``absolute``) or by distances; each pair is a joint number and its value."""
 
     def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
-        """Rotate about the axis that passes through the pivot (a V) and is perpendicular to a plane.
+        """Rotate about the axis that passes through the pivot and is perpendicular to a plane.
 
-        The pass mark is in the options.
+        The pivot is a V in the frame of the plane; ``None`` for the tool's origin. The pass mark is in the options.
         """
 
     def speed(self, percent: float) -> None:
@@ -93,7 +101,7 @@ class HostInterface(Protocol):
         """Set the internal acceleration and deceleration; ``None`` leaves the value unchanged."""
 
     def ext_speed(self, speed: float, accel: float | None, decel: float | None) -> None:
-        """Set the external speed, acceleration and deceleration; ``None`` if a value was not given."""
+        """Set the external speed, acceleration and deceleration; ``None`` sets the default, speed squared / 100."""
 
     def change_tool(self, number: int) -> None:
         """Select a tool."""
@@ -105,7 +113,13 @@ class HostInterface(Protocol):
         """Pause the program; the wait is complete when the program is started again."""
 
     def current(self, kind: Literal["P", "J", "T", "FIG"], dest: bool = False) -> Value:
-        """Return the current pose, or with ``dest`` the destination of the motion."""
+        """Return the current pose in the pose type ``kind``, or only its figure for FIG.
+
+        With ``dest``, return the pose or the figure at the destination of the motion.
+        """
 
     def convert(self, name: str, arguments: tuple[Value, ...]) -> Value:
-        """Return the result of J2P, J2T, P2J, P2T, T2J, T2P, Dev, DevH or OutRange (arguments: pose, tool, work)."""
+        """Return the result of J2P, J2T, P2J, P2T, T2J, T2P, Dev, DevH or OutRange.
+
+        The arguments are poses; for OutRange, one pose and optionally the numbers of the tool and the work.
+        """

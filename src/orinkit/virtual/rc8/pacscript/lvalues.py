@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.pacscript.tree import Apply, Expression, GlobalRef, Nam
 from orinkit.virtual.rc8.pacscript.values import AnyValue, rounded_to_integer, truth
 
 Store: TypeAlias = Callable[[Frame, AnyValue], None]
-"""Stores a value."""
+"""Stores a value in the target of an assignment; the arguments are the frame and the value."""
 Refer: TypeAlias = Callable[[Frame], tuple[Any, int]]
 """Locates a value: returns its container (a list, or an object with the same indexing) and its index there."""
 
@@ -76,7 +76,10 @@ def store(expressions: ExpressionCompiler, target: Target) -> Store:
 
 
 def reference(expressions: ExpressionCompiler, node: Expression) -> tuple[TypeOf, Refer] | None:
-    """Return the type of a variable and a function that locates it; None if it cannot be passed by reference."""
+    """Return the type of a variable and a function that locates the variable.
+
+    Return None for an expression that cannot be passed by reference.
+    """
     if not isinstance(node, Name | Apply | GlobalRef):
         return None
     local = _local(expressions, node, strict=False)

@@ -143,7 +143,13 @@ class Machine:
         self.frame = frame
 
     def leave(self, value: Any) -> int:
-        """End a Sub or Function; return the index of the instruction at which the caller continues, or DONE."""
+        """End a Sub or Function and return the index of the instruction at which its caller continues.
+
+        At the end of the program, return DONE.
+
+        Args:
+            value: The result of a Function.
+        """
         if not self._stack:
             return DONE
         frame, following, slot, elements = self._stack.pop()

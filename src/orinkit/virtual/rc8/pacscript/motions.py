@@ -35,13 +35,13 @@ _ORIGIN: Final = Target("V", (0.0, 0.0, 0.0))
 
 @dataclass(slots=True)
 class _Options:
-    """The options of a motion that is being compiled: for each field, a function that evaluates it."""
+    """The options of a motion that is being compiled: for each option, a function that evaluates it."""
 
     fields: dict[str, Evaluate] = field(default_factory=dict)
     next: bool = False
 
     def build(self, f: Frame, mark: PassMark | None = None, pose: int | None = None) -> MotionOptions:
-        """Evaluate the options."""
+        """Return the values of the options and a pass mark; ``pose`` is used if the option Pose was not given."""
         given = self.fields
         return MotionOptions(
             speed=percent(given["speed"](f)) if "speed" in given else None,
@@ -254,7 +254,7 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
 
 
 def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
-    """Emit RotateH: a Rotate in the tool's XY plane about the tool's origin, in which the orientation turns too."""
+    """Emit RotateH as a Rotate in the tool's XY plane about the tool's origin; the orientation turns too."""
     _require(node, items, 1, 1, tr("an angle"))
     _reject_extra_joints(items[0])
     angle, mark = _amount(expressions, items[0])

@@ -66,7 +66,7 @@ BY_CLASS: Final[Mapping[str, TypeOf]] = {
     "I": _TYPES["integer"], "F": _TYPES["single"], "D": _TYPES["double"], "S": _TYPES["string"],
     "V": _TYPES["vector"], "P": _TYPES["position"], "J": _TYPES["joint"], "T": _TYPES["trans"],
 }  # fmt: skip
-"""The types of the global variables."""
+"""The types of the global variables, by the name of their class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,8 @@ class Variable:
         type: Type of the variable, or of the elements of an array.
         slot: Index in the frame.
         sizes: Number of elements of an array in each dimension; ``()`` for a scalar.
-        by_ref: If True, the slot contains a container and the index of the value in it.
+        by_ref: True for a parameter passed by reference: its slot contains a container, for example an array, and
+            the index of the value in this container.
     """
 
     name: str
@@ -109,7 +110,10 @@ class Routine:
         return len(self.template) - 1
 
     def framer(self) -> Callable[[Any, Any], Frame]:
-        """Return a function that creates a frame; its arguments are the world and the machine."""
+        """Return a function that creates a frame of this Sub or Function.
+
+        Its arguments are the interface to the controller and the machine that runs the program.
+        """
         template = self.template
         arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
 
@@ -154,7 +158,8 @@ class Scope:
         """Add a variable to a Sub or Function.
 
         Raises:
-            CompileError: If the name is already declared or not allowed, or if the arrays are too large.
+            CompileError: If the name is already declared or not allowed, or if the arrays of the Sub or Function have
+                too many elements.
         """
         self.check_name(name)
         key = name.key
@@ -176,7 +181,7 @@ class Scope:
         return variable
 
     def add_constant(self, name: Name, value: AnyValue) -> None:
-        """Add a constant to the Sub or Function that is being compiled; outside of both, add a global constant.
+        """Add a constant to the Sub or Function that is being compiled, or a global constant outside of them.
 
         Raises:
             CompileError: If the name is already declared or not allowed.
@@ -253,7 +258,7 @@ def split_number(key: str) -> tuple[str, int] | None:
 
 
 def global_class(name: Name) -> str:
-    """Return the class of ``P[...]`` or ``IO[...]``.
+    """Return the class of a global variable or I/O point from its name in ``P[...]`` or ``IO[...]``.
 
     Raises:
         CompileError: If no class has this name.

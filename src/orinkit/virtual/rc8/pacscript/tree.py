@@ -75,7 +75,7 @@ class GlobalRef(_Named):
 
 @dataclass(frozen=True, slots=True)
 class Unary:
-    """``-x``, ``+x``, ``Not x``; ``operator`` is the name of the token."""
+    """``-x``, ``+x``, ``Not x``; ``operator`` is the name of the token of the operator."""
 
     at: Place
     operator: str
@@ -85,7 +85,7 @@ class Unary:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    """``x + y``; ``operator`` is the name of the token."""
+    """``x + y`` or another operation with two operands; ``operator`` is the name of the token of the operator."""
 
     at: Place
     operator: str
@@ -104,7 +104,7 @@ class JointValue:
 
 
 Expression: TypeAlias = Literal | Name | Apply | GlobalRef | Unary | Binary | JointValue
-"""An expression that has a value."""
+"""An expression; all except :class:`JointValue` have a value."""
 Target: TypeAlias = Name | Apply | GlobalRef
 """An expression with the form of an assignment target; the compiler checks that it is assignable."""
 
@@ -261,7 +261,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Any other command with its arguments: ``Delay 100``."""
+    """A command that has no class of its own, with its arguments: ``Delay 100``."""
 
     at: Place
     word: str
@@ -362,7 +362,10 @@ class Select:
 
 @dataclass(frozen=True, slots=True)
 class CaseItem:
-    """``value``, ``low To high`` or ``Is < value``; ``relation`` is the name of a token or ``"TO"``."""
+    """``value``, ``low To high`` or ``Is < value``.
+
+    ``relation`` is ``"EQUAL"`` for a value, ``"TO"`` for a range, otherwise the name of the token after ``Is``.
+    """
 
     relation: str
     value: Expression

@@ -122,7 +122,10 @@ def boolean(value: AnyValue) -> int:
 
 
 def pose(*kinds: str) -> Callable[[AnyValue], tuple[float, ...]]:
-    """Return a function that accepts only poses of the given types: ``pose("P", "J")``."""
+    """Return a function that returns a pose of one of these types unchanged and refuses other values.
+
+    For example, ``pose("P", "J")`` returns a function for P and J.
+    """
     lengths = frozenset(LENGTHS[kind] for kind in kinds)
     wanted = ", ".join(kinds)
 
@@ -140,7 +143,7 @@ def any_value(value: AnyValue) -> AnyValue:
 
 
 def truth(value: AnyValue) -> bool:
-    """Return True if a condition is met: a number other than 0.
+    """Return True if a number is not 0, which means that a condition is met.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED if the value is not a number.
@@ -152,9 +155,9 @@ def truth(value: AnyValue) -> bool:
 
 
 def add(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return the sum of two numbers, the concatenation of two strings or the sum of two poses of one type.
+    """Return the sum of two numbers, two V, two P or two J, or the concatenation of two strings.
 
-    Poses are added element by element; the sum has the Fig of the left pose.
+    Poses are added element by element; the sum of two P has the Fig of the left one.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE, STRING_TOO_LONG.
@@ -172,7 +175,7 @@ def add(left: AnyValue, right: AnyValue) -> AnyValue:
 
 
 def subtract(left: AnyValue, right: AnyValue) -> AnyValue:
-    """Return the difference of two numbers or of two poses of one type, like :func:`add`.
+    """Return the difference of two numbers, two V, two P or two J, in the same way as :func:`add`.
 
     Raises:
         CallError: VARIABLE_CHANGE_FAILED, VALUE_OUT_OF_RANGE.
