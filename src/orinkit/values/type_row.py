@@ -15,7 +15,8 @@ from orinkit.values.notation_numbers import ElementFormat
 NumberKind: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
 """Kind of number that a type contains.
 
-``"code"`` is a whole number that is not a quantity; ``""`` means that the type does not contain a number.
+``"code"`` is a whole number that is not a quantity, such as an error code; ``""`` means that the type does not contain
+a number.
 """
 
 _SHOWN: Final = 60
@@ -28,7 +29,7 @@ def bounds_of(layout: str) -> tuple[int, int]:
 
 
 def shown(value: object) -> str:
-    """Return a value for a message, shortened; this function never raises an exception."""
+    """Return a value as text for a message, shortened to 60 characters; this function never raises an exception."""
     try:
         text = repr(value)
         return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
@@ -40,23 +41,25 @@ def shown(value: object) -> str:
 class TypeRow:
     """One VARIANT type: its code, its content in Python, its encoding as bytes and as text.
 
+    The *content* is the Python value that a :class:`~orinkit.values.variant.Variant` of the type stores.
+
     Attributes:
         code: The member of :class:`~orinkit.values.types.VarType`.
-        conform: Function that checks a Python value and returns the content stored for the type; raises InvalidValue.
-        format: The :mod:`struct` format of one element; ``None`` if the size of an element is not fixed.
-        empty: True if the type has no data and no arrays; its value is ``None``.
-        python: The Python type that is converted to this type by default.
-        dtypes: The numpy dtypes that are converted to this type by default: kind and bytes (``i2``), or a kind alone for
-            all sizes (``U``).
+        conform: Function that checks a Python value and returns the content; raises InvalidValue.
+        format: The :mod:`struct` format of one element; ``None`` if the type has no data or no fixed size.
+        empty: True if the type has no data, so that its only content is ``None``. There are no arrays of such a type.
+        python: The Python type that is converted to this VARIANT type by default; ``None`` if there is none.
+        dtypes: The numpy dtypes that are converted to this type by default. A dtype is given as its kind and its size
+            in bytes (``i2``), or as its kind alone, which stands for all sizes (``U``).
         number_kind: Kind of number that the type contains.
         to_wire: Function that converts the content to the value that :mod:`struct` packs; ``None`` if no conversion is
             necessary.
-        from_wire: Function that converts the value that :mod:`struct` unpacks to plain Python; ``None`` if no
-            conversion is necessary.
-        from_wire_exact: Lossless variant of ``from_wire``; ``None`` if ``from_wire`` is lossless.
-        elements_per_unit: Number of elements that count as one element towards the limit
-            :attr:`~orinkit.values.codec.PacketLimits.variants`. It is larger for types that are faster to read.
-        text: Form of an element as text; ``None`` if the notation has a special rule for the type.
+        from_wire: Function that returns the plain Python value for a value that :mod:`struct` has unpacked; ``None`` if
+            no conversion is necessary.
+        from_wire_exact: Lossless version of ``from_wire``; ``None`` if ``from_wire`` itself is lossless or ``None``.
+        elements_per_unit: Number of array elements of this type that together count as one value towards the limit
+            :attr:`~orinkit.values.codec.PacketLimits.variants`. The number is larger for types that are faster to read.
+        text: Form of an element in :mod:`orinkit.values.notation`; ``None`` if it has a special rule for the type.
         size: Size of one element in bytes; 0 if it is not fixed.
         bounds: The smallest and the largest value of a whole-number type; ``None`` for other types.
     """
@@ -104,5 +107,5 @@ def no_value(name: str, value: object) -> InvalidValue:
 
 
 def no_type(name: str, number: int) -> InvalidValue:
-    """Return the exception for a type that is unknown or valid in arrays only."""
+    """Return the exception for a type that no value has: unknown, VT_VARIANT, or an array of VT_EMPTY or VT_NULL."""
     return InvalidValue(tr("{name} ({number}) is not a valid type of a value", name=name, number=int(number)))

@@ -1,8 +1,8 @@
 """The table of VARIANT types: each row defines one type completely (VE026A 3.2, table 3-1).
 
-The codec, the notation, the conversion of Python and numpy values, and the sets of types for arguments are derived from
-the table. A new type requires a member of :class:`VarType` and a row of :data:`TABLE`; :class:`~.type_row.TypeRow`
-describes the columns.
+The codec, the notation, the conversion of Python and numpy values, and the sets of types that arguments may have are
+derived from the table. A new type requires a member of :class:`VarType` and a row of :data:`TABLE`;
+:class:`~.type_row.TypeRow` describes the columns.
 """
 
 from __future__ import annotations
@@ -101,12 +101,12 @@ EMPTIES: Final = frozenset(int(row.code) for row in TABLE if row.empty)
 INTEGERS: Final = frozenset(int(row.code) for row in TABLE if row.number_kind == "integer")
 REALS: Final = frozenset(int(row.code) for row in TABLE if row.number_kind == "real")
 NUMERIC: Final = INTEGERS | REALS | {int(row.code) for row in TABLE if row.number_kind == "decimal"}
-"""The types of quantities, without truth values and error codes."""
+"""The numeric types: whole numbers, real numbers and VT_CY, but not VT_BOOL and VT_ERROR."""
 
 BY_PYTHON: Final[dict[type, int]] = {row.python: row.code for row in TABLE if row.python is not None}
-"""Default type of Python values, by Python type."""
+"""Default VARIANT type of a Python value, by its Python type."""
 BY_DTYPE: Final[dict[str, int]] = {dtype: row.code for row in TABLE for dtype in row.dtypes}
-"""Default type of numpy values, by dtype."""
+"""Default VARIANT type of a numpy value, by its dtype as in :attr:`~.type_row.TypeRow.dtypes`."""
 
 VARIANT_ARRAY: Final = int(VarType.VARIANT) | ARRAY
 R8_ARRAY: Final = int(VarType.R8) | ARRAY
@@ -115,7 +115,7 @@ UI1_ARRAY: Final = int(VarType.UI1) | ARRAY
 
 
 def type_name(vt: int) -> str:
-    """Return the name of a type as in the documents, ``VT_I4`` or ``VT_R8|VT_ARRAY``; unknown types as a number."""
+    """Return the name of a type as in the documents, ``VT_I4`` or ``VT_R8|VT_ARRAY``; an unknown type as ``VT_99?``."""
     base = vt & ~ARRAY
     row = ROWS.get(base)
     name = row.name if row else f"VT_{base}?"

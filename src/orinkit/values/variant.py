@@ -5,7 +5,7 @@ Python value                  VARIANT
 ============================  =========================================================================
 ``None``                      VT_EMPTY (VT_NULL is also read as ``None``)
 ``bool``                      VT_BOOL
-``int``                       VT_I4; a larger one raises :class:`~orinkit.core.errors.InvalidValue`
+``int``                       VT_I4; :class:`~orinkit.core.errors.InvalidValue` if it exceeds 32 bits
 ``float``                     VT_R8
 ``str``                       VT_BSTR
 ``bytes``, ``bytearray``      VT_UI1 array
@@ -13,13 +13,13 @@ Python value                  VARIANT
 ``decimal.Decimal``           VT_CY (four decimals)
 list of one of these types    array of that type (``[]`` is an empty VARIANT array)
 any other list or tuple       VARIANT array, nested freely
-numpy array, numpy scalar     by its dtype; 64-bit integers as ``int``; arrays of one dimension only
+numpy array, numpy scalar     by its dtype; 64-bit integers like ``int``; arrays of one dimension only
 ``Variant(VarType.I2, 1)``    exactly this type
 ============================  =========================================================================
 
-Decoding returns the same Python types. Unsigned and short integers become ``int``, VT_R4 becomes ``float``, and
-VT_ERROR an unsigned ``int``. A VT_DATE outside the range of ``datetime`` becomes a ``float``: its number of days. With
-``exact=True``, decoding is lossless and returns :class:`Variant` objects with their types.
+Decoding a packet returns the same Python types. Unsigned and short integers become ``int``, VT_R4 becomes ``float``,
+and VT_ERROR an unsigned ``int``. A VT_DATE outside the range of ``datetime`` becomes a ``float``: its number of days.
+With ``exact=True``, :func:`orinkit.values.codec.decode` is lossless: it returns :class:`Variant` objects.
 """
 
 from __future__ import annotations
@@ -89,8 +89,9 @@ Value: TypeAlias = (
 class Variant:
     """A value with an explicit VARIANT type.
 
-    ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, a list for any other array (of :class:`Variant` for
-    an array of VT_VARIANT). A VT_DATE may also be a ``float``: its number of days.
+    ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, and a list for any other array. The elements of a
+    VT_VARIANT array are :class:`Variant` objects. The value of a VT_DATE may also be a ``float``: the number of days
+    since 1899-12-30.
 
     Raises:
         InvalidValue: If the type is unknown, or the value does not fit the type.
@@ -110,7 +111,7 @@ class Variant:
     def plain(self) -> Any:
         """The value as plain Python, without :class:`Variant` objects.
 
-        A VT_DATE is a ``datetime`` if it is within the range of ``datetime``.
+        A VT_DATE is a ``datetime``, or a ``float`` (its number of days) if it is outside the range of ``datetime``.
         """
         if self.type == VARIANT_ARRAY:
             return [element.plain for element in self.value]
@@ -189,9 +190,10 @@ def _infer_list(items: Sequence[Any]) -> int:
 
 
 def _scalar_type(kind: type, example: Any) -> int:
-    """Return the VARIANT type of scalars of a Python type; VT_EMPTY for other values.
+    """Return the VARIANT type of the values of a Python type; VT_EMPTY if these values are not scalars.
 
-    Subclasses have the type of their base class: numpy.float64 is VT_R8, like float.
+    ``example`` is a value of the Python type. A subclass has the VARIANT type of its base class: numpy.float64 is
+    VT_R8, like float.
     """
     if kind in BY_PYTHON:
         return BY_PYTHON[kind]
@@ -219,7 +221,7 @@ def _infer_numpy(value: Any) -> tuple[int, Any]:
 
 
 def _conform(vt: int, value: Any) -> Any:
-    """Return the value in the form stored for its type; raise InvalidValue if it does not fit."""
+    """Return a value in the form that a Variant of the type stores; raise InvalidValue if the value does not fit."""
     row = ROWS.get(vt & ~ARRAY)
     if row is None or (row.empty and vt & ARRAY):
         raise no_type(type_name(vt), vt)

@@ -1,1 +1,1 @@
-"""Virtual devices: providers that behave like the real controllers, without hardware, sockets or waiting."""
+"""Virtual devices, which behave like the real controllers and drivers; they require neither hardware nor sockets."""

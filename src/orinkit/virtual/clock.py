@@ -1,7 +1,7 @@
 """The clock of a virtual device: real time, scaled time, or time advanced manually by a test.
 
-The clock also calls devices that act without a request (:meth:`Clock.drive`): from a thread with real and scaled time,
-from :meth:`ManualClock.advance` with manual time.
+The clock also calls devices that act without a request (:meth:`Clock.drive`). With real or scaled time, a thread calls
+them; with manual time, :meth:`ManualClock.advance` does.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _JOIN_TIMEOUT: Final = 5.0  # s
 
 
 class ClockDriver(ABC):
-    """Advances a device with its clock."""
+    """Calls a device when its work is due by the clock; returned by :meth:`Clock.drive`."""
 
     @abstractmethod
     def wake(self) -> None:
@@ -83,7 +83,7 @@ class Clock:
         return self._began_wall + timedelta(seconds=self.now())
 
     def time_budget(self, seconds: float) -> Callable[[], bool]:
-        """Return a function that returns True after the given real seconds; it limits a device's computing time."""
+        """Return a function that returns True once ``seconds`` of real time have passed, to limit computing time."""
         end = time.monotonic() + seconds
         return lambda: time.monotonic() >= end
 
@@ -135,7 +135,10 @@ class _Thread(ClockDriver):
                     self._thread = None
 
     def _wait(self, pause: float | None) -> bool:
-        """Wait until the device must be called again; return False if the thread must end instead."""
+        """Wait until the device must be called again; return False if the thread must end instead.
+
+        ``pause`` is the last result of the callback, in seconds of the device; ``None`` if nothing is left to do.
+        """
         with self._changed:
             if pause is not None and not self._woken and not self._closed:
                 self._changed.wait(min(max(pause / self._scale, _SHORTEST_PAUSE), threading.TIMEOUT_MAX))

@@ -14,7 +14,7 @@ class ReportBuilder:
     """Builds the frames of one dialect.
 
     Args:
-        dialect: The dialect, with the unit of loads.
+        dialect: The dialect; its frame BR3 must already have the unit of loads that the driver uses.
     """
 
     def __init__(self, dialect: Dialect) -> None:

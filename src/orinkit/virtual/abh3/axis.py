@@ -1,7 +1,7 @@
 """One axis of a virtual ABH3: its servo and its velocity, in integer arithmetic.
 
-The state changes in cycles of 1 ms. In each cycle the velocity changes by a fixed step towards a goal. Therefore any
-number of cycles can be computed in a single step, with exactly the same result as cycle by cycle.
+The state changes in cycles of 1 ms. In each cycle the velocity changes by a fixed amount towards a target velocity.
+Therefore any number of cycles can be computed at once, with exactly the same result as cycle by cycle.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 from orinkit.virtual.abh3.parameters import Parameters
 
 FINE: Final = 1_000_000
-"""Fine units of velocity per 1 min^-1."""
+"""Number of fine units of velocity per 1 min^-1."""
 _CYCLES: Final = 1000  # per second
 _CODES: Final = 100  # codes of a current per 1 %
 
@@ -31,7 +31,9 @@ class AxisMode(Enum):
 
 
 class AxisLimits:
-    """Limits of an axis, computed from the parameters: velocities in fine units, steps in fine units per cycle.
+    """Limits of an axis, computed from the parameters.
+
+    Velocities are in fine units (:data:`FINE`), changes of velocity in fine units per cycle.
 
     Args:
         parameters: Parameters of the driver.
@@ -47,11 +49,14 @@ class AxisLimits:
         self._gain = rated / parameters.inertia / (100 * _CODES)
 
     def velocity_step(self, codes: int) -> int:
-        """Return the change of velocity that a current (0.01 %) causes in a cycle; at least 1 if there is a current."""
+        """Return the change of velocity in fine units, with its sign, that a current causes in a cycle.
+
+        The current is in units of 0.01 % of the rated current. If it is not 0, the change is at least 1 fine unit.
+        """
         return (round(abs(codes) * self._gain) or 1) * _sign(codes)
 
     def current_for(self, step: int) -> int:
-        """Return the current (0.01 %) that causes a given change of velocity in a cycle."""
+        """Return the current, in 0.01 % of the rated current, that changes the velocity by ``step`` in a cycle."""
         return round(step / self._gain)
 
 
@@ -62,12 +67,13 @@ class MotorAxis:
         limits: Limits of the axis.
 
     Attributes:
-        velocity: Velocity in fine units.
-        travelled: Sum of the velocities at the beginning and the end of every cycle: twice the distance, in fine units
-            times cycles.
+        velocity: Velocity in fine units (:data:`FINE`).
+        travelled: Twice the distance that the axis has travelled, in fine units times cycles. It is the sum, over all
+            cycles, of the velocity at the beginning and the velocity at the end of the cycle.
         servo: True if the servo is on.
         mode: Mode of the axis.
-        command: Velocity in fine units in mode SPEED, current in 0.01 % in mode TORQUE, within the limits.
+        command: The command, within the limits: a velocity in fine units in mode SPEED, a current in 0.01 % of the
+            rated current in mode TORQUE, otherwise 0.
         load: Current in 0.01 % that is needed to hold an external load; the load acts only while the servo is on.
     """
 
@@ -105,7 +111,7 @@ class MotorAxis:
 
     @property
     def velocity_command(self) -> int:
-        """The target velocity in fine units."""
+        """The target velocity in fine units; 0 except in mode SPEED."""
         return self.command if self.mode is AxisMode.SPEED else 0
 
     @property

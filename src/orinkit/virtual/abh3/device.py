@@ -47,7 +47,7 @@ class VirtualABH3:
     that :meth:`due` returns. All methods are thread-safe.
 
     Args:
-        parameters: Parameters of the driver; by default those of section 1.
+        parameters: Parameters of the driver; by default those of section 1 of the manufacturer's document.
         clock: Clock of the driver; by default real time.
 
     Attributes:
@@ -109,9 +109,10 @@ class VirtualABH3:
             return []
 
     def advance(self) -> list[CanFrame]:
-        """Advance the driver to the time of its clock; return frames that are due without a request.
+        """Advance the driver to the time of its clock; return the frames that are due by then.
 
-        A periodic frame is returned once, even if several periods were missed.
+        These are periodic frames and further frames of a multi-packet message. A periodic frame is returned
+        once, even if several periods were missed.
         """
         with self._lock:
             if self._closed:
@@ -121,7 +122,7 @@ class VirtualABH3:
             return frames + self._multi(self._responder.tick(self.clock.now()))
 
     def due(self) -> float | None:
-        """Return the time of the clock, in s, at which :meth:`advance` next returns frames; ``None`` for never."""
+        """Return the time of the clock, in s, at which :meth:`advance` must be called next; ``None`` for never."""
         with self._lock:
             if self._closed:
                 return None
@@ -186,7 +187,7 @@ class VirtualABH3:
 
         Args:
             axis: ``"ay"`` or ``"bx"``.
-            percent: Current that holds the load, % of the rated current, with its sign.
+            percent: Current that is needed to hold the load, % of the rated current; its sign is the direction.
 
         Raises:
             InvalidValue: If there is no such axis, or the load is not -327.67 to 327.67 %.
@@ -236,7 +237,7 @@ class VirtualABH3:
         return cycle
 
     def _next_cycle(self) -> int:
-        """Return the cycle that begins now or next; times that are counted from this cycle are never too short."""
+        """Return the number of the cycle that begins now or next; a time-out counted from it never ends too early."""
         return math.ceil((self.clock.now() - self._began) * CYCLES - _ROUNDING)
 
     def _is_host(self, source: int) -> bool:
@@ -292,7 +293,7 @@ class VirtualABH3:
 
 
 def _periods(parameters: Parameters) -> dict[str, int]:
-    """Return the period of each frame in cycles; broadcast 7 has no data and is never sent."""
+    """Return the period of each frame in cycles, 0 or less for none; broadcast 7 has no data and is never sent."""
     modes = enumerate(parameters.broadcast_modes[: BROADCASTS - 1])
     return {"DP0R": parameters.single_mode or 0, **{f"BR{number}": period for number, period in modes}}
 
@@ -301,7 +302,7 @@ def _single(number: float) -> float:
     """Return a number rounded to single precision.
 
     Raises:
-        InvalidValue: If it is not a finite number of single precision.
+        InvalidValue: If the number is not finite in single precision.
     """
     given = real(number)
     try:

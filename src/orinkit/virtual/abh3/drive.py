@@ -12,7 +12,7 @@ from orinkit.virtual.abh3.parameters import Parameters
 AXES: Final = ("ay", "bx")
 MOTORS: Final = ("a", "b")
 MOST_LOAD: Final = 255.0
-"""Largest load on CAN, % (section 3)."""
+"""Largest load that a driver reports on CAN, % (section 3 of the manufacturer's document)."""
 
 _REVOLUTION: Final = 2 * 60_000 * FINE  # one revolution in units of MotorAxis.travelled
 _CODES: Final = 100  # codes of a current per 1 %
@@ -46,7 +46,7 @@ class Drive:
         self._cleared[number] = self._of_motors(*(axis.travelled for axis in self.axes.values()))[number]
 
     def pulses(self) -> tuple[int, int]:
-        """Return the pulse counts of A and B, wrapped to signed 32 bits."""
+        """Return the pulse counts of the motors A and B, wrapped to signed 32 bits."""
         distances = self._of_motors(*(axis.travelled for axis in self.axes.values()))
         a, b = (
             wrapped((distance - start) * self._pulses // _REVOLUTION)
@@ -55,16 +55,16 @@ class Drive:
         return a, b
 
     def velocities(self) -> tuple[int, int]:
-        """Return the velocities of A and B in fine units."""
+        """Return the velocities of the motors A and B in fine units (:data:`~orinkit.virtual.abh3.axis.FINE`)."""
         return self._of_motors(*(axis.velocity for axis in self.axes.values()))
 
     def currents(self) -> tuple[float, float]:
-        """Return the currents of A and B in %."""
+        """Return the currents of the motors A and B in % of the rated current."""
         a, b = self._of_motors(*(axis.current for axis in self.axes.values()))
         return a / _CODES, b / _CODES
 
     def loads(self) -> tuple[float, float]:
-        """Return the loads of A and B in %, 0 to 255: the absolute values of their currents."""
+        """Return the loads of the motors A and B in %, 0 to 255: the absolute values of their currents."""
         a, b = self.currents()
         return min(abs(a), MOST_LOAD), min(abs(b), MOST_LOAD)
 
@@ -78,10 +78,10 @@ def wrapped(count: int) -> int:
 
 
 def velocity(fine: int, parts: int = 1) -> float:
-    """Return a velocity in min^-1 with the resolution and range of CAN.
+    """Return a velocity in min^-1, rounded and limited to the values that a frame can contain.
 
     Args:
-        fine: Velocity in fine units, times ``parts``.
+        fine: Velocity in fine units (:data:`~orinkit.virtual.abh3.axis.FINE`), multiplied by ``parts``.
         parts: Divisor of ``fine``: 2 for the mean of two velocities.
     """
     unit = FINE // VELOCITY.steps * parts
@@ -95,5 +95,5 @@ def held(quantity: Quantity, code: int) -> float:
 
 
 def load(percent: float, unit: Quantity) -> float:
-    """Return a load in % with the resolution and range of CAN."""
+    """Return a load in %, rounded and limited to the values that a frame with the given unit of loads can contain."""
     return held(unit, math.floor(percent * unit.steps + 0.5))

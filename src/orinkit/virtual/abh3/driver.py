@@ -1,4 +1,4 @@
-"""Model of the driver without frames: it computes motors and flags from commands and terminals.
+"""Model of the driver without frames: it computes the motion of the motors and the flags from commands and terminals.
 
 Times are in cycles of 1 ms.
 """
@@ -19,7 +19,7 @@ from orinkit.virtual.abh3.state import DriverState
 CYCLES: Final = 1000
 """Cycles per second."""
 CURRENT_CODES: Final = 100
-"""Codes of a current per 1 %."""
+"""Number of codes of a current per 1 %; the code is the whole number that a frame contains."""
 OUTPUTS: Final = 8
 """Number of digital outputs."""
 
@@ -39,7 +39,7 @@ class DriverModel:
         watch: Errors and warnings.
         analog: The analog inputs, V.
         monitors: For each monitor the name of a quantity of :class:`DriverState`, or a number.
-        outputs: The digital outputs as bits.
+        outputs: The digital outputs as bits; bit 0 is output 0.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -55,13 +55,13 @@ class DriverModel:
         self._cycle = 0
 
     def set(self, parameters: Parameters) -> None:
-        """Set the parameters of communication and the data sets."""
+        """Replace the parameters; only those of the communication and the data sets may have changed."""
         self.parameters = parameters
         self.watch.set(parameters)
         self._apply()
 
     def run(self, cycle: int) -> None:
-        """Run until a cycle; process the time-outs and resets that are due until then."""
+        """Run until the end of cycle number ``cycle``; process the time-outs and resets that are due by then."""
         event = self.watch.next()
         while event is not None and event <= cycle:
             self._run(event)
@@ -75,7 +75,7 @@ class DriverModel:
 
         Args:
             given: The decoded command.
-            cycle: The next cycle.
+            cycle: Number of the next cycle, from which the time-outs are counted.
         """
         self.watch.feed(cycle)
         for name, code in zip(AXES, given.codes, strict=False):  # the first codes are those of the commands
@@ -85,7 +85,7 @@ class DriverModel:
         self._process_edges(before, cycle)
 
     def set_terminal(self, name: str, on: bool, cycle: int) -> None:
-        """Switch a terminal on or off.
+        """Switch a terminal on or off; ``cycle`` is the number of the next cycle.
 
         Raises:
             InvalidValue: If there is no such terminal.
@@ -95,13 +95,16 @@ class DriverModel:
         self._process_edges(before, cycle)
 
     def fail(self, faults: int, *, stays: bool) -> None:
-        """Raise errors; ``stays`` is True if their cause remains."""
+        """Raise the errors whose bits ``faults`` contains; ``stays`` is True if their cause remains."""
         self.watch.errors |= faults
         self.watch.causes |= faults if stays else 0
         self._apply()
 
     def _process_edges(self, before: int, cycle: int) -> None:
-        """Process rising edges of the control flags, then apply the flags."""
+        """Process rising edges of the control flags, then apply the flags.
+
+        ``before`` contains the control flags before the change; ``cycle`` is the number of the next cycle.
+        """
         rising = self.inputs.control & ~before
         masks = self.dialect.inputs.masks
         for motor in MOTORS:

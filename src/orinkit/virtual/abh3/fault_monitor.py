@@ -8,19 +8,19 @@ from orinkit.virtual.abh3.flags import COMMUNICATION
 from orinkit.virtual.abh3.parameters import Parameters
 
 RESET_CYCLES: Final = 1
-"""Cycles from the edge of the reset input to the reset."""
+"""Number of cycles from the rising edge of the reset input to the reset of the errors."""
 
 
 class FaultMonitor:
     """Tracks the errors and warnings of a driver.
 
     Args:
-        parameters: Parameters of the driver, with the time-outs.
+        parameters: Parameters of the driver; only the two time-outs are used.
 
     Attributes:
-        errors: Latched errors.
-        warnings: Present warnings.
-        causes: Errors whose cause remains, so that they cannot be reset.
+        errors: Latched errors, as bits.
+        warnings: Present warnings, as bits.
+        causes: Errors that cannot be reset because their cause remains, as bits.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -32,23 +32,23 @@ class FaultMonitor:
         self.set(parameters)
 
     def set(self, parameters: Parameters) -> None:
-        """Set the time-outs."""
+        """Replace the time-outs by those of ``parameters``."""
         self._command_timeout = parameters.command_timeout
         self._error_timeout = parameters.error_timeout
 
     @property
     def late(self) -> bool:
-        """True if the command time-out has expired, so that start has no effect."""
+        """True if the command time-out has expired, so that the control flag ``start`` has no effect."""
         return self.warnings & COMMUNICATION != 0
 
     def feed(self, cycle: int) -> None:
-        """Restart the time-outs after a command of the host; this clears a warning that has not become an error."""
+        """Restart the time-outs after a command of the host; clear the warning of a time-out that is not an error."""
         self._fed = cycle
         if not self.errors & COMMUNICATION:
             self.warnings &= ~COMMUNICATION
 
     def reset(self, cycle: int) -> None:
-        """Reset errors and warnings one cycle later; replies sent until then still contain them."""
+        """Reset errors and warnings one cycle after ``cycle``; frames sent until then still contain them."""
         if self._reset_at is None:
             self._reset_at = cycle + RESET_CYCLES
 

@@ -1,6 +1,6 @@
-"""Flag words of a virtual ABH3: control flags, computed from inputs and terminals, and state flags.
+"""Flag words of a virtual ABH3: state flags, and control flags, which are computed from inputs and terminals.
 
-:mod:`orinkit.abh3.table.signals` defines their bits.
+:mod:`orinkit.abh3.table.signals` defines the bits of all flag words.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ _OTHER_CODE: Final = 15
 class Inputs:
     """Inputs from the host and the terminals, and the resulting control flags.
 
-    Initially the terminals are set so that CAN alone controls the driver: on if they are combined by AND, off if by OR.
+    Initially the terminals are set so that CAN alone controls the driver: a terminal is on if it is combined with its
+    input by AND, and off if by OR.
 
     Args:
         dialect: Dialect of the driver.
 
     Attributes:
         can: Inputs as last sent by the host.
-        external: Terminals, numbered like the inputs.
-        terminals: Digital inputs, as bits of the I/O flags.
+        external: The terminals that are combined with inputs, as bits; a terminal has the number of its input.
+        terminals: The digital inputs without a function, as bits of the I/O flags.
     """
 
     def __init__(self, dialect: Dialect) -> None:
@@ -48,7 +49,7 @@ class Inputs:
 
     @property
     def control(self) -> int:
-        """The control flags, without state flags."""
+        """The control flags, without the state flags that v2 adds."""
         both = self.can & self.external
         return both & self._and | ~both & self._not_and | (self.can | self.external) & self._or
 
@@ -91,30 +92,31 @@ def named(known: Mapping[str, int], name: object, kind: str) -> int:
 
 
 def code_of(faults: int) -> int:
-    """Return the error code or alarm code; 0 without faults."""
+    """Return the error code of errors or the alarm code of warnings; 0 if ``faults`` has no bit set."""
     if not faults:
         return 0
     return _COMMUNICATION_CODE if faults == COMMUNICATION else _OTHER_CODE
 
 
 def with_code(word: Word, name: str, faults: int) -> int:
-    """Return errors or warnings with their code, if the word has bits for it.
+    """Return the bits of errors or warnings, together with the bits of their code if the word has bits for a code.
 
     Args:
         word: Flag word of the dialect.
-        name: Name of the bits of the code, without their number.
+        name: Name of the bits of the code, without their number: ``error_code`` for ``error_code_0`` to
+            ``error_code_3``.
         faults: Errors or warnings.
     """
     return faults | bits_of(word, name, code_of(faults))
 
 
 def bits_of(word: Word, name: str, code: int) -> int:
-    """Return a code in the four bits of a word with the given name; 0 if the word has no such bits."""
+    """Return a code as the bits ``name_0`` to ``name_3`` of a flag word; 0 if the word has no such bits."""
     return sum(word.masks.get(f"{name}_{n}", 0) for n in range(4) if code >> n & 1)
 
 
 def of_states(word: Word, states: Mapping[str, bool]) -> int:
-    """Return the bits of a word whose state is True; states without a bit in the word are ignored."""
+    """Return a flag word in which the bits of the True states are set; a state for which it has no bit is ignored."""
     return sum(word.masks.get(name, 0) for name, on in states.items() if on)
 
 

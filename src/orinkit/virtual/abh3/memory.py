@@ -1,12 +1,14 @@
 """TelABH3 access to a virtual ABH3: parameters, monitors, identifications.
 
-Unknown addresses are refused. Fixed parameters can only be written with their present value. A written parameter takes
-effect after the reply has been sent, because the driver may then have another address. If ``single_mode`` is ``None``,
-its value is read as -1.
+A request for an unknown address of a parameter or monitor is refused. Some parameters are fixed: they can only be
+written with their present value. A written parameter takes effect after the reply has been sent, because it may be the
+driver's own address on the bus, from which the reply must come. If ``single_mode`` is ``None``, its value is read as
+-1.
 
-The switches for servo, start and data select are the terminals that are combined with the inputs from CAN. The monitor
-of the digital inputs has one bit for each input, in the order of their numbers. The monitor "input control" contains
-the control flags, and the monitor "output control" contains the I/O flags. The document does not specify these layouts.
+The parameters for servo, start and data select switch the terminals that are combined with the inputs from CAN. The
+monitor of the digital inputs has one bit for each input, in the order of their numbers. The monitor "input control"
+contains the control flags, and the monitor "output control" contains the I/O flags. The document does not specify these
+layouts.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from orinkit.virtual.abh3.driver import OUTPUTS, DriverModel
 from orinkit.virtual.abh3.parameters import SETS, Parameters
 
 IDENTIFICATIONS: Final = {0: "ABH3", telabh3.VERSION: "orinkit virtual ABH3"}
-"""Texts of the supported identifications."""
+"""Texts of the supported identifications, by address."""
 
 _ANY_HOST: Final = -1
 _FUNCTION: Final = 0x4100
@@ -56,7 +58,7 @@ _SWITCHES: Final = {0: "servo_on", 1: "start", 7: "select_0", 8: "select_1", 9: 
 
 
 def _sets() -> dict[int, tuple[str, int, str]]:
-    """Return for each address the field with the data sets, the number of the set, and the name of the value."""
+    """Return for each address the field of Parameters, the number of the data set, and the name of its value."""
     firsts = {
         "velocity": (0x5000, 0x5008),
         "current": (0x5010, 0x5018),
@@ -79,7 +81,7 @@ def _terminals() -> dict[int, str]:
 
 
 def _times() -> dict[int, str]:
-    """Return for each address of a time the field with its value; ``""`` for the S-curve times, which are always 0."""
+    """Return for each address of a time the field of Parameters; ``""`` for the S-curve times, which are always 0."""
     rows = {**_TIMES, **dict.fromkeys(_S_CURVES, "")}
     return {
         first + bx + number: name for first, name in rows.items() for bx in (0, _BX_TIMES) for number in range(SETS)
@@ -117,7 +119,7 @@ class ParameterMemory:
         switch: Function that switches a terminal on or off.
 
     Attributes:
-        written: Parameters written by a host that have not taken effect yet; ``None`` for none.
+        written: All parameters as last changed by a host, while the changes have not taken effect; otherwise ``None``.
     """
 
     def __init__(self, driver: DriverModel, switch: Callable[[str, bool], None]) -> None:
@@ -126,7 +128,10 @@ class ParameterMemory:
         self._switch = switch
 
     def answer(self, message: bytes, host: int) -> bytes:  # noqa: ARG002 - every host may read and write
-        """Return the reply to a message: a refusal if it is not a valid request or the address is unknown."""
+        """Return the reply to a message.
+
+        The reply is a refusal if the message is not a valid request, the address is unknown or a value is not valid.
+        """
         try:
             request = telabh3.parse_request(message)
             return telabh3.reply(self._execute(request))
@@ -210,7 +215,7 @@ class ParameterMemory:
         self._driver.outputs = self._driver.outputs & ~(1 << number) | mask
 
     def _with_value(self, address: int, value: Any) -> Parameters:
-        """Return the parameters with one changed value.
+        """Return the latest parameters, with the value at ``address`` replaced.
 
         Raises:
             InvalidValue: If the value is not valid.

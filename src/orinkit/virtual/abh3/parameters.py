@@ -1,4 +1,4 @@
-"""Parameters of a virtual ABH3 (section 1) and of its motors."""
+"""Parameters of a virtual ABH3 (section 1 of the manufacturer's document) and of its motors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orinkit.core.validation import brief, check_range, check_whole
 _set: Final = object.__setattr__  # the records below are frozen
 
 SETS: Final = 8
-"""Number of data sets of an axis; its select bits choose one."""
+"""Number of data sets of an axis; the select bits of the axis choose one of them."""
 LONGEST_PERIOD: Final = 1000
 """Longest period of a periodic frame, ms."""
 LONGEST_TIMEOUT: Final = 10_000
@@ -60,7 +60,8 @@ class DataSet:
     """A data set: the source of the command of an axis while the select bits of the axis choose this set.
 
     Attributes:
-        source: ``"can"`` or ``"internal"``.
+        source: ``"can"`` if the command comes from the host; ``"internal"`` if it is ``velocity``, or in torque mode
+            ``current``.
         velocity: Internal velocity command, min^-1.
         current: Internal current command in torque mode, %.
 
@@ -83,7 +84,7 @@ _ALL_FROM_CAN: Final = (DataSet(),) * SETS
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Parameters of a driver; the defaults are those of section 1.
+    """Parameters of a driver; the defaults are those of section 1 of the manufacturer's document.
 
     Attributes:
         dialect: ``"v1"`` (drivers as in the document) or ``"v2"`` (drivers of 2023 and later).
@@ -93,11 +94,12 @@ class Parameters:
         single_priority: Priority of single packets, 0 (highest) to 7.
         multi_priority: Priority of multi-packet messages, 0 (highest) to 7.
         broadcast_priority: Priority of broadcasts, 0 (highest) to 7.
-        single_mode: Answering mode of single packets: -1 or 0: on request; 1 to 1000: on request, and periodically with
-            this period in ms (requires ``host``); ``None``: never.
-        broadcast_modes: Answering modes of broadcasts 0 to 7: 0: on request; 1 to 1000: on request, and periodically
-            with this period in ms.
-        command_timeout: Time without a command after which start is off, ms; 0 for never.
+        single_mode: Answering mode of single packets. With -1 or 0, the driver sends a report in reply to a command or
+            request. With 1 to 1000, it also sends reports periodically; the number is the period in ms (requires
+            ``host``). With ``None``, it never sends one.
+        broadcast_modes: Answering modes of the broadcasts 0 to 7. With 0, the driver sends the broadcast on request.
+            With 1 to 1000, it also sends the broadcast periodically; the number is the period in ms.
+        command_timeout: Time without a command after which the axes stop and a warning is raised, ms; 0 for never.
         error_timeout: Time without a command after which an error is raised, ms; 0 for never.
         load_unit: Unit of loads on CAN: 1 or 0.1 %.
         model: ``"motor"``: the commands are for the motors A and B; ``"travel"``: the commands are for Y (travel) and X

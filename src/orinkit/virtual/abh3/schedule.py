@@ -13,7 +13,11 @@ class Schedule:
         self._next: dict[str, int] = {}
 
     def set(self, periods: Mapping[str, int], cycle: int) -> None:
-        """Set the periods, in cycles; 0 or less for never. A frame whose period is unchanged keeps its next time."""
+        """Set the periods, in cycles; 0 or less for never.
+
+        A frame with an unchanged period keeps the time at which it is due next. A frame with a new period is due next
+        one period after ``cycle``.
+        """
         for name, period in periods.items():
             if period != self._periods.get(name):
                 self._next.pop(name, None)
@@ -26,7 +30,7 @@ class Schedule:
         return min(self._next.values(), default=None)
 
     def take(self, cycle: int) -> list[str]:
-        """Return the names of the due frames, each once; missed periods are skipped."""
+        """Return the names of the frames that are due in or before ``cycle``, each once; missed periods are skipped."""
         due = [name for name, time in self._next.items() if time <= cycle]
         for name in due:
             period = self._periods[name]

@@ -35,7 +35,7 @@ class DriverState:
         monitor_0: Value of monitor 0, see :meth:`VirtualABH3.set_monitor`.
         monitor_1: Value of monitor 1.
         inputs: Inputs as last sent by the host.
-        external: Terminals, numbered like the inputs.
+        external: The terminals that are combined with inputs; a terminal has the bit of its input.
         control: Control flags.
         io: I/O flags.
         errors: Error flags.
@@ -104,4 +104,4 @@ MONITORS: Final = (
     "main_voltage",
     "control_voltage",
 )
-"""Quantities that a monitor can show."""
+"""Names of the quantities of :class:`DriverState` that a monitor can show."""
