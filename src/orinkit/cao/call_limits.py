@@ -9,7 +9,7 @@ from orinkit.core.errors import CallTimeout, ProtocolError
 from orinkit.core.i18n import tr
 
 Clock: TypeAlias = Callable[[], float]
-"""Returns the time in seconds, from an arbitrary origin."""
+"""Function that returns the time in seconds, from an arbitrary origin."""
 
 PER_SECOND: Final = 1000
 """Limit on the packets per second that are not the reply to the call, for example S_EXECUTING packets."""
@@ -31,7 +31,7 @@ class CallTimer:
     Args:
         function: name of the function in the documents.
         seconds: limit on the duration of the call, s; ``None`` for no limit.
-        clock: returns the time, s.
+        clock: function that returns the time, s.
     """
 
     __slots__ = ("_begun", "_bounded", "_clock", "_executing", "_function", "_level", "_seconds", "_seen")
@@ -61,8 +61,8 @@ class CallTimer:
         """Count received packets that are not the reply.
 
         Args:
-            count: number of packets or other signals.
-            executing: whether one of them reports that the call is executing.
+            count: number of received packets, datagrams without a packet, or signs that the call is executing.
+            executing: whether a received packet or sign reports that the call is executing.
 
         Raises:
             ProtocolError: If there are too many such packets. The connection must then be closed, because the flood
@@ -85,7 +85,7 @@ class CallTimer:
             )
 
     def timeout_error(self, tries: int = 1) -> CallTimeout | None:
-        """Return the exception if the last wait ended because of the call's limit, otherwise ``None``.
+        """Return the exception for a call that has reached its limit; ``None`` if the last wait ended otherwise.
 
         Args:
             tries: number of attempts made.

@@ -1,4 +1,4 @@
-"""Conversion of the arguments that real clients send to the required types (docs/protocol.md lists the argument forms).
+"""Conversion of arguments, as real clients send them, to the types of the functions (docs/protocol.md lists the forms).
 
 Clients send the same argument in several forms: a whole number as VT_I2, VT_I4, VT_R4, VT_R8 or text, a scalar as an
 array of one element, an empty string as VT_EMPTY, and a pose in single precision. Only this module converts them.
@@ -89,7 +89,7 @@ def to_integer(given: Variant) -> int:
 
 
 def to_handle(given: Variant) -> int:
-    """Return a handle, which some clients send as a whole number of 4 bytes and others as one of 2 bytes."""
+    """Return a handle, which some clients send as a whole number of 4 bytes, and others in 2 bytes."""
     if given.type in _HANDLES:
         return int(given.value)
     raise wrong_type(given, "VT_I4")
@@ -117,7 +117,7 @@ def to_text(given: Variant) -> str:
 
 
 def to_values(given: Variant) -> list[Any]:
-    """Return a parameter as a list of plain values: the elements of an array, none for VT_EMPTY, otherwise one value."""
+    """Return a list of plain values: the elements of an array, none for VT_EMPTY and VT_NULL, otherwise one value."""
     if given.type in EMPTIES:
         return []
     plain = given.plain

@@ -23,7 +23,8 @@ class Dialect:
         takes_start_options: whether Service_Start may have an argument.
         code_replacements: return codes that the dialect does not have, and their replacements.
         takes_arm: whether TakeArm, GiveArm and Halt exist; otherwise only slave mode moves the arm.
-        short_numbers: whether the state of Motor and the code of ClearError are a single VT_I2.
+        short_numbers: whether the parameters of the commands Motor and ClearError are a single VT_I2; otherwise, the
+            parameter of Motor is an array, and ClearError has no parameter.
         slave_formats: whether slvSendFormat and slvRecvFormat exist; otherwise slvMove accepts and returns joints only.
         slave_mode: the slave mode that is used by default: 0, 1 or 2.
         busy_code: return code for a repeated request if the first attempt is still executing (VE026A table 3-5: "wait for a

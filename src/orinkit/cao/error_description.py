@@ -19,8 +19,8 @@ _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 def get_error_description(describe_error: Callable[[int], str], parameter: Variant) -> str:
     """Return the result of GetErrorDescription.
 
-    The result is the description of the client's last error with the given return code. If there was no such error, the
-    result is the text of the code.
+    The parameter is a return code. The result is the description of the client's last error with this code. If there
+    has been no error with this code, the result is the general text of the code.
 
     Args:
         describe_error: the client's :attr:`ClientInfo.describe_error`.
@@ -34,7 +34,7 @@ def get_error_description(describe_error: Callable[[int], str], parameter: Varia
 
 
 def _code_in(parameter: Variant) -> int:
-    """Return a return code, signed or unsigned.
+    """Return the return code in a parameter; it may be signed or unsigned.
 
     Raises:
         CallError: E_INVALIDARG or E_INVALIDARGTYPE if the parameter is not a return code.

@@ -1,7 +1,8 @@
 """Option strings: ``"WDT=400,InvokeTimeout=180000"``, ``"@IfNotMember"`` (RC8 tables 3-1 and 5-1).
 
 Pairs are separated by commas. A value may contain commas inside brackets or quotes. Names are case-insensitive. Empty
-parts, such as before the leading comma that some clients send, are ignored. A name without a value means ``True``.
+parts are ignored, for example the part before a leading comma, which some clients send. A name without a value means
+``True``.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Options:
         return tuple(self._values)
 
     def text_of(self, name: str, default: str = "") -> str:
-        """Return the value of an option as text."""
+        """Return the value of an option as text; ``default`` if the option is absent."""
         return self._values.get(name.lower(), default)
 
     def flag(self, name: str) -> bool:

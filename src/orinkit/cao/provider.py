@@ -47,8 +47,9 @@ class ClientInfo(NamedTuple):
         transport: ``"tcp"``, ``"udp"``, ``"serial"``, ``"http"`` or ``"memory"``.
         port: the client's port number, 0 if there is none.
         when_input_processed: function that invokes a callback after the server has processed all data received from
-            this client so far. It returns immediately and may be called from any thread. ``None`` if received data is
-            always processed immediately. Real-time devices use this function, because the server may read data late.
+            this client so far. The function itself returns immediately and may be called from any thread. Real-time
+            devices use it, because the server may read data late. ``None`` if received data is always processed
+            immediately.
         provider: the provider name that the client has requested, as sent.
         describe_error: returns the description of the client's last error with a given return code; ``""`` if unknown.
     """
@@ -274,11 +275,11 @@ class TaskObject(OwnerObject):
     """A program task."""
 
     def start(self, mode: int, option: str) -> Result[None]:
-        """Start the task: 1 one cycle, 2 continuous, 3 step."""
+        """Start the task in a mode: 1 is one cycle, 2 continuous, 3 step."""
         raise not_implemented()
 
     def stop(self, mode: int, option: str) -> Result[None]:
-        """Stop the task: 0 default, 1 instant, 2 step, 3 cycle, 4 initialise."""
+        """Stop the task in a mode: 0 is the default, 1 instant, 2 step, 3 cycle, 4 initialise."""
         raise not_implemented()
 
     def delete(self, option: str) -> Result[None]:
@@ -294,7 +295,7 @@ class CommandObject(CaoObject):
     """A command that can be started, monitored and cancelled."""
 
     def execute(self, mode: int) -> Result[None]:
-        """Execute the command: 0 wait for the end, 1 return immediately."""
+        """Execute the command; in mode 0 return at its end, in mode 1 return immediately."""
         raise not_implemented()
 
     def cancel(self) -> Result[None]:
@@ -327,22 +328,22 @@ class CommandObject(CaoObject):
 
 
 class MessageObject(CaoObject):
-    """An event that the client has fetched."""
+    """A message: an event of the controller that the client has fetched."""
 
     def reply(self, value: Variant) -> Result[None]:
-        """Reply to the event."""
+        """Reply to the message."""
         raise not_implemented()
 
     def clear(self) -> Result[None]:
-        """Clear the event."""
+        """Clear the message."""
         raise not_implemented()
 
     def get_date_time(self) -> Result[Value]:
-        """Return the date and time of the event, a local ``datetime``."""
+        """Return the date and time of the message, a local ``datetime``."""
         raise not_implemented()
 
     def get_description(self) -> Result[str]:
-        """Return the description of the event."""
+        """Return the description of the message."""
         raise not_implemented()
 
     def get_destination(self) -> Result[str]:
@@ -350,7 +351,7 @@ class MessageObject(CaoObject):
         raise not_implemented()
 
     def get_number(self) -> Result[int]:
-        """Return the number of the kind of event."""
+        """Return the number that identifies the kind of the message."""
         raise not_implemented()
 
     def get_serial_number(self) -> Result[int]:
@@ -362,7 +363,7 @@ class MessageObject(CaoObject):
         raise not_implemented()
 
     def get_value(self) -> Result[Value]:
-        """Return the value of the event."""
+        """Return the value of the message."""
         raise not_implemented()
 
 
@@ -423,7 +424,7 @@ class ControllerObject(OwnerObject):
         return []
 
     def get_message(self) -> Result[MessageObject]:
-        """Fetch the oldest waiting event; E_CAO_OBJECT_NOTFOUND if there is none."""
+        """Fetch the oldest waiting message; return E_CAO_OBJECT_NOTFOUND if there is no message."""
         raise not_found("Message")
 
 
@@ -448,7 +449,7 @@ class Provider:
     fixed_handles: bool = False
 
     def handle_of(self, interface: str, name: str) -> int:
-        """Return the handle of an object if ``fixed_handles`` is set; 1 by default.
+        """Return the handle of an object, by default 1; called only if ``fixed_handles`` is True.
 
         Args:
             interface: ``"Robot"``, ``"Variable"``.
@@ -460,7 +461,7 @@ class Provider:
         """Return the controller object for one client, in any of the forms of :data:`Result`.
 
         Args:
-            name: the name that the client gives to the controller, or a generated one if it is empty.
+            name: the name that the client gives to the controller; if that name is empty, a generated name.
             machine: the machine name of the call; according to the documents the controller's address or ``localhost``.
             option: the option string of the call.
             client: information on the client.

@@ -14,12 +14,12 @@ STORING_METHODS: Final = ("put_tag", "put_id", "put_parameters")
 """Names of the methods whose argument the server stores with the object."""
 
 VALUE_LIMIT: Final = 64 * 1024
-"""Limit on one value, bytes in a packet."""
+"""Limit on the size of one value, as it is encoded in a packet, bytes."""
 CLIENT_LIMIT: Final = 1024 * 1024
 TOTAL_LIMIT: Final = 16 * 1024 * 1024
-"""Limits on the values of one client (CLIENT_LIMIT) and of all clients of a server (TOTAL_LIMIT), bytes in packets.
+"""Limits on the total size of the values of one client (CLIENT_LIMIT) and of all clients of a server (TOTAL_LIMIT).
 
-In memory, the values require up to twelve times as many bytes.
+The sizes are those of the values as encoded in packets, bytes. In memory, values require up to twelve times as much.
 """
 
 
@@ -28,7 +28,7 @@ class ByteQuota:
 
     Args:
         limit: the limit, bytes.
-        total: the quota of all clients, in which the same bytes are counted.
+        total: for the quota of one client, the quota of all clients, which counts the same bytes; otherwise ``None``.
 
     Attributes:
         bytes: number of stored bytes.

@@ -100,5 +100,5 @@ def client_gave_up() -> bool:
 
 
 def begin_call(gave_up: Callable[[], bool]) -> None:
-    """Set the function that :func:`client_gave_up` calls in the current task; only servers call this."""
+    """Set the function that :func:`client_gave_up` calls in the current task; only servers call ``begin_call``."""
     _GAVE_UP.set(gave_up)

@@ -21,7 +21,7 @@ class ServiceOptions(NamedTuple):
     """The options of Service_Start.
 
     Attributes:
-        wdt: seconds between S_EXECUTING packets during a call (``WDT=<ms>``); ``None`` for none.
+        wdt: seconds between S_EXECUTING packets during a call (``WDT=<ms>``); ``None`` for no such packets.
         invoke_timeout: limit on the duration of a call, s (``InvokeTimeout=<ms>``); ``None`` for the server's default.
         max_silence: limit on the client's silence while its arm moves, s (``Alive=<ms>``, an option of orinkit); ``None`` for
             no limit.

@@ -267,7 +267,7 @@ class Session:
         return self._outcome(function, handle, label, result)
 
     def _count_stored(self, entry: _Entry, method: str, value: Variant) -> None:
-        """Count the bytes of a value that will be stored with an object; stop counting those of the previous value.
+        """Count the bytes of a value that an object will store; no longer count those of the value that it replaces.
 
         Raises:
             CallError: E_TOO_MUCH_DATA if the value is too large, E_OUTOFMEMORY if the client's limit would be exceeded.
@@ -301,9 +301,10 @@ class Session:
         return function.method == "execute" and not self.host.dialect.replies_vt_empty
 
     def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
-        """Return the reply with the existing object of that name if the option @IfNotMember is given.
+        """Return the reply with the handle of the existing object ``label`` if ``option`` contains @IfNotMember.
 
-        If the option is not given, or there is no such object, check the limit on objects and return ``None``.
+        If the option is absent, or no object has this name, check that the limit on objects permits another object, and
+        return ``None``.
         """
         if label and Options(option).flag("@IfNotMember"):
             found = self._named(interface, parent, label)
@@ -351,7 +352,7 @@ class Session:
         return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MAX_DESCRIPTION))
 
     def _failure(self, code: int, detail: str) -> CallReply:
-        """Return the reply to a failed call, and store its description."""
+        """Return the reply to a failed call, and store the description of the error."""
         self._reasons.pop(code, None)
         self._reasons[code] = detail
         if len(self._reasons) > _MAX_DESCRIPTIONS:

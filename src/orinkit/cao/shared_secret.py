@@ -1,4 +1,7 @@
-"""Secrets of clients: their validation, and the delay and logging of wrong secrets. The caller supplies the time."""
+"""Secrets of clients: their validation, the delay of replies to wrong secrets, and the logging of wrong secrets.
+
+The functions receive the current time as an argument.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ class FailureResponse(NamedTuple):
 
     Attributes:
         delay: delay of the reply, s.
-        failures_to_log: number of failures of this address since the last log entry; 0 if no entry is to be written now.
+        failures_to_log: number of wrong secrets from the address since the last log entry; 0 for no log entry now.
     """
 
     delay: float
@@ -54,7 +57,7 @@ class _Record:
 
 
 class SecretAttempts:
-    """Counts wrong secrets by address. A correct secret is never delayed.
+    """Counts wrong secrets by address. The reply to a correct secret is never delayed.
 
     At most 1,000 addresses are stored. The address whose last failure is the oldest is forgotten first.
     """
@@ -63,7 +66,7 @@ class SecretAttempts:
         self._records: dict[str, _Record] = {}  # in the order of the last failures, oldest first
 
     def failed(self, address: str, now: float) -> FailureResponse:
-        """Count a wrong secret.
+        """Count a wrong secret, and return the way to handle it.
 
         Args:
             address: address of the client, or another identification.

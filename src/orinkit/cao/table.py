@@ -63,12 +63,12 @@ class Function(Generic[P, R]):
     Attributes:
         id: function id, counted from 1.
         name: name in the documents, ``Robot_Move``.
-        cao: CAO interface name (RC8 appendix A), ``""`` if the appendix has none.
+        cao: CAO interface name (RC8 appendix A), ``""`` if the appendix has none for the function.
         section: section of the documents.
         arguments: the arguments, in order.
         result: VARIANT type of the result, ``VarType.VARIANT`` for any, ``None`` for no result.
         creates: interface of the object whose handle is returned, otherwise ``""``.
-        released_by: name of the function that releases that handle, otherwise ``""``.
+        released_by: name of the function that releases the returned handle, otherwise ``""``.
         releases: True if the function releases the object that it is called on.
         en, ja: description in one line.
         interface: ``Robot`` for ``Robot_Move``.
