@@ -21,7 +21,7 @@ from orinkit.core.validation import check_finite, check_positive
 
 
 class MotorVelocities(NamedTuple):
-    """Velocities of the motors, for the motor-axis model.
+    """Velocities of the motors, which are the driver's commands in the motor-axis model.
 
     Attributes:
         a: Velocity of motor A in min^-1.
@@ -33,11 +33,11 @@ class MotorVelocities(NamedTuple):
 
 
 class Travel(NamedTuple):
-    """Velocities of the axes of the travel-axis model.
+    """Velocities of the axes Y (travel) and X (turn), which are the driver's commands in the travel-axis model.
 
     Attributes:
-        y: Travel velocity, in min^-1 of the motors.
-        x: Turning velocity to the right, in min^-1 of the motors.
+        y: Travel velocity in min^-1, (A + B) / 2 of the motor velocities.
+        x: Turning velocity in min^-1, (A - B) / 2 of the motor velocities, positive to the right.
     """
 
     y: float
@@ -49,7 +49,7 @@ class Twist(NamedTuple):
 
     Attributes:
         v: Forward velocity, in m/s.
-        omega: Angular velocity to the left, in rad/s.
+        omega: Angular velocity in rad/s, positive to the left.
     """
 
     v: float
@@ -85,7 +85,7 @@ class Differential:
         return self.gear * self.wheel_diameter * math.pi
 
     def to_travel(self, v: float, omega: float) -> Travel:
-        """Return the velocities of the axes Y and X in min^-1 for given velocities of the vehicle.
+        """Return the velocities of the axes Y (travel) and X (turn) in min^-1 for given velocities of the vehicle.
 
         Args:
             v: Forward velocity in m/s.
@@ -99,6 +99,8 @@ class Differential:
 
     def from_travel(self, y: float, x: float) -> Twist:
         """Return the velocities of the vehicle in m/s and rad/s for velocities of the axes Y and X in min^-1.
+
+        Y is the travel velocity, X the turning velocity.
 
         Raises:
             InvalidValue: If an argument is not a finite number, or the result overflows.

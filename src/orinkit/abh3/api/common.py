@@ -26,7 +26,7 @@ class BusSettings(TypedDict, total=False):
     Attributes:
         interface: Interface of python-can: ``"socketcan"``, ``"slcan"``, ``"udp_multicast"`` ...
         channel: Channel of the interface: ``"can0"``, ``"/dev/ttyACM0"`` ...
-        bitrate: Bit rate in bit/s, if the interface sets it: 250000, 500000 or 1000000.
+        bitrate: Bit rate in bit/s: 250000, 500000 or 1000000. If omitted, the interface keeps its setting.
     """
 
     interface: str
@@ -35,7 +35,7 @@ class BusSettings(TypedDict, total=False):
 
 
 class HostSettings(TypedDict, total=False):
-    """Settings of a host for one driver; they must match the driver's parameters (section 1).
+    """Settings of a host for one driver; they must match the driver's parameters (section 1 of the ABH3 document).
 
     Attributes:
         address: Address of the driver, 0 to 253; 1 by default.
@@ -43,7 +43,7 @@ class HostSettings(TypedDict, total=False):
         group: Group of the driver's broadcasts, 0 to 31; 5 by default.
         timeout: Seconds to wait for a reply; 1 by default.
         priority: Priority of the frames that are sent, 0 (highest) to 7; 0 by default.
-        load_unit: Resolution of the loads in frames, in %: 1, as in the document, or 0.1.
+        load_unit: Resolution of the loads in frames, in %: 1 (as in the document) or 0.1; 1 by default.
     """
 
     address: int
@@ -82,7 +82,8 @@ def bus_address(at: str | None, settings: BusSettings) -> CanAddress:
         settings: Location of the bus, if no URL is given.
 
     Raises:
-        InvalidAddress: If ``at`` is not the URL of a CAN bus, or if the location is given twice or not at all.
+        InvalidAddress: If ``at`` is not the URL of a CAN bus, if both ``at`` and settings of the bus are given, or if
+            neither is given.
     """
     if at is None and "interface" not in settings:
         raise _bus_required(at)

@@ -38,11 +38,11 @@ class PeriodicCall:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop the calls; one may still be in progress."""
+        """Stop the calls. The last call may still be in progress when this method returns."""
         self._stopped.set()
 
     def join(self) -> None:
-        """Wait until the thread has ended."""
+        """Wait until the thread has ended, at most 2 s; if called in this thread, return immediately."""
         if self._thread is not threading.current_thread():
             self._thread.join(_JOIN_TIMEOUT)
 

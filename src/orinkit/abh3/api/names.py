@@ -1,4 +1,4 @@
-"""The host API of ABH3: drivers on a CAN bus, synchronous and in asyncio (section 4).
+"""The host API of ABH3: drivers on a CAN bus, synchronous and in asyncio (section 4 of the ABH3 document).
 
 ::
 
