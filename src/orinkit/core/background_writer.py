@@ -21,8 +21,8 @@ class BackgroundWriter:
 
     Args:
         stream: stdout or stderr; ``None`` if it is closed, in which case nothing is written.
-        notice: Function that returns a notice for a number of dropped texts. The notice is written as soon as the queue
-            has room again. Without this function, no notice is written.
+        notice: Function that receives the number of dropped texts and returns a notice, which is written as soon as the
+            queue has room again. Without this function, no notice is written.
 
     Attributes:
         dropped: Number of dropped texts.
@@ -47,7 +47,7 @@ class BackgroundWriter:
 
     @property
     def encoding(self) -> str:
-        """The encoding of the stream."""
+        """The encoding of the stream; ``"utf-8"`` if the stream is ``None``."""
         return "utf-8" if self._stream is None else self._stream.encoding
 
     def isatty(self) -> bool:

@@ -116,7 +116,7 @@ class ConnectionClosed(TransportError):
 
 
 class ProviderLoadFailed(OrinError):
-    """A provider could not be loaded; the message gives its name, the cause and the place of the failure."""
+    """A provider could not be loaded; the message gives its name, the cause, and the file and line of the failure."""
 
 
 class ObjectReleased(OrinError):
@@ -180,6 +180,8 @@ class CallTimeout(OrinError, TimeoutError):
 class DriverTimeout(CallTimeout):
     """No reply from an ABH3 motor driver; it may or may not have accepted the command.
 
+    The function ``stop_and_wait`` also raises this error if the driver replies, but has not reached standstill in time.
+
     Attributes:
         address: CAN address of the driver.
     """
@@ -228,7 +230,7 @@ class DriverFault(OrinError):
     """An ABH3 motor driver has errors that a reset does not clear.
 
     Attributes:
-        errors: Error flags (document 2.3).
+        errors: Error flags (ABH3 document 2.3).
         warnings: Warning flags.
         texts: Descriptions of the flags that are set.
     """
@@ -301,7 +303,7 @@ class InvalidArgument(GeneralError):
 
 
 class InvalidHandle(GeneralError):
-    """E_HANDLE: no object of this connection has the handle, or the object has another type."""
+    """E_HANDLE: no object of this connection has the handle, or the function requires an object of another type."""
 
 
 class AccessDenied(GeneralError):
@@ -321,7 +323,7 @@ class AlreadyRegistered(CaoError):
 
 
 class ExecutionTimeout(CaoError):
-    """E_TIMEOUT returned by the controller: the call took longer than InvokeTimeout."""
+    """E_TIMEOUT returned by the controller: the call took longer than ``InvokeTimeout`` (option of Service_Start)."""
 
 
 class PacketError(CallError):
@@ -337,7 +339,7 @@ class SocketError(CallError):
 
 
 class UserDefinedError(CallError):
-    """A code defined by the served device (0x80040200 to 0x8004FFFF)."""
+    """A code defined by the served device (0x80040200 to 0x8004FFFF and 0x80010200 to 0x8001FFFF)."""
 
 
 class UnknownError(CallError):

@@ -14,9 +14,9 @@ In a controller code, L is the level, 0 (notice) to 5 (fatal), MM the subsystem 
 many motion and servo codes is the axis, 1 to 8.
 
 :data:`CODES` contains the known codes; :func:`lookup` also accepts unknown ones. Each code without an axis is a
-constant of this module. Some errors have a run of codes, for example one per axis: only the first code is a constant
-(``..._AXIS1``); the others follow it numerically. If several codes have the same meaning, the names of the later ones
-end in ``_2``, ``_3`` ...
+constant of this module. Some errors have a run of codes, for example one per axis. Only the first code of a run is a
+constant (``..._AXIS1``); the others follow it numerically. If several codes have the same meaning, the names of the
+later ones end in ``_2``, ``_3`` ...
 """
 
 from __future__ import annotations
@@ -262,8 +262,8 @@ class ReturnCode:
 
     Attributes:
         value: Code, unsigned 32 bits.
-        name: Symbol from the documents (``E_HANDLE``) or of this project (``COMMAND_DELAY``); ``0x83201234`` if
-            unknown.
+        name: Symbol from the documents (``E_HANDLE``) or of this project (``COMMAND_DELAY``). The name of an unknown
+            code is its number, such as ``0x83201234``.
         en: Short English text, without a full stop.
         ja: Short Japanese text, without a full stop.
         hint_en: Remedy in one or two English sentences; empty if none is known.

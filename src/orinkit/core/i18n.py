@@ -19,7 +19,7 @@ Language = Literal["en", "ja"]
 
 
 class Translate(Protocol):
-    """A function that returns a message in a certain language, for example :func:`tr`."""
+    """A function that returns a message in a certain language, for example :func:`tr` (the current language)."""
 
     def __call__(self, message: str, /, **values: object) -> str:
         """Return the message."""
@@ -70,7 +70,7 @@ def N_(message: str) -> str:  # noqa: N802 - the name that gettext requires
 
 
 def translate(language: Language, message: str, /, **values: object) -> str:
-    """Return a message in the given language; the other arguments are those of :func:`tr`."""
+    """Return a message in the language ``language``; the other arguments are those of :func:`tr`."""
     text = _japanese().gettext(message) if language == "ja" and message else message
     return text.format(**values) if values else text
 

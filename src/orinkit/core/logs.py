@@ -1,7 +1,7 @@
 """Non-blocking log output on stderr.
 
-A program that serves a robot must continue even if its stderr is not read. If stderr is a pipe, it holds 64 KiB; the
-next write blocks, and then the event loop, the motions and the emergency stop are blocked, too. Use :func:`to_stderr`
+A program that serves a robot must continue even if its stderr is not read. If stderr is a pipe, it is full after 64
+KiB. The next write then blocks and, with it, the event loop, the motions and the emergency stop. Use :func:`to_stderr`
 instead of :func:`logging.basicConfig`::
 
     from orinkit import serve
@@ -11,7 +11,7 @@ instead of :func:`logging.basicConfig`::
     with serve(MyDevice()) as server:
         server.wait()
 
-``orinkit serve`` and ``orinkit gateway`` also use this function.
+``orinkit serve`` and ``orinkit gateway`` also use :func:`to_stderr`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from orinkit.core.background_writer import BackgroundWriter
 from orinkit.core.i18n import tr, visible
 
 LONGEST: Final = 8192
-"""Maximum number of characters of a record. The middle of a longer one, such as a deep traceback, is omitted."""
+"""Maximum number of characters of a record. The middle of a longer record, such as a deep traceback, is omitted."""
 FORMAT: Final = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 """Format of the records that :func:`to_stderr` writes."""
 

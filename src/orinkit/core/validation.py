@@ -1,8 +1,8 @@
 """Checks of numbers that programs pass as arguments: accepted types and ranges.
 
 All numeric types are accepted, including those of numpy; ``bool``, text and bytes are refused. The arguments of CAO
-functions are not checked here: they are VARIANTs, and invalid ones have their own return codes
-(:mod:`orinkit.cao.coerce`).
+functions are not checked here but in :mod:`orinkit.cao.coerce`: they are VARIANTs, and invalid ones result in return
+codes.
 """
 
 from __future__ import annotations

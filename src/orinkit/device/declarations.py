@@ -97,7 +97,9 @@ class DeclaredVariable(Declared, Generic[T]):
         return self
 
     def accept(self, value: Variant) -> Any:
-        """Convert a value that a client writes to the type of the variable.
+        """Return the value of a client's write call, converted to the type of the variable.
+
+        If the variable has no type, the value is converted to the Python type that corresponds to its VARIANT type.
 
         Raises:
             CallError: DISP_E_TYPEMISMATCH, if the value does not fit the type.
@@ -121,7 +123,8 @@ class DeclaredCommand(Declared):
         """Return the arguments with which to call the method for the parameter of a client's Execute.
 
         Each element of an array becomes an argument. If the method takes only one argument, an array of several
-        elements becomes one argument, a list.
+        elements becomes one argument, a list. VT_EMPTY stands for no arguments, and any other value becomes the only
+        argument.
 
         Raises:
             CallError: E_INVALIDARG, if there are too many or too few values, or a value does not fit the annotation of
@@ -144,7 +147,9 @@ class DeclaredCommand(Declared):
 
 
 def _converted(parameter: inspect.Parameter, value: Any) -> Any:
-    """Convert an argument of a command to its annotated type (bool, int, float or str); return others unchanged.
+    """Convert an argument of a command to its annotated type (bool, int, float or str).
+
+    An argument with another annotation, or without an annotation, is returned unchanged.
 
     Raises:
         CallError: E_INVALIDARG, if the value does not fit.

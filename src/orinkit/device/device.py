@@ -120,7 +120,8 @@ class Device(Part, Provider):
         """Set an attribute.
 
         Raises:
-            TypeError: If the name is reserved for the server and the value does not fit.
+            TypeError: If the name is reserved for the server, and the value does not have the type or signature that
+                the server requires.
         """
         if name in _NEEDED and not _fits(name, value):
             raise _misused(type(self), name)
@@ -224,7 +225,7 @@ def _misused(cls: type, name: str) -> TypeError:
 
 
 def _declared(part: Part, kind: str, name: str) -> Declared | None:
-    """Return the declaration of a part that has a given kind and name; ``None`` if there is none.
+    """Return the declaration with this kind and name in a part; ``None`` if there is none.
 
     The kinds are Variable, Command, Extension, Robot, Task, File and Command object.
     """
@@ -232,7 +233,7 @@ def _declared(part: Part, kind: str, name: str) -> Declared | None:
 
 
 def _names(part: Part, kind: str) -> list[str]:
-    """Return the names of all declarations of a part that have a given kind, in the order of declaration."""
+    """Return the names of all declarations of this kind in a part, in the order of declaration."""
     return [member.name for (of, _), member in _DECLARED.get(type(part), {}).items() if of == kind]
 
 
@@ -246,7 +247,7 @@ class _PartVariable(VariableObject):
         self._accessed: datetime | None = None
 
     def get_value(self) -> Any:
-        """Call the getter."""
+        """Call the getter and return its result, or return a call of the getter for the server to execute."""
         declared = self._variable
         method = declared.method
         if inspect.iscoroutinefunction(method):
@@ -263,7 +264,12 @@ class _PartVariable(VariableObject):
         return Variant(self._variable.type, value)
 
     def put_value(self, value: Variant) -> Any:
-        """Call the setter."""
+        """Call the setter, or return a call of the setter for the server to execute.
+
+        Raises:
+            CallError: E_CAO_NOT_WRITABLE, if the variable has no setter; DISP_E_TYPEMISMATCH, if the value does not fit
+                the type of the variable.
+        """
         declared = self._variable
         if declared.set is None:
             raise error_for(hresult.E_CAO_NOT_WRITABLE, declared.name)
@@ -271,11 +277,17 @@ class _PartVariable(VariableObject):
         return declared.run(declared.set, self._part, declared.accept(value))
 
     def get_date_time(self) -> datetime:
-        """Return the time at which this client last read or wrote the variable, without microseconds."""
+        """Return the time at which this client last read or wrote the variable, without microseconds.
+
+        Before the first access, the result is the current time.
+        """
         return (self._accessed or datetime.now()).replace(microsecond=0)
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of the time at which this client last read or wrote the variable."""
+        """Return the microseconds of the time at which this client last read or wrote the variable.
+
+        Before the first access, they are those of the current time.
+        """
         return (self._accessed or datetime.now()).microsecond
 
 

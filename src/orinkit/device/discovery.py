@@ -104,10 +104,11 @@ def load(target: str) -> Provider:
 
 
 def load_installed(beside: Sequence[Provider] = (), *, exclude: Collection[str] = ()) -> list[Provider]:
-    """Load the providers of all installed packages; log each that cannot be loaded, with the reason.
+    """Load the providers of all installed packages; log each provider that cannot be loaded, with the reason.
 
     Args:
-        beside: Other providers of the same server.
+        beside: Other providers of the same server. A provider that is one of them is omitted from the result; a
+            provider that cannot be combined with them, for example because of its dialect, is not loaded.
         exclude: Names of entry points to omit.
     """
     unwanted = {name.strip().lower() for name in exclude}
@@ -345,7 +346,7 @@ def _on_path(directory: str) -> Iterator[None]:
 
 
 def _find(target: str, module: ModuleType, attribute: str) -> object:
-    """Return the object that an attribute names; without an attribute, the only provider class of the module.
+    """Return the object that an attribute of a module names; if it is ``""``, the only provider class of the module.
 
     Raises:
         ProviderLoadFailed: If the attribute does not exist, or the module does not define exactly one provider class.
@@ -388,7 +389,7 @@ def _classes(module: ModuleType) -> list[type[Provider]]:
 
 
 def _create(target: str, found: object) -> Provider:
-    """Return a provider, or create it by calling a provider class or a function.
+    """Return ``found`` if it is a provider. If it is a provider class or a function, call it to create the provider.
 
     Raises:
         ProviderLoadFailed: If the object is not a provider, or creating it fails.
@@ -439,7 +440,7 @@ def _with_names(target: str, provider: Provider, also: str = "") -> Provider:
     """Check the names of a provider, add ``also`` to them, and return the provider.
 
     Raises:
-        ProviderLoadFailed: If the provider has no names, or an invalid one.
+        ProviderLoadFailed: If the provider has no names, or one of its names is invalid.
     """
     try:
         names = provider.provider_names

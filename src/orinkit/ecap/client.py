@@ -25,7 +25,10 @@ from orinkit.values.variant import Variant, VarType
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, tuple[int, Any]]
 
 HTTP: Final = TransportProfile("http", session_timeout=60.0, uses_watchdog=False)
-"""e-CAP over HTTP. A server ends a session after a configurable idle time; the default of orinkit is 60 s."""
+"""Transport profile of e-CAP.
+
+A server ends a session after a configurable idle time; the default of orinkit is 60 s.
+"""
 
 _FAILED: Final = 0x8000_0000
 _STOP_TIMEOUT: Final = 1.0  # s
@@ -35,7 +38,7 @@ class EcapConversation:
     """The client side of a conversation: creates requests and interprets replies, one call at a time.
 
     Args:
-        limits: limits on a request and on a reply.
+        limits: limits on the size of a request and of a reply, and on the values in a reply.
         trace: callback invoked with ``">"`` and the body of each request, and with ``"<"`` and the body of each reply.
         profile: the transport profile.
         dialect: dialect of the controller; may be set later, when it is known.
@@ -90,7 +93,8 @@ class EcapConversation:
             deadline: limit on the duration of the call, s, regardless of line feeds; ``None`` for no limit.
 
         Raises:
-            InvalidValue: If an argument does not fit its type; nothing has been sent.
+            InvalidValue: If an argument does not fit its type, or the request exceeds the limits; nothing has been
+                sent.
             CallTimeout: If no reply was received in time. A later reply is dropped.
             ConnectionLost: If the peer has closed the connection.
             ProtocolError: If the received data is not e-CAP, if the type of the result is wrong, or if there are too

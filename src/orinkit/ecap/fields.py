@@ -22,7 +22,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
 
 ARGUMENTS: Final = 5
-"""Number of arguments of a request."""
+"""Number of argument fields that a request may have: ``Arg1`` to ``Arg5``."""
 MOST: Final = 32
 """Maximum number of pieces into which a body is split; a valid body has at most six fields."""
 BLANKS: Final = " \t\r\n"
@@ -102,7 +102,10 @@ def _split(body: bytes) -> dict[str, bytes]:
 
 
 def _pieces(body: bytes) -> list[bytes]:
-    """Split a body at its separators into at most ``MOST + 1`` pieces."""
+    """Split a body at its separators into at most ``MOST + 1`` pieces.
+
+    The last of ``MOST + 1`` pieces may contain further separators.
+    """
     pieces: list[bytes] = []
     at = 0
     while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:

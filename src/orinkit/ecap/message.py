@@ -302,10 +302,10 @@ def write_reply(code: int, result: Variant | None) -> bytes:
 
 
 def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
-    """Return the return code, as an unsigned number, and the result of a reply.
+    """Return the return code, as an unsigned number, and the result of a reply (``None`` if the reply has no result).
 
     In the body, the code is hexadecimal with ``0x``, or decimal, signed or unsigned. Line feeds may precede it. Data
-    after the code of a failure is ignored.
+    after an error code is ignored.
 
     Raises:
         ProtocolError: If the body is not a reply.
@@ -396,7 +396,7 @@ def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
     """Estimate the time to parse texts by counting characters, and refuse texts that would take too long.
 
     Raises:
-        LimitExceeded: If there are too many brackets and commas.
+        LimitExceeded: If the texts contain too many brackets, quotation marks and commas.
     """
     left = _ALLOWANCE * limits.variants
     for text in texts:
@@ -439,7 +439,7 @@ def _has_slow(text: str) -> bool:
 
 
 def _parse(text: str, limits: PacketLimits) -> Variant:
-    """Return the VARIANT of a text.
+    """Return the VARIANT that a text in the notation of e-CAP 3.5 represents.
 
     Raises:
         NotationError: If the text is not a VARIANT.

@@ -243,8 +243,8 @@ def pose_text(pose: PoseLike, mark: str | PassMark = "") -> str:
 def passes(arguments: object) -> bool:
     """Return True if the reply to a motion may arrive while the arm still moves.
 
-    This is possible if the pass mark in the arguments is ``@P`` or a radius. The function does not examine lists within
-    lists and Variants; it returns True for them.
+    This is possible if the pass mark in the arguments is ``@P`` or a radius. A list or a Variant among the arguments is
+    not examined; the result is then True.
     """
     if isinstance(arguments, str):
         return _PASSING.search(arguments) is not None
