@@ -3,9 +3,9 @@
 The methods of the provider's objects are generated from the table of functions, so that each function of the table is
 forwarded. The gateway stores only handles; names, tags and IDs are always read from the controller.
 
-A connection carries one call at a time, as a direct connection to the controller does. Concurrent calls of one e-CAP
-client are executed one after the other: a Halt waits for a Move of the same client. To stop a motion, send Halt from a
-second client, which has its own connection, as with any controller.
+The connection from the gateway to the controller carries one call at a time, as a direct connection of a client does.
+Concurrent calls of one e-CAP client are executed one after the other: a Halt waits for a Move of the same client. To
+stop a motion, send Halt from a second client, for which the gateway has a separate connection.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class RemoteObject(CaoObject):
         return value if reply.code == hresult.S_OK else ResultWithCode(reply.code, value)
 
     def is_moving(self) -> bool:
-        """Return True if a forwarded motion may still be executing."""
+        """Return True if the arm may still execute a motion that was forwarded for this client."""
         return self._connection.may_move
 
     def stop_moving(self) -> None:
@@ -147,7 +147,8 @@ class RemoteObject(CaoObject):
         """Return the handle of the object. If the connection was opened again, first connect to the object again.
 
         Raises:
-            CallError: If the controller refuses the call; E_HANDLE, if an object cannot be restored from its name.
+            CallError: If the controller refuses a call that connects to an object again; E_HANDLE, if an object cannot
+                be restored from its name.
         """
         connection = self._connection
         path: list[tuple[RemoteObject, _Origin]] = []
@@ -162,13 +163,15 @@ class RemoteObject(CaoObject):
     async def connect_again(self, origin: _Origin) -> None:
         """Connect to the object again by its name, over a new connection.
 
-        The caller must hold :attr:`UpstreamConnection.turn`, and the parent must already be connected.
+        The caller must hold :attr:`UpstreamConnection.turn`. The gateway must already have connected to the parent
+        object again.
 
         Args:
             origin: Call by which the client connected to the object.
 
         Raises:
-            CallError: If the controller refuses the call; E_HANDLE, if the object cannot be restored from its name.
+            CallError: If the controller refuses to connect to the object; E_HANDLE, if the object cannot be restored
+                from its name.
         """
         connection = self._connection
         if self._has_local_state or len(origin.arguments) < 2:
@@ -205,7 +208,7 @@ def _not_sent(url: str, function: Function[..., Any]) -> str:
 
 
 def _without_create(option: str) -> str:
-    """Return the option of a file without ``@Create``: a new connection must not create the file a second time."""
+    """Return the option string of a file without ``@Create``, so that reconnecting does not create the file again."""
     if "@Create" not in Options(option):
         return option
     return ",".join(part for part in option.split(",") if part.partition("=")[0].strip().lower() != "@create")
@@ -252,8 +255,8 @@ class RemoteProvider(Provider):
     """A provider that forwards calls to one or several controllers.
 
     Each Controller_Connect of a client opens its own connection to the controller. The controller therefore
-    distinguishes the clients of the gateway: handles, the arm semaphore and the end of a connection have the same
-    effect as if each client were connected directly. Controller_Connect is forwarded with all its arguments.
+    distinguishes the clients of the gateway: each client has its own handles, takes the arm semaphore for itself, and
+    can disconnect without effect on the others. Controller_Connect is forwarded with all its arguments.
 
     If there are several controllers, the machine name in Controller_Connect selects one of them. The machine name is
     the name of the controller in ``upstream`` (case is ignored), or the host in the URL of the controller, or host and
@@ -302,7 +305,7 @@ class RemoteProvider(Provider):
         return made
 
     async def close(self) -> None:
-        """Wait until the connections of a stopped server have been closed.
+        """Wait at most 2 s until the connections for the clients of a stopped server have been closed.
 
         Other servers, in other event loops, may still use this provider; their connections stay open.
         """
@@ -333,8 +336,13 @@ class RemoteProvider(Provider):
 def _check_names(upstreams: Mapping[str, Upstream], given: int) -> None:
     """Check that the names of the controllers are unambiguous, so that no client reaches an unintended controller.
 
+    Args:
+        upstreams: Controllers by name.
+        given: Number of names that the user has given. ``upstreams`` contains fewer if names differ only in blanks.
+
     Raises:
-        ValueError: If a name is empty or occurs twice, or is also the machine name of a controller.
+        ValueError: If a name occurs twice (case is ignored); or, with several controllers, if a name is empty, is
+            ``localhost``, or is also the machine name of a controller.
     """
     names = [name.lower() for name in upstreams]
     hosts = {place for upstream in upstreams.values() for place in upstream.machine_names}

@@ -64,10 +64,10 @@ READING: Final[Mapping[str, frozenset[str]]] = {
         "File": "",
     }.items()
 }
-"""Commands of Execute that only read, in lower case, by interface. They are allowed if ``read_only`` is set.
+"""Commands of Execute that only read, in lower case, by interface. With ``read_only``, no other commands are allowed.
 
-No documented command of a VE026A is included: Motor, slvChangeMode, slvMove and ClearError all have effects (VE026A
-5.3).
+No documented command of a VE026A is included, because all of them have effects: Motor, slvChangeMode, slvMove and
+ClearError (VE026A 5.3).
 """
 
 _COMMAND: Final = "execute"
@@ -118,7 +118,7 @@ class AccessRules:
             applies to variables that a call names in its arguments: in any text in the parameters of an Execute
             function or of a Command object (``"@P P1"``), and in the poses (``[5, "P"]``) and options (``SPEED=F2``) of
             Robot_Move, Robot_Rotate and Robot_Drive. In the parameters of a Command object, any array that may be a
-            pose is treated as a pose, because its meaning is unknown.
+            pose is treated as a pose, because the meaning of the array is unknown.
         commands: Patterns of commands of Execute and of Command objects, for example ``CurPos`` or ``Robot.CurPos``.
 
     Raises:
@@ -183,11 +183,11 @@ class RestrictedProvider(Provider):
         self.fixed_handles = provider.fixed_handles
 
     def handle_of(self, interface: str, name: str) -> int:
-        """Return the handle of an object, if the provider has fixed handles."""
+        """Return the restricted provider's handle for an object; used only if ``fixed_handles`` is set."""
         return self._provider.handle_of(interface, name)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Result[ControllerObject]:
-        """Return the controller object for one client."""
+        """Connect to the restricted provider for one client; return a controller object that applies the rules."""
         made: Result[ControllerObject] = _restricted(
             "Controller", self._provider.connect(name, machine, option, client), self._rules
         )
@@ -214,7 +214,7 @@ class _RestrictedObject(CaoObject):
         return isinstance(self._served, ControllerObject) and self._served.is_moving()
 
     def stop_moving(self) -> None:
-        """Stop the motions of the client. The access rules do not apply to this method, which the server calls."""
+        """Stop the motions of the client. The access rules do not apply, because the server calls this method."""
         if isinstance(self._served, ControllerObject):
             self._served.stop_moving()
 
@@ -243,9 +243,9 @@ _CLASSES: Final[dict[str, Callable[[CaoObject, AccessRules], Any]]] = {
 
 
 def _restricted(interface: str, result: Any, rules: AccessRules) -> Any:
-    """Return the result of a provider's method, immediate or deferred.
+    """Return the result of a provider's method, which may be immediate or deferred.
 
-    If the result is an object, it is replaced by an object that applies the rules to the calls of the client.
+    If the result is a CAO object, it is replaced by an object that applies the rules to the calls of the client.
     """
     if isinstance(result, CaoObject):
         return _CLASSES[interface](result, rules)
@@ -317,7 +317,7 @@ def _covers(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _passes(name: str, patterns: Iterable[str], match: Callable[[str, str], bool], tidy: Callable[[str], str]) -> bool:
-    """Return True if a name matches a pattern, in each of the ways in which a controller may ignore case.
+    """Return True if a name matches at least one pattern in each of the ways in which a controller may ignore case.
 
     Args:
         name: Name of a function, a command or a variable.
@@ -339,7 +339,7 @@ def _covers_folded(name: str, pattern: str) -> bool:
 
 
 def _without_zeros(name: str) -> str:
-    """Return ``i15`` for ``i015``; return names of other forms and patterns with wildcards unchanged."""
+    """Return ``i15`` for ``i015``. Names of other forms, and patterns with wildcards, are returned unchanged."""
     found = _LEADING_ZEROS.fullmatch(name)
     return f"{found[1]}{found[2]}" if found else name
 
@@ -359,7 +359,7 @@ def _variables_in(function: Function[..., Any], arguments: Sequence[Any]) -> Ite
 
 
 def _takes_poses(command: str) -> bool:
-    """Return True if a command may interpret arrays as poses; for a non-ASCII name, this is always assumed."""
+    """Return True if a command may interpret arrays as poses; always True if its name has non-ASCII letters."""
     return not command.isascii() or command.strip().lower() in _TAKING_POSES
 
 
@@ -384,7 +384,7 @@ def _named_in(argument: Any, *, arrays: bool) -> Iterator[str]:
 def _named_in_text(text: str) -> Iterator[str]:
     """Yield the names of the variables in a text such as ``P1``, ``P[1]`` or ``@PP 1``.
 
-    If the index is not a number, its value is unknown; the name is then ``P*``.
+    If the index is not a number, as in ``P[I1]``, its value is unknown; the name is then ``P*``.
     """
     for fold in _FOLDINGS[:1] if text.isascii() else (_FOLDINGS[0], _FOLDINGS[-1]):
         for found in _REFERENCE.finditer(_MARK.sub(" ", fold(text))):

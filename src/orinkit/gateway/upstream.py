@@ -10,7 +10,8 @@ codes:
 * E_TIMEOUT (0x80000900): the controller did not reply in time. The call may or may not have been executed.
 * E_INVALIDARG: an argument cannot be sent to the controller, for example because it is too long for UDP. The call was
   not sent.
-* E_TOO_MUCH_DATA, E_FAIL: the call was executed, but the reply exceeds the limits or is invalid.
+* E_TOO_MUCH_DATA, E_FAIL: the call was executed, but the reply exceeds the limits (E_TOO_MUCH_DATA) or is invalid
+  (E_FAIL).
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class Upstream:
             controller restarts the time-out. The default depends on the transport.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         service: Option string of Service_Start; the default is that of :func:`orinkit.connect`.
-        dialect: ``"rc8"`` or ``"ve026a"``.
+        dialect: Dialect of the controller, ``"rc8"`` or ``"ve026a"``.
         machine: Machine name to send to the controller. The default is the machine name in the client's
             Controller_Connect, or ``localhost`` if the gateway selected this upstream by its name.
         token: Access token for HTTP.
@@ -100,7 +101,7 @@ class Upstream:
     Raises:
         InvalidAddress: If the URL is invalid.
         InvalidValue: If another setting is invalid.
-        MissingExtra: If httpx2 is not installed (HTTP).
+        MissingExtra: If the URL is an HTTP address and httpx2 is not installed.
     """
 
     url: str
@@ -133,7 +134,11 @@ class Upstream:
 
     @property
     def machine_names(self) -> tuple[str, ...]:
-        """The machine names that select this controller: its host, and its host and port; none for a serial line."""
+        """The machine names that select this controller: its host, and its host with the port.
+
+        ``localhost`` without a port selects no controller, because it is the default machine name of clients. A
+        controller on a serial line has no machine name.
+        """
         address, _, _ = opening_of(self.url, self.timeout, self.tries)
         host, port = getattr(address, "host", "").lower(), getattr(address, "port", 0)
         if not host:
@@ -145,9 +150,12 @@ class Upstream:
         )  # localhost alone selects no controller, because it is the default machine name of clients
 
     async def open(self, wanted: ConnectRequest) -> tuple[AsyncClient, int]:
-        """Connect for one client; return the connection and the handle of the controller object.
+        """Connect to the controller for one client; return the connection and the handle of the controller object.
 
-        The gateway calls Service_Start and Controller_Connect.
+        This method calls Service_Start and Controller_Connect.
+
+        Args:
+            wanted: Arguments of the client's Controller_Connect.
 
         Raises:
             OrinError: As for :func:`orinkit.connect`.
@@ -181,14 +189,14 @@ class UpstreamConnection:
     Args:
         upstream: Address of the controller.
         wanted: Arguments of the client's Controller_Connect.
-        ended: Callback invoked after the connection has been closed.
+        ended: Callback invoked with this object after :meth:`close` has closed the connection.
 
     Attributes:
         turn: Lock that serializes calls.
         generation: Number of times that the connection has been opened; handles of earlier generations are invalid.
         handle: Handle of the controller object, which is valid until the connection is opened again.
         url: URL of the controller, for messages.
-        may_move: True if a forwarded motion may still be executing.
+        may_move: True if the arm may still execute a motion that was forwarded for this client.
     """
 
     def __init__(self, upstream: Upstream, wanted: ConnectRequest, ended: Callable[[UpstreamConnection], None]) -> None:
@@ -220,7 +228,7 @@ class UpstreamConnection:
         """Connect to the controller if necessary, and send the pending calls that release objects.
 
         Raises:
-            CallError: If the connection cannot be opened; nothing was sent.
+            CallError: If there is no connection and none can be opened. The client's call was not sent.
         """
         if self._closed:
             raise _disconnected(self.url)
@@ -251,14 +259,22 @@ class UpstreamConnection:
         return reply
 
     def add_reference(self, release: Function[[int], None], handle: int) -> None:
-        """Count one more object with this handle; a controller may return the same handle for several objects."""
+        """Count one more object with a handle, because a controller may return the same handle for several objects.
+
+        Args:
+            release: Function that releases the object.
+            handle: Handle of the object.
+        """
         if self._client is not None:
             self._client.handles.add_reference(release, handle)
 
     # --- for any caller -------------------------------------------------------------------------------------------
 
     def release(self, release: Function[[int], None], handle: int, generation: int) -> None:
-        """Release an object of the controller in the background; further calls are sent after the release."""
+        """Release an object of the controller in the background; further calls are sent after the release.
+
+        Nothing is sent while another object has the same handle, or if the handle belongs to an earlier generation.
+        """
         if self._closed or self._client is None or generation != self.generation:
             return
         if self._client.handles.drop_reference(release, handle):
@@ -267,10 +283,10 @@ class UpstreamConnection:
                 self._spawn(self._send_releases())
 
     def close(self) -> None:
-        """In the background, call Service_Stop, so that the controller releases all objects, and close the connection.
+        """Close the connection in the background, after a Service_Stop with which the controller releases all objects.
 
         If the controller is executing another call, Service_Stop is omitted, because the controller would not accept a
-        second call. Closing the connection has the same effect.
+        second call. In this case, the controller releases the objects because the connection is closed.
         """
         if not self._closed:
             self._closed = True
@@ -283,7 +299,7 @@ class UpstreamConnection:
         self._spawn(self._lose(ConnectionClosed(tr("no signs of life from the client"))))
 
     async def wait_closed(self) -> None:
-        """Wait at most 2 s until the connection is closed, if it is being closed in the running event loop."""
+        """Wait at most 2 s until the connection is closed; return immediately if this event loop does not close it."""
         if self._closed and self._tasks and self._loop is asyncio.get_running_loop():
             await asyncio.wait(self._tasks, timeout=2 * _CLOSE_TIMEOUT)
 
@@ -343,8 +359,9 @@ class UpstreamConnection:
     async def _is_forgotten(self, client: AsyncClient) -> bool:
         """Return True if the controller has deleted this client's handles, after a restart or a long idle period.
 
-        On UDP, HTTP and serial lines, the gateway is not notified of this. It detects the deletion only if the
-        controller returns E_HANDLE for a handle that should be valid.
+        On UDP, HTTP and serial lines, the controller does not report the deletion; it only returns E_HANDLE for handles
+        that should be valid. Therefore this method requests the name of the controller object, whose handle is valid
+        unless the handles have been deleted.
         """
         if not (client.profile.session_timeout or client.profile.shared):
             return False
@@ -360,7 +377,7 @@ class UpstreamConnection:
         self._last_reply = self._loop.time()
 
     async def _lose(self, error: OrinError) -> None:
-        """Close the connection after it has been lost or has become unusable, and keep the error for further calls."""
+        """Close a connection that is lost or unusable; keep the error for calls before the next attempt to connect."""
         client, self._client = self._client, None
         self.may_move = False
         self._released.clear()
