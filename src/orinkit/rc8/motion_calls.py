@@ -13,7 +13,7 @@ MOVING: Final = frozenset(
     each.id
     for each in (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home, f.robot_execute, f.command_execute)
 )
-"""Functions with which a client begins motions or takes the arm."""
+"""IDs of the functions with which a client begins motions or takes the arm semaphore."""
 
 _MOTIONS: Final = (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home)
 _AT_REST: Final = ("givearm",)  # GiveArm waits for the end of the motion

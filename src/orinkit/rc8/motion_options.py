@@ -8,12 +8,13 @@ option                               meaning
 ``TIME=n``                           duration of the motion in ms, above 0, at most 3,600,000
 ``NEXT``                             the call returns before the motion ends
 ``@0``, ``@E``, ``@P``, ``@n``       pass mark of functions without a pose: Rotate, Drive
-``Pose=1``, ``Pose=2``               for Rotate, 1: the tool turns about the axis too; 2: it keeps its orientation
+``Pose=1``, ``Pose=2``               for Rotate. 1: while it moves about the axis of rotation, the tool turns about this
+                                     axis too; 2: the tool keeps its orientation
 ===================================  ================================================================================
 
-A variable of class I, F or D may replace a number: ``SPEED=F2`` or ``SPEED=F[2]``. Case, blanks and empty parts are
-ignored; a leading comma, for example, is allowed. If an option is repeated, the last one counts. IF and UNTIL belong to
-PacScript and are refused, as are all other options.
+In SPEED, ACCEL, DECEL and TIME, a variable of class I, F or D may replace the number: ``SPEED=F2`` or ``SPEED=F[2]``.
+Case, blanks and empty parts are ignored; a leading comma, for example, is allowed. If an option is repeated, the last
+one counts. IF and UNTIL belong to PacScript and are refused, as are all other options.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ VariableKind: TypeAlias = Literal["I", "F", "D"]
 
 @dataclass(frozen=True, slots=True)
 class VariableRef:
-    """A global variable that replaces a number: ``F2``.
+    """A global variable that replaces the number of an option: ``F2``.
 
     Attributes:
         kind: Class of the variable: I, F or D.
@@ -79,7 +80,7 @@ class MotionOptions:
         time: Duration, ms.
         next: True if the call returns before the motion ends.
         mark: Pass mark.
-        pose: For Rotate, 1 if the tool turns about the axis too, 2 if it keeps its orientation.
+        pose: For Rotate, 1 if the tool turns about the axis of rotation too, 2 if the tool keeps its orientation.
     """
 
     speed: Amount | None = None

@@ -6,23 +6,24 @@ argument                                     read as
 ``"@E P1"``, ``"P1, @E P2"``                 string, one target or several (:mod:`orinkit.values.poses`)
 ``["P1", "@E P2"]``                          such strings in sequence
 ``[value, type, pass, extra]``               one target; everything after the value may be omitted or VT_EMPTY
-``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    targets of any of these forms
-numbers                                      one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
-                                             3 is V; with 6 numbers, the function decides between J and P
+``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    several targets, each in any of these forms
+array of numbers                             one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
+                                             3 is V (vector); with 6 numbers, the function decides between J and P
 ===========================================  ====================================================================
 
 =====  ===============================================================================================================
 part   meaning
 =====  ===============================================================================================================
-value  a number: the index of a variable, of class P if the type is omitted. An array of numbers of any numeric type,
-       or a VARIANT array of numbers: the values of the pose; if the type is omitted, the count selects it as above
+value  a number is the index of a variable; the type is the class of this variable, P if omitted. An array of numbers
+       of any numeric type, or a VARIANT array of numbers, contains the values of the pose; if the type is omitted, the
+       count of the values selects it as above
 type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: the function decides how to interpret the values
 pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or a string, ``"@E"``
 extra  extended joints, ``[mode, [joint, value], ...]``. Mode 1 or ``"EX"`` is relative, 2 or ``"EXA"`` is absolute, 0
        means no extended joints. The numbers of the modes are those of DENSO's ROS driver
 =====  ===============================================================================================================
 
-Therefore ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
+For example, ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
 numbers is interpreted as value, type and pass if its first number is of an integer type, because clients send
 ``[1, 0, -1]`` as a VT_I4 array.
 """
@@ -59,8 +60,8 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
     """Return the targets of an argument; the module's docstring lists the forms.
 
     Raises:
-        CallError: DISP_E_TYPEMISMATCH for a type that cannot be a pose; E_INVALIDARG for a string that is not valid,
-            a number that is out of range or not finite, or more than MAX_TARGETS targets.
+        CallError: DISP_E_TYPEMISMATCH for a VARIANT type that cannot be a pose; E_INVALIDARG for a string that is not
+            valid, a number that is out of range or not finite, or more than MAX_TARGETS targets.
     """
     if given.type == _BSTR_ARRAY:
         return _several([trusted(VarType.BSTR, text) for text in given.value[: MAX_TARGETS + 1]])
@@ -106,7 +107,7 @@ def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
 
 
 def _one(given: Variant) -> tuple[Target, ...]:
-    """Read a string, which may contain several targets, or an array, which is one target."""
+    """Return the targets in a string, which may contain several, or in an array, which is one target."""
     try:
         return parse_targets(given.value) if given.type == VarType.BSTR else (_from_array(given),)
     except (NotationError, InvalidValue) as error:
@@ -174,7 +175,7 @@ def _kind_by_count(values: Sequence[float]) -> Kind:
 
 
 def _kind(given: Variant) -> Kind | None:
-    """Read the type of a value; ``None`` if it is not given."""
+    """Return the pose type in a part of a target: ``None`` if the part is empty, ``""`` if the function decides."""
     word = _word(given, tr("a pose type"))
     if word == "":
         return None
@@ -230,7 +231,7 @@ def _joint(given: Variant) -> tuple[int, float]:
 
 
 def _word(given: Variant, wanted: str) -> str | float:
-    """Return a string in upper case or a number, to be interpreted by the caller; ``""`` for an empty value."""
+    """Return a part of a target, either as a string in upper case or as a number; ``""`` if the part is empty."""
     if given.type in EMPTIES:
         return ""
     if given.type == VarType.BSTR:

@@ -45,7 +45,7 @@ class ReceiveFormat:
 
     @property
     def kinds(self) -> tuple[PoseKind, ...]:
-        """The pose types of a result, in their order."""
+        """The types of the poses in a result, in the order of the poses."""
         return POSE_PARTS[self.number & POSE_MASK]
 
     @property
@@ -54,7 +54,7 @@ class ReceiveFormat:
         return self.number <= POSE_MASK
 
     def has(self, flag: ReceiveBits | int) -> bool:
-        """Return True if a result has this part."""
+        """Return True if a result contains the part that a flag stands for."""
         return bool(self.number & int(flag))
 
 
@@ -69,7 +69,7 @@ def receive_format(number: int, unit: int = 0) -> ReceiveFormat:
         unit: Unit of timestamps, 0 for ms, 1 for µs.
 
     Raises:
-        CallError: E_INVALIDARG if the number of the poses, a flag or the unit does not exist.
+        CallError: E_INVALIDARG if the number that selects the poses, a flag, or the unit does not exist.
     """
     if number & ~_RECEIVE_BITS or number & POSE_MASK not in POSE_PARTS:
         raise invalid(
@@ -122,8 +122,8 @@ class SlaveReply:
 
     Attributes:
         joints: Joint position of the arm, joints 1 to 8, deg (mm for linear axes).
-        position: The same pose as x, y, z in mm, rx, ry, rz in deg, fig.
-        trans: The same pose as x, y, z in mm, ox, oy, oz, ax, ay, az, fig.
+        position: The pose of the arm as type P: x, y, z in mm, rx, ry, rz in deg, fig.
+        trans: The pose of the arm as type T: x, y, z in mm, ox, oy, oz, ax, ay, az, fig.
         timestamp: The controller's time in ms, or in µs if :attr:`ReceiveFormat.microseconds` is True. It is a VT_I4
             and wraps around to -2147483648. In µs, this happens after 36 minutes.
         mini: States of the mini I/O as bits.
@@ -229,9 +229,10 @@ _Writer: TypeAlias = Callable[[Any], Variant]
 
 @lru_cache(maxsize=256)
 def _plan_of_reply(number: int) -> tuple[int, tuple[tuple[int, SlaveField, str, _Reader, _Writer], ...]]:
-    """Return the index of the pose in a result (table 4-3), and the plan of the other fields.
+    """Return, for a number of slvRecvFormat, the index of the pose in a result (table 4-3), and a plan of its fields.
 
-    The plan contains the index, the row, the attribute, the reader and the writer of each field.
+    For each field other than the pose, the plan contains: its index in the result, its row in the table of fields, its
+    attribute of :class:`SlaveReply` (or ``""``), its reader, and its writer.
     """
     has = [row for row in _OTHERS if row.receive & number]
     pose_at = sum(row.place < _POSE_PLACE for row in has)
@@ -246,7 +247,7 @@ _OTHERS: Final = tuple(row for row in ON_WIRE if row.form not in (FieldType.POSE
 
 
 def _read_poses(receive: ReceiveFormat, given: Any) -> tuple[_Numbers, _Numbers, _Numbers]:
-    """Return joints, position and transformation of a result's pose."""
+    """Return the joints, position and transformation of a result; ``None`` for those not in the format."""
     kinds = POSE_PARTS[receive.number & POSE_MASK]
     count = sum([POSE_SIZES[kind] for kind in kinds])
     numbers = _read_reals(receive, None, given, count, count)

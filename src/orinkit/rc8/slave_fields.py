@@ -13,7 +13,8 @@ memory of the streaming process        ``form``, ``count``
 CSV                                    ``column``, ``form``, ``count``
 words of the client's ``recv``         ``name``, if ``by_word``
 parameters of ``slave_mode()``         ``name``; the parameters themselves are written by hand in the client
-I/O points and sources of values       ``name``: tables in ``virtual/rc8/robot``: ``slave_mode/io.py``, ``slave_feedback.py``
+I/O points and sources of values       ``name``, a key of tables in ``virtual/rc8/robot``: ``slave_mode/io.py`` and
+                                       ``slave_feedback.py``
 =====================================  ================================================================================
 
 A new received field requires one row here. For the virtual RC8, it also requires one entry in ``SOURCES`` of
@@ -36,16 +37,16 @@ from typing import Final, Literal, TypeAlias
 from orinkit.core.i18n import N_
 
 PoseKind: TypeAlias = Literal["P", "J", "T"]
-"""The pose type of a set-point: position, joints, homogeneous transformation."""
+"""The pose type of a set-point: P (position), J (joints), T (homogeneous transformation)."""
 
 
 class FieldType(Enum):
     """The type of a field's value."""
 
     POSE = "pose"
-    """Numbers in slvMove's VT_R8 array of poses."""
+    """The numbers of a pose. In slvMove's parameter or result, they are elements of a VT_R8 array."""
     REALS = "reals"
-    """Up to ``count`` numbers, a VT_R8 array. Received only."""
+    """Up to :attr:`SlaveField.count` numbers, a VT_R8 array. Received only."""
     REAL = "real"
     """One number, VT_R8. Received only."""
     STAMP = "stamp"
@@ -58,11 +59,11 @@ class FieldType(Enum):
     In slvMove's parameter, two VT_I4 precede the array: the number of the first I/O point and the number of bytes.
     """
     WINDOW = "window"
-    """The I/O points requested for the result, two VT_I4: number of the first point, number of bytes. Sent only."""
+    """The user I/O requested for the result, two VT_I4: number of the first I/O point, number of bytes. Sent only."""
 
 
 class ReceiveBits(IntFlag):
-    """The fields of slvMove's result except the poses; a number in the bits of POSE_MASK selects the poses."""
+    """The bits of slvRecvFormat that select fields of the result; the bits of POSE_MASK are a number for the poses."""
 
     TIME = 0x10
     HAND = 0x20
@@ -72,7 +73,7 @@ class ReceiveBits(IntFlag):
 
 
 class SendBits(IntFlag):
-    """The fields of slvMove's parameter except the pose."""
+    """The bits of slvSendFormat, which select the fields of slvMove's parameter that follow the pose."""
 
     HAND = 0x20
     MINI = 0x100
@@ -91,10 +92,10 @@ class SlaveField:
         place: Position in slvMove's parameter and result; fields with the same position are in the order of the rows.
         count: Maximum number of values; 1 if the field is not an array of numbers.
         kind: Pose type; ``None`` if the field is not a pose.
-        mode: Number of the pose type in slvChangeMode (low byte).
+        mode: Number of the pose type in slvChangeMode (low byte); 0 if the field is not a pose.
         receive: Bit in slvRecvFormat. If it is set, the result contains the field; a field of type WINDOW is in the
             parameter instead.
-        send: Bit in slvSendFormat.
+        send: Bit in slvSendFormat; 0 if the field has none.
         by_word: True if the client parameter ``recv`` accepts the name.
         column: Name of the field's columns in a CSV file; if it is ``""``, ``name`` is used.
         answer_label: Name in messages about a result; if it is ``""``, ``label`` is used.
@@ -142,7 +143,7 @@ FIELDS: Final[tuple[SlaveField, ...]] = (
 """The rows of the table."""
 
 EXCLUSIVE: Final = (("mini", "user"),)
-"""Fields that cannot be sent together (table 4-1)."""
+"""Pairs of fields that cannot be sent in the same slvMove (table 4-1)."""
 
 MOST_USER_BYTES: Final = 64
 """Largest number of bytes of user I/O in one slvMove and in its result (RC8 4.2, note 3: many bytes delay slvMove)."""
@@ -163,13 +164,13 @@ ON_WIRE: Final = tuple(sorted(FIELDS, key=lambda field: field.place))
 POSES: Final[dict[PoseKind, SlaveField]] = {field.kind: field for field in FIELDS if field.kind}
 """The rows of poses by pose type."""
 POSE_SIZES: Final[dict[PoseKind, int]] = {kind: field.count for kind, field in POSES.items()}
-"""The number of values of a complete pose."""
+"""The number of values of a complete pose, by pose type."""
 PARAMETERS: Final = tuple(field for field in ON_WIRE if field.send or field.form is FieldType.WINDOW)
 """The fields that may follow the pose in slvMove's parameter, in its order (table 4-2)."""
 OUTPUTS: Final = tuple(field for field in FIELDS if field.send)
 """The fields with I/O states that the client sends."""
 RECEIVED: Final = tuple(field for field in FIELDS if field.form is not FieldType.WINDOW)
-"""The fields of a result: poses and all others."""
+"""The fields that a result may contain, including the poses."""
 WORDS: Final = tuple(field for field in RECEIVED if field.by_word)
 """The fields accepted by the client parameter ``recv``."""
 RECEIVE_BITS: Final[tuple[int, ...]] = tuple(sorted({int(field.receive) for field in FIELDS if field.receive}))

@@ -1,8 +1,8 @@
 """Slave mode in numbers: modes, formats, the parameter and the result of slvMove (RC8 4.2, tables 4-1 to 4-5).
 
-Both the server and the client use this module. slvMove's parameter and its result consist of parts; those in brackets
-are present if a format has their bit. If the pose is the only part, it is sent as a VT_R8 array. Otherwise all parts
-are elements of a VARIANT array::
+Both the server and the client use this module. slvMove's parameter and its result consist of parts. The parts in
+brackets are present if the bit for them is set in slvSendFormat or slvRecvFormat. If the pose is the only part, it is
+sent as a VT_R8 array. Otherwise all parts are elements of a VARIANT array::
 
     parameter   pose, [mini I/O], [user I/O to send: offset, size, bytes], [user I/O to receive: offset, size],
                 [hand I/O]
@@ -130,7 +130,7 @@ _WINDOW_BITS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is 
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """The parameter of one slvMove.
+    """The parameter of one slvMove. A part that is ``None`` is not sent.
 
     Attributes:
         pose: P: x, y, z in mm, rx, ry, rz in deg, fig. J: joints 1 to 8 in deg (mm for linear axes). T: x, y, z in mm,
@@ -139,7 +139,7 @@ class SetPoint:
             ``pose``; if they differ, the values of ``extra`` are sent.
         mini: States of the mini I/O as bits.
         hand: States of the hand I/O as bits.
-        user: Number of the first user I/O, a multiple of USER_STEP, and the bytes to set.
+        user: Number of the first user I/O point, a multiple of USER_STEP, and the bytes to set from this point on.
         window: The user I/O requested for the result.
     """
 
@@ -155,8 +155,8 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: R
     """Return slvMove's parameter (client side); missing joints are 0, a missing figure is FIG_AUTO.
 
     Raises:
-        InvalidValue: If a part required by the formats is missing, a part is not included in the formats, a count is
-            wrong, a number is not finite or above LARGEST, or user I/O is out of bounds.
+        InvalidValue: If a part that the formats require is missing, a part is present that the formats do not include,
+            a count is wrong, a number is not finite or above LARGEST, or user I/O is out of bounds.
     """
     parts = _parts_of_set_point(int(send), receive.number & _WINDOW_BITS)
     numbers = numbers_to_send(kind, point.pose, point.extra)
@@ -198,7 +198,7 @@ _NOTHING: Final = (None,) * len(PARTS)
 
 @lru_cache(maxsize=64)
 def _parts_of_set_point(send: int, window_bits: int) -> tuple[str, ...]:
-    """Return the names of the parts after the pose, in the order of table 4-2."""
+    """Return the names of the parts that the formats require after the pose, in the order of table 4-2."""
     return tuple(
         row.name
         for row in PARAMETERS

@@ -14,7 +14,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import R8_ARRAY, Value, Variant
 
 COMMAND: Final = "slvGetLateness"
-"""A command of Robot_Execute. Its parameter is the number of late set-points to ignore at the beginning; default 0."""
+"""A command of Robot_Execute. Its parameter is how many of the first late set-points are not counted; default 0."""
 
 _NUMBERS: Final = 3
 
@@ -48,7 +48,7 @@ def build_lateness(lateness: Lateness) -> Variant:
 
 
 def read_lateness(answer: Value) -> Lateness | None:
-    """Parse the result of slvGetLateness as plain Python; return ``None`` if it is not valid."""
+    """Parse a result of slvGetLateness that is given as plain Python; return ``None`` if it is not valid."""
     if not isinstance(answer, list) or len(answer) != _NUMBERS:
         return None
     if not all(isinstance(each, float) and 0 <= each < math.inf for each in answer):

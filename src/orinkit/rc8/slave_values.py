@@ -5,9 +5,9 @@ The numbers of a pose:
 ====  =====================  =================  ==================================================================
 type  complete               may be omitted     may follow
 ====  =====================  =================  ==================================================================
-P     x to fig, 7            fig                flags, then the values of the extended joints that they select
-J     J1 to J8, 8            J7 and J8          flags, which select the extended joints among J7 and J8
-T     x to fig, 10           fig                as for P
+P     x to fig: 7 numbers    fig                flags, then the values of the extended joints that they select
+J     J1 to J8: 8 numbers    J7 and J8          flags, which select the extended joints among J7 and J8
+T     x to fig: 10 numbers   fig                as for P
 ====  =====================  =================  ==================================================================
 
 Zeros may follow as well: some clients send arrays of a fixed length.
@@ -158,7 +158,7 @@ def _checked(kind: PoseKind, numbers: list[float], extra: ExtraAxes) -> list[flo
 
 
 def _fault(kind: PoseKind, pose: Sequence[float], extra: ExtraAxes) -> str:
-    """Return the message about an invalid number of a complete pose, or an empty string."""
+    """Return the message about an invalid number of a complete pose; an empty string if all numbers are valid."""
     if not extra and all(map(_IS_WITHIN, map(abs, pose))) and (kind == "J" or pose[-1].is_integer()):
         return ""  # the most frequent case
     named = [*zip(FIELDS[kind], pose, strict=True), *((f"J{axis}", value) for axis, value in extra)]
@@ -205,7 +205,7 @@ def _mismatch(given: Variant) -> CallError:
 # --- the other parts --------------------------------------------------------------------------------------------------
 
 USER_STEP: Final = 8
-"""User I/O is sent and requested in bytes: the number of the first I/O point is a multiple of this."""
+"""I/O points per byte. User I/O is sent and requested in bytes that begin at a multiple of this number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +284,7 @@ def _write_user(part: str, user: tuple[int, bytes]) -> list[Variant]:
 
 
 def _window_fault(part: str, offset: int, size: int) -> str:
-    """Return the message about an invalid offset or size of user I/O, or an empty string."""
+    """Return the message about an invalid offset or size of user I/O; an empty string if both are valid."""
     if offset < 0 or offset % USER_STEP:
         name = called(f"{part} offset")
         return tr("{name} is {offset}, expected a multiple of {step}", name=name, offset=offset, step=USER_STEP)
@@ -301,7 +301,7 @@ def _window_fault(part: str, offset: int, size: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class PartCodec:
-    """The converter of a part after the pose (table 4-2).
+    """The converter of a part that follows the pose in slvMove's parameter (table 4-2).
 
     Attributes:
         span: Number of elements of slvMove's parameter that the part consists of.
@@ -320,10 +320,10 @@ _FORMS: Final = {
     FieldType.WINDOW: PartCodec(2, _read_window, _write_window),
 }
 PARTS: Final = {field.name: _FORMS[field.form] for field in PARAMETERS}
-"""The converters of the parts after the pose, in the order of table 4-2, by name of the part in a set-point.
+"""The converters of the parts after the pose, in the order of table 4-2, by the part's attribute name in ``SetPoint``.
 
 Reading raises CallError: DISP_E_TYPEMISMATCH if a number is expected; E_INVALIDARG for a fraction or user I/O out of
-bounds. Writing raises InvalidValue.
+bounds. Writing raises InvalidValue for states of more than 32 bits or user I/O out of bounds.
 """
 
 
@@ -341,7 +341,11 @@ def called_in_answer(field: SlaveField) -> str:
 
 
 def whole(given: Variant, part: str) -> int:
-    """Return a whole number in the range of VT_I4 from any number or string, including ``"0x11"``.
+    """Return a number of any type, or a string such as ``"17"`` or ``"0x11"``, as a whole number in the range of VT_I4.
+
+    Args:
+        given: The number or string.
+        part: The part of the parameter to which it belongs, for messages.
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH if it is not a number; E_INVALIDARG if it is a fraction or out of range.
@@ -360,7 +364,7 @@ _HEXADECIMAL: Final = re.compile(r"0[xX]([0-9A-Fa-f]{1,8})")
 
 
 def as_i4(bits: int) -> int:
-    """Return the lowest 32 bits as a signed number, as in VT_I4."""
+    """Return the lowest 32 bits of a number, interpreted as a signed number like a VT_I4."""
     return (bits + 2**31) % 2**32 - 2**31
 
 
@@ -377,5 +381,5 @@ def invalid(text: str) -> CallError:
 
 
 def hexadecimal(number: int) -> str:
-    """Return a number in the notation of the specification for formats and flags, ``0x0120``."""
+    """Return a number as ``0x0120``, the notation of the RC8 document for formats and flags."""
     return f"0x{number:04X}" if 0 <= number < 2**32 else brief(number)
