@@ -403,7 +403,7 @@ def lookup(code: int) -> ReturnCode:
 
 
 def by_name(name: str) -> ReturnCode:
-    """Return the code with a name; upper and lower case are equivalent.
+    """Return the return code that has the symbol ``name``; upper and lower case are equivalent.
 
     Raises:
         ValueError: If no code has this name; the message suggests similar names.

@@ -22,7 +22,7 @@ class Translate(Protocol):
     """A function that returns a message in a certain language, for example :func:`tr` (the current language)."""
 
     def __call__(self, message: str, /, **values: object) -> str:
-        """Return the message."""
+        """Return the message in the language of this function, with the values inserted at their placeholders."""
 
 
 def _from_environment() -> Language:

@@ -12,7 +12,7 @@ def require(what: str, extra: str, *packages: str) -> None:
     """Check that the packages of an extra are installed.
 
     Args:
-        what: Feature that needs the packages, in the current language.
+        what: Name of the feature that needs the packages, in the current language.
         extra: Name of the extra of orinkit.
         packages: Module names of the packages.
 

@@ -346,7 +346,9 @@ def _on_path(directory: str) -> Iterator[None]:
 
 
 def _find(target: str, module: ModuleType, attribute: str) -> object:
-    """Return the object that an attribute of a module names; if it is ``""``, the only provider class of the module.
+    """Return the object that an attribute of a module names.
+
+    For the attribute ``""``, the result is the only provider class of the module.
 
     Raises:
         ProviderLoadFailed: If the attribute does not exist, or the module does not define exactly one provider class.

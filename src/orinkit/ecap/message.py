@@ -429,7 +429,7 @@ def _count(text: str, sign: str) -> int:
 def _has_slow(text: str) -> bool:
     """Return True if a text may contain an array whose type is slow to parse.
 
-    Many blanks also count as such an array, because they could hide the type.
+    More than 64 blanks before a type also count as such an array, because the type after them is not examined.
     """
     for at in range(0, len(text), _SLICE):
         heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))

@@ -30,14 +30,14 @@ class AsyncMotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        replied: Number of the newest motion to which the controller replied at its end. All earlier motions are then
-            over, too.
+        replied: Number of the newest motion for which the controller replied at the end of the motion. This motion and
+            all earlier ones are over.
         halted: Number of the newest motion that this program has halted.
         running: Newest motion whose call did not wait for its end; ``None`` if there is none, or if it is known to be
             over.
         passing: True if the controller replied to the newest motion at its pass mark, so that the arm may still move.
-        sure: True if all motions of the arm are known. False after a call without a reply, or after a command that may
-            have moved the arm.
+        sure: True if this object has recorded all motions that the arm may execute. False after a call without a reply,
+            or after a command that may have moved the arm.
         paused: True if this program has paused the motion.
         at_rest: True if the arm is certainly at standstill, because it was halted and no motion has been commanded
             since.

@@ -213,7 +213,7 @@ def clear_error_parameter(dialect: Dialect) -> Value:
 
 
 def dialect_of(name: str | None, provider: str) -> Dialect | None:
-    """Return the dialect with a name. Without a name, return the dialect that the provider name implies.
+    """Return the dialect ``name``. If it is ``None``, return the dialect that the provider name implies.
 
     A provider name may imply no dialect; the result is then ``None``.
 

@@ -15,8 +15,10 @@ from orinkit.values.poses import J, P
 POLL: Final = 0.03
 """Polling interval of a motion in s."""
 SETTLE: Final = 0.05
-"""Time in s after which the position of the arm is read again if the arm is not at the end of its motion: encoders lag
-behind the command, and a motion may not have begun yet."""
+"""Time in s after which the position of the arm is read again if the arm is not at the end of its motion.
+
+The second reading is necessary because encoders lag behind the command, and because a motion may not have begun yet.
+"""
 TOLERANCE: Final = 0.1
 """Maximum deviation of each joint from the end of a motion, in deg or mm, at which the arm has arrived there.
 
