@@ -169,7 +169,7 @@ def _to_stderr(packet: TracedPacket) -> None:
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
 class OwnerOptions:
-    """The object that owns a variable; the controller by default."""
+    """Options that select the object that owns a variable: without these options, the controller."""
 
     robot: Annotated[str | None, Parameter(help=tr("Name of a robot."))] = None
     task: Annotated[str | None, Parameter(help=tr("Name of a task."))] = None
@@ -177,7 +177,7 @@ class OwnerOptions:
     file: Annotated[str | None, Parameter(help=tr("Name of a file."))] = None
 
     def of(self, controller: orinkit.Controller) -> Owner:
-        """Return the named object, or the controller if none is named."""
+        """Return the object that the options name; the controller if no option is set."""
         named = [name for name in ("robot", "task", "extension", "file") if getattr(self, name) is not None]
         if len(named) > 1:
             options = " ".join(f"--{name}" for name in named)

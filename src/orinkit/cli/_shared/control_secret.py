@@ -68,7 +68,7 @@ def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[N
     Args:
         secret: The secret of the control port.
         port: The port, which determines the default name of the file.
-        path: File to write instead; it must not exist yet.
+        path: File to write instead of the default file; it must not exist yet. ``None`` for the default file.
 
     Raises:
         CommandError: If the file cannot be written.

@@ -47,7 +47,7 @@ def _formatter() -> DefaultFormatter:
 
 
 def _translated(entry: HelpEntry) -> HelpEntry:
-    """Append "required" or "default" to the description in Japanese, because cyclopts has them in English only."""
+    """Append a Japanese note, "required" or the default, to a description; the notes of cyclopts are in English."""
     if entry.required:
         note = tr("[required]")
     elif entry.default:

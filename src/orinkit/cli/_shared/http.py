@@ -19,7 +19,7 @@ HTTP: Final = Group(tr("HTTP"), sort_key=9)
 @Parameter(name="*", group=HTTP)
 @dataclass(frozen=True)
 class HttpServerOptions:
-    """Access over HTTP, and the server's certificate."""
+    """Options for the access of clients over HTTP, and for the server's certificate."""
 
     token_file: Annotated[
         str | None,

@@ -94,7 +94,7 @@ class ListenAddresses:
         return given
 
     def items(self) -> Iterator[tuple[ListenTransport, str]]:
-        """Yield each address that the command line gives, after its transport."""
+        """Yield a pair of transport and address for each address on the command line."""
         for transport in TRANSPORTS:
             for address in self.values_of(transport):
                 yield transport, address
@@ -104,7 +104,7 @@ def listen_addresses_class(first_help: str | None = None) -> type[ListenAddresse
     """Return a subclass of :class:`ListenAddresses` with a field for each transport.
 
     Args:
-        first_help: Help text for the option of the default address. With this text, the help shows no default.
+        first_help: Help text for the option of the default address, instead of the usual text and the default.
     """
     fields: list[Any] = []
     for transport in TRANSPORTS:

@@ -29,7 +29,7 @@ _COLUMNS: Final = 4  # values of each joint in a record: command, encoder, curre
 
 @dataclass(frozen=True, slots=True)
 class MotionRecording:
-    """Joints over time.
+    """Commanded and measured joint positions over time.
 
     Attributes:
         times: Times in seconds, increasing.
@@ -45,7 +45,9 @@ class MotionRecording:
 
 
 class ControlLogRecorder:
-    """Records a motion on the controller; writes it to a file when the ``with`` statement ends, even by an exception.
+    """Records a motion in the control log of the controller, and writes it to a file when the ``with`` statement ends.
+
+    The file is also written if an exception ends the ``with`` statement.
 
     Args:
         robot: The robot that moves.
@@ -106,7 +108,7 @@ def check_directory(path: Path) -> None:
 
 
 def recording_of(records: Sequence[tuple[Sequence[float], Sequence[float]]]) -> MotionRecording:
-    """Return a recording from pairs of command and encoder, 8 joints each; joints 7 and 8 are included only if used."""
+    """Return a recording from pairs of command and encoder, 8 joints each; omit joint 7 or 8 if it is always 0."""
     used = [
         axis
         for axis in range(_AXES)
@@ -184,7 +186,7 @@ def _read(path: Path) -> MotionRecording:
 
 
 def _columns(header: Sequence[str], suffix: str) -> dict[int, int]:
-    """Return the index of each joint's column with a suffix, by joint number, in the order of the joints."""
+    """Return the index of each column ``J<number><suffix>`` in the header, by joint number, in ascending order."""
     return {joint: header.index(name) for joint in range(1, _AXES + 1) if (name := f"J{joint}{suffix}") in header}
 
 

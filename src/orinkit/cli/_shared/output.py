@@ -18,7 +18,8 @@ _FLAGS: Final = {False: "false", True: "true"}
 
 
 def text(value: Variant) -> str:
-    """Return a value for people: a string unchanged, an array of strings one per line, other values in notation.
+    """Return a value for people: a string unchanged, an array of strings with one string per line, any other value in
+    VARIANT notation without its type.
 
     ``orinkit put`` accepts the text of a single value.
     """

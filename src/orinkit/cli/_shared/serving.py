@@ -119,7 +119,7 @@ class PendantListener:
 
 
 def check_control(url: str) -> None:
-    """Refuse a control port that other machines could reach, because it gives access to every button.
+    """Refuse a control port that other machines could reach, because it gives access to every button of the pendant.
 
     Raises:
         CommandError: If the URL is not a TCP address of a loopback interface.
@@ -136,7 +136,7 @@ def check_control(url: str) -> None:
 
 
 def begin_log(listening: ServerOptions) -> None:
-    """Send the log to stderr. :func:`run` does the same, so only commands that log before it need this function."""
+    """Send the log to stderr. :func:`run` also does this, so only commands that log before they call it need this."""
     if not listening.verbose:  # httpx2 logs every request of a gateway
         logging.getLogger("httpx2").setLevel(logging.WARNING)
     logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)

@@ -20,10 +20,10 @@ class StreamReport:
     """Result of a stream.
 
     Attributes:
-        result: Number of set-points, underflows, gaps.
+        result: Number of set-points, number of underflows, and the gaps (times) between set-points.
         real_time: Real-time scheduling and memory locking as granted by the operating system.
         trace: Command and feedback.
-        record: File that was written, if any.
+        record: File to which the stream was recorded; ``None`` if there is no file.
     """
 
     result: StreamResult
@@ -92,9 +92,9 @@ class StreamReport:
 
 
 def histogram(timing: Timing) -> list[str]:
-    """Return a histogram of the gaps between set-points: a line for each interval of 1 ms that contains a gap.
+    """Return a histogram of the gaps (times between set-points): a line for each range of 1 ms that contains a gap.
 
-    There are at most 12 lines. If there are more intervals, the last line covers all further ones.
+    There are at most 12 lines. If there are more ranges, the last line covers all further ranges.
     """
     counts = timing.histogram(_WIDTH)
     places = sorted(counts)

@@ -38,7 +38,7 @@ class StreamTrace:
 
     Attributes:
         times: Seconds since the first set-point; the controller takes one set-point each period.
-        names: Names of the values: ``J1`` ..., or ``X``, ``Y``, ``Z``, ``RX`` ...; no figure.
+        names: Names of the values: ``J1`` ..., or ``X``, ``Y``, ``Z``, ``RX`` ...; the figure is not included.
         command: For each time, the commanded values in deg or mm.
         actual: For each time, the values of the feedback in deg or mm; empty if there is no feedback.
     """
@@ -56,14 +56,14 @@ class StreamTrace:
         return "mm" if name in ("X", "Y", "Z") else ""
 
     def deviations(self, index: int) -> list[float]:
-        """Return actual minus command for each time; for rotations, the smaller of the two possible angles."""
+        """Return actual minus command of a value for each time; differences of RX, RY and RZ are within 180 deg."""
         off = [actual[index] - command[index] for command, actual in zip(self.command, self.actual, strict=True)]
         if self.names[index] in _ROTATIONS:
             return [(value + _TURN / 2) % _TURN - _TURN / 2 for value in off]
         return off
 
     def largest_deviation(self, index: int) -> float:
-        """Return the largest deviation of a value; 0 if there is no feedback."""
+        """Return the largest absolute deviation of a value; 0 if there is no feedback."""
         return max(map(abs, self.deviations(index)), default=0.0) if self.actual else 0.0
 
     def changing(self) -> list[int]:

@@ -1,4 +1,4 @@
-"""Protects the terminal from control characters in texts of a controller: they are shown as visible escapes.
+"""Protection of the terminal: control characters in texts from a controller are shown as visible escapes.
 
 If stdout or stderr is a terminal, :func:`screened` replaces it by a :class:`Screen`, through which commands print.
 Pipes and files receive every character unchanged.
@@ -96,7 +96,7 @@ def bold(line: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text with its line ends escaped, so that it cannot look like two results.
+    """Return a text with its line ends escaped, so that a text of two lines cannot look like two results.
 
     If stdout is not a terminal, the text is unchanged.
     """

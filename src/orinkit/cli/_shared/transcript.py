@@ -25,7 +25,7 @@ class TracedPacket:
         direction: ``">"`` to the controller, ``"<"`` from it.
         data: The bytes.
         meaning: The explanation in one line.
-        request: For a reply, its request.
+        request: For a reply, the bytes of its request; ``None`` for a request.
     """
 
     direction: str

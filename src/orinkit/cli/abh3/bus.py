@@ -130,7 +130,7 @@ def _can_address(url: str) -> CanAddress:
 
 
 def _suggestion(text: str) -> str:
-    """Return the URL for a text that seems to be a channel alone; ``""`` otherwise."""
+    """Return the URL of a bus for a text that seems to be only its channel (``can0``); otherwise ``""``."""
     if "://" in text:
         return ""
     for pattern, before, behind in _CHANNELS:

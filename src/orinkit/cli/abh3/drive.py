@@ -101,7 +101,7 @@ class VehicleOptions:
         return Differential(wheel_diameter=self.wheel_diameter, track=self.track, gear=self.gear)
 
     def commands(self, *, travel_model: bool) -> tuple[float, float]:
-        """Return the commands of the axes A/Y and B/X in min^-1; they depend on the model of the driver."""
+        """Return the commands of A/Y and B/X in min^-1; they depend on the axis model (motor or travel)."""
         differential = self.differential()
         v, omega = self.velocity or 0.0, self.turn or 0.0
         return differential.to_travel(v, omega) if travel_model else differential.to_motors(v, omega)
@@ -115,7 +115,7 @@ class DrivePlan:
         ay: Command of A/Y in min^-1, or in % of the rated current.
         bx: Command of B/X in min^-1, or in % of the rated current.
         torque: True if the commands are currents.
-        vehicle: Vehicle whose velocities determine the commands, instead of ``ay`` and ``bx``; otherwise ``None``.
+        vehicle: Vehicle whose velocities determine the commands; ``None`` if ``ay`` and ``bx`` are the commands.
         seconds: Duration in s.
         period: Time between commands in s.
         reset: True to reset errors first.
@@ -154,7 +154,7 @@ class DrivePlan:
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity of the commands."""
+        """The quantity that the commands specify: velocity or current."""
         return CURRENT if self.torque else VELOCITY
 
     def commands(self, *, travel_model: bool) -> tuple[float, float]:
@@ -298,7 +298,7 @@ def _clear(driver: Driver[Any, Any], plan: DrivePlan) -> None:
 
 
 def _travels(driver: Driver[Any, Any]) -> bool:
-    """Return True if the driver reports the travel-axis model, which takes the commands of Y and X."""
+    """Return True if the driver reports the travel-axis model, in which the commands apply to Y and X."""
     feedback = driver.command()
     control = feedback.control if hasattr(feedback, "control") else driver.states().control
     return "travel_model" in control
@@ -319,7 +319,7 @@ def _command(
     shown: FeedbackDisplay,
     began: float,
 ) -> None:
-    """Send a command each period until the time is up.
+    """Send a command in each period until the duration of the plan is over.
 
     Raises:
         KeyboardInterrupt: If a signal has arrived.

@@ -24,7 +24,7 @@ _AXES: Final = {
 
 
 def velocities_of(feedback: DP0R | DP0RV2) -> dict[str, float]:
-    """Return the velocities of a feedback in min^-1 by their names, in either dialect."""
+    """Return the velocities in a feedback of either dialect, by their names, min^-1."""
     return {name: getattr(feedback, name) for name in _AXES if hasattr(feedback, name)}
 
 
@@ -39,7 +39,7 @@ class DriverFeedback:
 
     Attributes:
         time: Time since the start in s.
-        velocities: Reply to a command.
+        velocities: Reply to a command; it contains the velocities.
         pulses: Pulse counts.
         currents: Currents and loads.
         faults: Errors and warnings.
@@ -85,7 +85,9 @@ class DriverFeedback:
 
 
 class FeedbackDisplay:
-    """Shows the feedback of a driver on stdout, and notes on stderr, while the ``with`` statement lasts.
+    """Shows the feedback of a driver, and notes, while the ``with`` statement lasts.
+
+    Feedback is written to stdout. Notes are written to stderr, or to stdout above the live line if it is shown.
 
     Output never blocks. Only at the end of the ``with`` statement, the display waits for the reader of the output; it
     stops waiting if the reader makes no progress for 1 s.
@@ -144,7 +146,7 @@ class FeedbackDisplay:
         self._warnings = warnings.value
 
     def note(self, text: str) -> None:
-        """Print a line to stderr; above the live line, if there is one."""
+        """Print a line above the live line on stdout; to stderr if no live line is shown."""
         line = visible(f"orinkit: {' '.join(text.split())}")
         if self._live is not None and self._live.is_started:
             from rich.text import Text

@@ -1,4 +1,4 @@
-"""The live table of ``orinkit abh3 monitor``: a row for each message type and its sender."""
+"""The live table of ``orinkit abh3 monitor``: a row for each message type, sender and destination."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _STALE: Final = 2.0  # s without a frame after which the rate is shown as 0
 
 @dataclass(slots=True)
 class FrameRow:
-    """Statistics of one message type of one sender.
+    """Statistics of the frames of one message type from one sender to one destination.
 
     Attributes:
         last: The latest frame.
         at: Time of arrival of the latest frame in s.
         count: Number of frames.
-        rate: Frames per s.
-        since: Start of the current interval for the rate in s.
+        rate: Frames per s in the previous interval; ``None`` in the first interval.
+        since: Start, in s, of the current interval; the rate is measured in successive intervals of about 1 s.
         counted: Number of frames in the current interval.
     """
 
@@ -75,7 +75,7 @@ class FrameRows:
         self._rows[key] = FrameRow(decoded, now, 1, None, now, 0)
 
     def lines(self) -> list[tuple[str, str, str, str, str]]:
-        """Return frame, rate in 1/s, age in s, count and content of the latest frame, sorted by sender and name."""
+        """Return for each row: frame, rate in 1/s, age of the latest frame in s, count, and content of that frame."""
         now = self._clock()
         found = []
         for key in sorted(self._rows, key=lambda key: (key[1], key[0], -1 if key[2] is None else key[2])):

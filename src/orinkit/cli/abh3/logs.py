@@ -51,7 +51,7 @@ class FrameLog:
     Attributes:
         skipped: Number of frames that are not extended data frames of at most 8 bytes.
         wrong: Number of lines that are not frames.
-        first_wrong: Number (from 1) and text of the first such line.
+        first_wrong: Number (from 1) and text of the first line that is not a frame; ``(0, "")`` if there is none.
 
     Iteration raises CommandError if the file cannot be read, and MissingExtra if python-can is required to read the
     file and is not installed.
@@ -200,7 +200,7 @@ def read_line(line: str) -> CanFrame | None:
 
 
 def _counted(spaced: str, length: str) -> bytes | None:
-    """Return the first ``length`` bytes; ``None`` if there are fewer."""
+    """Return the first ``length`` bytes of a text in hex; ``None`` if it has fewer bytes."""
     data = bytes.fromhex(spaced)
     return data[: int(length)] if len(data) >= int(length) else None
 

@@ -232,7 +232,7 @@ def _read(argument: Argument, text: str) -> Any:
 
 
 def _read_text(text: str) -> str:
-    """Return a word unchanged, unless it is a text in VARIANT notation: ``8,100``."""
+    """Return a word unchanged; for a text in VARIANT notation (``8,100``), return the text alone (``100``)."""
     try:
         value = parse_lenient(text)
     except NotationError:

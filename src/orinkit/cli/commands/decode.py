@@ -76,8 +76,8 @@ def read_hex(text: str) -> bytes:
 def _without_dump(line: str, count: int) -> str:
     """Return a line of a hex dump without its offset and its text column.
 
-    A number at the beginning is an offset only if it equals ``count``, the number of bytes so far. Otherwise, the line
-    is returned unchanged.
+    A number at the beginning is an offset only if it equals ``count``, the number of bytes in the preceding lines.
+    Otherwise, the line is returned unchanged.
     """
     offset = _OFFSET.match(line)
     if offset is None or int(offset[1], 16) != count:
@@ -103,7 +103,7 @@ def _not_hex(word: str) -> CommandError:
 
 
 def _with_requests(pieces: list[bytes]) -> list[tuple[bytes, bytes | None]]:
-    """Pair each reply with the preceding request of the same serial number, if there is one."""
+    """Return each packet with its request: for a reply the preceding request of the same serial, otherwise ``None``."""
     from orinkit.bcap import packet
     from orinkit.bcap.dissect import kind_of
 

@@ -27,7 +27,7 @@ def functions(
     *,
     json: Json = False,
 ) -> None:
-    """List the functions of b-CAP and e-CAP, or show one with its arguments, result and section of the document."""
+    """List the functions of b-CAP and e-CAP, or show one function: arguments, result and section of the document."""
     from orinkit.cli._shared.output import print_json
 
     exact = _exact(filter)

@@ -18,7 +18,7 @@ _SHOWN_NAMES: Final = 12
 
 
 def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json = False) -> None:
-    """Print type, version, mode, errors, counts and names; omit those that the controller does not report."""
+    """Print type, version, mode, errors, variable counts and object names; omit what the controller does not report."""
     from orinkit.cli._shared.output import jsonable, print_json
 
     with connection.opened(url) as controller:
@@ -33,7 +33,7 @@ def info(url: Url, /, *, connection: ConnectionOptions = _CONNECTION, json: Json
 
 
 def jsonable_facts(facts: Any, jsonable: Callable[[Any], Any]) -> Any:
-    """Convert the facts to types that JSON supports."""
+    """Convert the information about a controller to types that JSON supports."""
     if isinstance(facts, dict):
         return {key: jsonable_facts(value, jsonable) for key, value in facts.items()}
     return jsonable(facts)
@@ -72,7 +72,7 @@ _NAMES: Final[dict[str, Callable[[orinkit.Controller], Any]]] = {
 
 
 def _ask(question: Callable[[orinkit.Controller], Any], controller: orinkit.Controller) -> Any:
-    """Return the value of a fact; ``None`` if the controller does not report it."""
+    """Return one item of information about a controller; ``None`` if the controller does not report it."""
     try:
         return question(controller)
     except (CallError, ProtocolError):  # the controller refuses, or its reply has an unexpected form
@@ -92,7 +92,7 @@ _LABELS: Final = {
 
 
 def lines(url: str, facts: dict[str, Any]) -> list[str]:
-    """Return the facts for people."""
+    """Return the information about a controller as lines for people."""
     from orinkit.cli._shared.output import table
 
     rows = [(tr("controller"), url)]

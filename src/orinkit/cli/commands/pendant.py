@@ -38,7 +38,7 @@ def read_mode(word: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class PendantAction:
-    """An action of the command.
+    """An action of ``orinkit pendant``.
 
     Attributes:
         command: Command of the control port.
@@ -60,7 +60,7 @@ class PendantArguments:
     """The arguments of an action.
 
     Attributes:
-        given: The words.
+        given: The words after the name of the action on the command line.
         wait: True to wait until the action has ended.
         usage: Usage of the action, for error messages.
     """
@@ -92,7 +92,7 @@ class PendantArguments:
             raise self.wrong() from None
 
     def words(self, least: int, most: int | None = None) -> tuple[str, ...]:
-        """Return the words after checking their number."""
+        """Return the words after checking that there are ``least`` to ``most`` (default: ``least``) words."""
         if not least <= len(self.given) <= (least if most is None else most):
             raise self.wrong()
         return self.given

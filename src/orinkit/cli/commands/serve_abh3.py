@@ -166,7 +166,8 @@ def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions,
     Args:
         drivers: The drivers.
         at: The bus to serve them on.
-        cao: The server options for CAO clients, and the defaults for options that clients omit.
+        cao: The server options for CAO clients, and the defaults for the connection options that a client omits;
+            ``None`` if CAO clients are not served.
     """
     from orinkit.can.server import serve_can
 

@@ -58,7 +58,7 @@ def load_targets(targets: Sequence[str], first: Sequence[Provider] = ()) -> list
 
 
 def name_and_log_providers(providers: Sequence[Provider], *but: Provider) -> None:
-    """Assign the provider names, and log the served providers and conflicting names.
+    """Reserve the names of installed providers, and log conflicting names and the served providers.
 
     Args:
         providers: The providers, in the order in which they are served.

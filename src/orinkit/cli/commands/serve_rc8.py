@@ -208,10 +208,10 @@ def serve_rc8(
 
 
 def _read_control(url: str | None, path: str | None) -> str:
-    """Return the secret of the control port if its file exists, otherwise ``""``.
+    """Return the secret of the control port if the file with the secret exists, otherwise ``""``.
 
     Raises:
-        CommandError: If the port is not allowed, or the file cannot be used.
+        CommandError: If other machines could reach the port, or the file cannot be used.
         InvalidAddress: If the control port is not a valid address.
     """
     if url is not None:

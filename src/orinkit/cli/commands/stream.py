@@ -94,7 +94,7 @@ def stream(
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Take the arm, switch the motor on, check the trajectory, stream it, and print a report.
+    """Take the arm, check the trajectory, switch the motor on, stream the trajectory, and print a report.
 
     Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM stops the arm within its limits.
     """
@@ -125,15 +125,15 @@ class _StreamRequest:
 
     Attributes:
         path: File of the trajectory.
-        pose_type: Pose type of its set-points.
+        pose_type: Pose type of the set-points of the trajectory.
         read: Function that returns the options of slave mode for a dialect.
         options: The options that ``read`` has returned.
-        speed: Limits in percent.
+        speed: Limits to apply, in percent of the limits of the arm.
         retime: True to retime the trajectory.
-        move: True to move to its first set-point.
+        move: True to move to the first set-point before the trajectory begins.
         motor: True to switch the motor on.
-        progress: Progress of the stream.
-        interrupt: The KeyboardInterrupt that ended the stream, if any.
+        progress: Progress of the stream; ``None`` before the stream begins.
+        interrupt: The KeyboardInterrupt that ended the stream; ``None`` if there was none.
     """
 
     path: Path
@@ -238,10 +238,11 @@ def _carry_out(robot: orinkit.Robot, job: _StreamRequest, interrupts: Interrupts
 
 
 def _prepared(robot: orinkit.Robot, job: _StreamRequest) -> tuple[Limits | PathLimits, Points]:
-    """Return the limits, and the set-points, which are within them.
+    """Return the limits, and the set-points after checking that they are within these limits.
 
     Raises:
-        TrajectoryError: If a set-point exceeds a limit, or the arm is not at the first set-point.
+        TrajectoryError: If a set-point exceeds a limit, or if the arm is not at the first set-point and will not be
+            moved there.
     """
     from orinkit.client._shared.stream_options import limits_for
     from orinkit.streaming.planning.limits import Limits
@@ -284,7 +285,7 @@ def _check(points: Points, limits: Limits | PathLimits, start: tuple[float, ...]
 
 
 def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, bar: ProgressBar) -> None:
-    """Move an arm that supports slave mode only to the first set-point, within the limits of the stream."""
+    """Move to the first set-point in slave mode, within the limits of the stream, if the arm has no other motions."""
     entered.target = first
     whole = _distance(entered, first)
     while (left := _distance(entered, first)) > _ARRIVED or not entered.at_rest:
@@ -296,7 +297,7 @@ def _move_to_first(entered: Stream, first: J | P | T, interrupts: Interrupts, ba
 
 
 def _distance(entered: Stream, goal: J | P | T) -> float:
-    """Return the distance of the last set-point of a stream from a pose: the largest difference between two values."""
+    """Return the largest difference between a value of the last set-point of a stream and the same value of a pose."""
     return max(abs(a - b) for a, b in zip(entered.latest.command, goal, strict=False))
 
 

@@ -47,10 +47,10 @@ def demo(
             "in the same directory.")),
     ] = None,
 ) -> None:  # fmt: skip
-    """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the document against them.
+    """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the RC8 document with them.
 
-    With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of its document.
-    Every reply is compared with the document; the exit code is 1 if one differs.
+    With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of the VE026A
+    document. Every reply is compared with the document; the exit code is 1 if a reply differs.
     """
     from orinkit.cli._shared.output import print_json
 
@@ -111,7 +111,7 @@ class DemoRecording:
         self.trace: StreamTrace | None = None
 
     def draw(self, path: Path) -> tuple[str, str]:
-        """Draw both pictures, the second one in the same directory; return their names.
+        """Draw the picture of the motion, and the picture of slave mode in the same directory; return both file names.
 
         Raises:
             CommandError: If matplotlib is not installed, or a file cannot be written.
@@ -177,7 +177,7 @@ class StepOutcome:
         packets: The packets of the step.
         lines: Lines that are still to be shown.
         problem: Difference from the document; ``""`` if there is none.
-        report: Report of a stream.
+        report: Report of a stream; ``None`` if the step is a call.
     """
 
     packets: list[TracedPacket]
@@ -291,18 +291,21 @@ class DemoRun:
         return StepOutcome(self._transcript.packets[first:], lines, problem, report)
 
     def _packets_since(self, first: int) -> list[str]:
-        """Return the packets from an index on, for people."""
+        """Return the packets from index ``first`` on as texts for people."""
         return ["\n".join(packet.lines(fields=self._fields)) for packet in self._transcript.packets[first:]]
 
     def _given(self, argument: Any) -> Any:
-        """Return an argument; a HandleOf is replaced by the result of the earlier step."""
+        """Return an argument; replace a HandleOf by the result of the earlier step that it names."""
         from orinkit.cli.demo.steps import HandleOf
 
         return self._saved[argument.name] if isinstance(argument, HandleOf) else argument
 
 
 def compare(packets: list[TracedPacket], step: DemoStep) -> str:
-    """Return the difference from the document, or ``""``. S_EXECUTING may precede the reply (RC8 3.1.1)."""
+    """Return the difference of a reply from the document; ``""`` if there is none.
+
+    S_EXECUTING packets may precede the reply (RC8 3.1.1).
+    """
     from orinkit.bcap import packet
     from orinkit.core import hresult
 
