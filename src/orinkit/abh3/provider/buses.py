@@ -64,7 +64,7 @@ class Buses:
         """Return the bus that a client selected; the caller must release it with :meth:`leave`.
 
         Raises:
-            CallError: E_CAO_REMOTE_PROVIDER: If the bus does not open in time.
+            CallError: E_CAO_REMOTE_PROVIDER: If the bus does not open within :data:`PATIENCE`.
             OrinError: If the bus cannot be opened.
         """
         key = wanted.bus_key

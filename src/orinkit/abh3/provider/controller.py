@@ -31,16 +31,16 @@ _SIGNED: Final = -0x80000000
 
 
 class CommandArbiter(Protocol):
-    """The methods of the provider that the controller object of a client calls."""
+    """The part of the provider that grants clients the right to command a driver; called by controller objects."""
 
     def acquire(self, controller: ABH3Controller) -> None:
         """Give the client of a controller object the right to command its driver."""
 
     def owns(self, controller: ABH3Controller) -> bool:
-        """Return True if the client has the right to command its driver."""
+        """Return True if the client of a controller object has the right to command its driver."""
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that commands the driver of ``controller``; ``None`` if no client commands it."""
+        """Return the controller object that commands the driver of ``controller``; ``None`` if no client commands it."""
 
     def release(self, controller: ABH3Controller) -> None:
         """Withdraw the right to command from a client."""
@@ -88,7 +88,7 @@ class ABH3Controller(ControllerObject):
     def holding(self) -> bool:
         """True while this client commands the driver.
 
-        This is the case if the client has sent commands and its idle time has not expired.
+        This is the case if the client has sent commands and its idle time (option ``Idle``) has not expired.
         """
         if self._writing:
             return True
@@ -97,7 +97,7 @@ class ABH3Controller(ControllerObject):
         return not self._silent() and (bool(self.motor.inputs) or self.motor.commands != (0.0, 0.0))
 
     def _silent(self) -> bool:
-        """Return True if the client's idle time has expired."""
+        """Return True if the client has made no call for its idle time; False if the option ``Idle`` is 0."""
         return bool(self._wanted.idle) and monotonic() - self._called > self._wanted.idle
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - declared by the base
@@ -139,7 +139,7 @@ class ABH3Controller(ControllerObject):
         return await run(self, *[read(value) for read, value in zip(readers, values, strict=False)])
 
     def release(self) -> None:
-        """Release the controller and stop the motor, because the client has disconnected."""
+        """Release the controller after its client has disconnected; stop the motor if this client commands it."""
         if not self._released:
             self._released = True
             self._owner.disconnect(self)
@@ -158,8 +158,8 @@ class ABH3Controller(ControllerObject):
 
         Args:
             put: Function that sends the command.
-            causes_motion: True if the command may start a motion. Otherwise, the command is executed even if the motor
-                was stopped after the client's previous command.
+            causes_motion: True if the command may start a motion. Such a command raises E_ABORT, and is not executed,
+                if the motor was stopped after the client's previous command.
         """
         with map_errors():
             async with self._call_lock:
@@ -189,9 +189,9 @@ class ABH3Controller(ControllerObject):
             return await holder.preempt()
 
     async def preempt(self) -> Feedback:
-        """Stop the motor for another client, and end the keep-alive.
+        """Stop the motor because another client has called Stop, and end this client's keep-alive.
 
-        The other client can then get the right to command the driver.
+        Any other client can then get the right to command the driver.
         """
         feedback: Feedback = await self.motor.stop()
         self.motor.end_keep_alive()
@@ -222,7 +222,7 @@ class ABH3Controller(ControllerObject):
         self.motor.restart_idle_time()
 
     def _report_stop(self, *, causes_motion: bool) -> None:
-        """Raise an exception once if the motor was stopped after the client's previous command.
+        """Report to the client, once only, that the motor was stopped after its previous command.
 
         Raises:
             CallError: E_ABORT: If the motor was stopped and ``causes_motion`` is True.
@@ -269,7 +269,10 @@ class ABH3Variable(VariableObject):
         self._accessed = datetime.now()
 
     def get_date_time(self) -> datetime:
-        """Return the time at which this client last read or wrote the variable, without microseconds."""
+        """Return the time at which this client last read or wrote the variable, without microseconds.
+
+        Before the first access, it is the time at which the client got the variable.
+        """
         return self._accessed.replace(microsecond=0)
 
     def get_microsecond(self) -> int:
@@ -402,7 +405,7 @@ COMMANDS: Final[Mapping[str, tuple[tuple[Reader, ...], int, Run]]] = {
     "ReadMonitor": ((_whole,), 1, _read_monitor),
     "Release": ((), 0, _release),
 }
-"""The commands of Execute by name: converters of the values, minimum number of values, and implementation."""
+"""For each command of Execute, by name: converters of its values, minimum number of values, and implementation."""
 
 
 def _plain(record: Record) -> list[float]:

@@ -69,7 +69,7 @@ class DriverSelection(NamedTuple):
 
     @property
     def bus_key(self) -> BusKey | None:
-        """Key of the bus, the same for all spellings of its address."""
+        """Key of the bus, the same for all spellings of its address; ``None`` for the bus of the server."""
         return None if self.bus is None else _bus_key(self.bus)
 
 
@@ -79,12 +79,12 @@ def parse_selection(option: str, defaults: Mapping[str, Any], *, own_bus: str | 
     Args:
         option: Option string of Controller_Connect.
         defaults: Settings for options that are not in the string.
-        own_bus: URL of the only bus that clients can use; ``True`` if the server has only one bus, without a URL;
-            ``False`` if clients select the bus.
+        own_bus: URL of the only bus that clients can use; ``True`` if this bus has no URL, because it is a python-can
+            bus; ``False`` if clients select the bus.
 
     Raises:
-        CallError: E_INVALIDARG: If the option string is not valid.
-        InvalidValue, InvalidAddress: If a value is not valid.
+        CallError: E_INVALIDARG: If the option string or one of its numbers is not valid.
+        InvalidValue, InvalidAddress: If the dialect or the address of the bus is not valid.
     """
     options = Options(option)
     _check_names(options)

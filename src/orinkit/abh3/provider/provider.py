@@ -135,11 +135,11 @@ class ABH3Provider(Provider):
         self._owners[controller.key] = controller
 
     def owns(self, controller: ABH3Controller) -> bool:
-        """Return True if a client has the right to command its driver."""
+        """Return True if the client of a controller object has the right to command its driver."""
         return self._owners.get(controller.key) is controller
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the client that commands the driver of ``controller`` now; ``None`` if no client commands it."""
+        """Return the controller object that commands the driver of ``controller``; ``None`` if no client commands it."""
         owner = self._owners.get(controller.key)
         return owner if owner is not None and owner.holding else None
 

@@ -119,7 +119,9 @@ def _put_input(name: str) -> Put:
 
 
 def _feedback(dialect: Dialect) -> list[VariableEntry]:
-    """Return the variables for the feedback (DP0R): one for each field that no broadcast contains, and one for all.
+    """Return the variables for the feedback (DP0R): one for each field that no broadcast contains, and FEEDBACK.
+
+    The variable FEEDBACK is an array of all fields.
 
     Reading one of these variables requests the feedback from the driver.
     """
@@ -223,5 +225,5 @@ _SYSTEM: Final = (
 
 
 def as_variant(entry: VariableEntry, value: Value) -> Variant:
-    """Convert a value to the type of the variable."""
+    """Return a value with the type of a variable; a VARIANT is returned unchanged."""
     return value if isinstance(value, Variant) else Variant(entry.type, value)

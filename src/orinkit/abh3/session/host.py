@@ -26,7 +26,7 @@ F = TypeVar("F", bound=Feedback)
 _LENGTH: Final = 8
 _ALL_BITS: Final = 0xFFFFFFFF
 _SETTLING: Final = 0.005
-"""Seconds to wait until a driver has cleared its errors, which takes about 1 ms; doubled after each attempt."""
+"""Seconds to wait for a driver to clear its errors; doubled after each attempt. A driver needs about 1 ms."""
 _LONGEST_SETTLING: Final = 0.2
 _SECOND_REPLY_WAIT: Final = 0.02
 """Seconds to wait for a second reply, if the first may belong to an earlier command. A driver replies within 1 ms."""
@@ -40,8 +40,9 @@ _STANDSTILL: Final = 1.0
 class Host(Generic[F]):
     """The state of one driver, as its host has recorded it.
 
-    If a call omits a command or an input, the last value is sent again (sections 4.2 to 4.5). If a reply is missing,
-    both commands are set to 0 and start is switched off, so that no motion continues without a new command.
+    If a call omits a command or an input, the last value is sent again (sections 4.2 to 4.5 of the ABH3 document). If
+    the reply to a command is missing, both recorded commands become 0 and start becomes off, so that the next frame
+    stops the motion.
 
     Args:
         dialect: Dialect of the driver.
@@ -53,7 +54,8 @@ class Host(Generic[F]):
 
     Attributes:
         inputs: The input word that was sent last.
-        commanded: Number of commands (DP0) sent. Only commands restart a driver's command time-out.
+        commanded: Number of frames with commands (DP0) that were sent. Only these frames restart the driver's command
+            time-out.
 
     Raises:
         InvalidValue: If an argument is out of range, or if driver and host have the same address.
@@ -102,16 +104,16 @@ class Host(Generic[F]):
 
     @property
     def commands(self) -> tuple[float, float]:
-        """The A/Y and B/X commands that were sent last, in min^-1, or in % if the axis is in torque mode."""
+        """The A/Y and B/X commands that were sent last, each in min^-1, or in % if its axis is in torque mode."""
         return self._quantity(0).decode(self._codes[0]), self._quantity(1).decode(self._codes[1])
 
     @property
     def moving(self) -> bool:
-        """True if the driver may be moving: motion was commanded, and no reply to a stop has arrived."""
+        """True if the driver may be moving: motion was commanded, and no reply to a later stop has arrived."""
         return self._may_move
 
     def relinquish(self) -> None:
-        """Reset commands and inputs without sending them, because another host now commands the driver."""
+        """Set commands and inputs to 0 without sending them, because another host or client now commands the driver."""
         self.reset_commands()
         self.inputs = 0
         self._may_move = False
@@ -130,7 +132,9 @@ class Host(Generic[F]):
         return (yield from self.send_commands("abh3_can_cmd_init"))
 
     def command(self, ay: float | None = None, bx: float | None = None) -> CanOperation[F]:
-        """Send commands in min^-1, or in % if the axis is in torque mode. An omitted command is unchanged (4.2, 4.3).
+        """Send commands and return the feedback; an omitted command is unchanged (4.2, 4.3).
+
+        Each command is in min^-1, or in % if its axis is in torque mode.
 
         Raises:
             InvalidValue: If a command is out of range; nothing has changed.
@@ -150,7 +154,8 @@ class Host(Generic[F]):
     def set_inputs(self, data: int, mask: int = _ALL_BITS) -> CanOperation[F]:
         """Set the inputs whose mask bit is 1 to the bits of ``data`` (4.4, abh3_can_inSet).
 
-        If an axis changes between speed and torque mode, its command becomes 0, because the unit of the number changes.
+        If an axis changes between velocity and torque mode, its command becomes 0, because the unit of the command
+        changes.
 
         Raises:
             InvalidValue: If data or mask is not an unsigned 32-bit word; nothing has changed.
@@ -183,7 +188,7 @@ class Host(Generic[F]):
             seconds: Approximate maximum time until standstill, in s.
 
         Raises:
-            DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
+            DriverTimeout: If the driver does not reply, or if the motors still turn after ``seconds``.
         """
         for _ in range(max(1, math.ceil(seconds / _POLL_INTERVAL))):
             record = yield from self.stop()
@@ -213,11 +218,11 @@ class Host(Generic[F]):
         return cast(F, record)
 
     def request(self, number: int, *, everyone: bool = False) -> CanOperation[AnyRecord]:
-        """Request a broadcast and return it (4.7, abh3_can_reqBRD; to all drivers abh3_can_reqBRDBRD).
+        """Request a broadcast and return it (4.7, abh3_can_reqBRD; with ``everyone`` abh3_can_reqBRDBRD).
 
         Args:
-            number: 0 to 7 for a broadcast of the driver's group. A value of 8 or more is group * 8 + number, as in the
-                document.
+            number: Number of the broadcast in the driver's group, 0 to 7; or, as in the document, this number plus 8
+                times the group, which must be the driver's.
             everyone: True to send the request to all drivers. Only the reply of this driver is returned.
 
         Raises:
@@ -232,7 +237,7 @@ class Host(Generic[F]):
         return cast(AnyRecord, (yield from self._query(function, sent, self._name_of(ps), wanted)))
 
     def request_single(self, dp: int = 0) -> CanOperation[Feedback | DP1R]:
-        """Request a single packet without commanding anything (abh3_can_reqSNG).
+        """Request a single packet and return it, without sending commands (abh3_can_reqSNG).
 
         Args:
             dp: 0 for the feedback, 1 for the pulse counts. The document withholds the frame of the pulse counts, and
@@ -249,7 +254,7 @@ class Host(Generic[F]):
         return cast("Feedback | DP1R", record)
 
     def reset_errors(self, tries: int = 5) -> CanOperation[BR0]:
-        """Set commands to 0, switch servo and start off, clear errors and warnings, and return the empty error flags.
+        """Set commands to 0, switch servo and start off, clear errors and warnings, and return the error flags.
 
         A driver clears its errors shortly after the input ``error_reset`` has changed from 0 to 1. If errors or
         warnings remain, the change is repeated, for at most ``tries`` attempts.
@@ -318,9 +323,10 @@ class Host(Generic[F]):
         raise DriverTimeout(function, self.timeout, self.address)
 
     def _later_feedback(self, record: Record) -> CanOperation[Record]:
-        """Return the next feedback if it arrives within 20 ms; otherwise return the given feedback.
+        """Return the next feedback if it arrives within 20 ms; otherwise return ``record``.
 
-        The given feedback may be the reply to an earlier command. The reply to the last command then follows it.
+        The feedback ``record`` may be the reply to an earlier command. In this case, the reply to the last command
+        follows.
         """
         received = yield OperationStep((), _SECOND_REPLY_WAIT)
         while received is not None:
@@ -367,14 +373,17 @@ _SOURCE_MASK: Final = 0x020000FF
 def broadcasts_of_all(
     codec: Codec, host: int, ps: int, seconds: float, count: int | None = None, priority: int = 0
 ) -> CanOperation[dict[int, AnyRecord]]:
-    """Request a broadcast from all drivers of a group and return their replies by address (4.7, abh3_can_reqBRDBRD).
+    """Request a broadcast from all drivers of a group and return their replies by address.
+
+    This is the function abh3_can_reqBRDBRD of section 4.7 of the ABH3 document.
 
     Args:
         codec: Codec of the drivers' dialect.
         host: Address of this host.
         ps: PS of the broadcast, group * 8 + number.
         seconds: Seconds to wait for replies.
-        count: Number of drivers. The wait ends early when this many drivers have replied.
+        count: Number of drivers. The wait ends early when this many drivers have replied; ``None`` to wait for
+            ``seconds`` in any case.
         priority: Priority of the request.
     """
     count = None if count is None else check_whole("count", count, ids.LAST_ADDRESS + 1)

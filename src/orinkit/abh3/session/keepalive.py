@@ -21,7 +21,7 @@ R = TypeVar("R")
 _SHORTEST: Final = 0.001
 """Shortest period in s: one cycle of the driver."""
 _LATE: Final = 1.5
-"""Number of periods without a reply after which the next command is too late, if this is longer than the patience."""
+"""Limit in periods. The next command is late if the last reply is older than this limit and older than the patience."""
 
 
 class KeepAliveEnd(Enum):
@@ -30,7 +30,7 @@ class KeepAliveEnd(Enum):
     SILENT = "silent"
     """The driver does not reply."""
     IDLE = "idle"
-    """The program has made no call for too long."""
+    """The program has made no call for the idle time."""
 
 
 @dataclass(slots=True)
@@ -44,8 +44,8 @@ class KeepAliveTimer:
         now: Time at which the keep-alive begins.
 
     Raises:
-        InvalidValue: If an argument is not positive or exceeds one hour, if the period is below 1 ms, or if it is not
-            below the patience.
+        InvalidValue: If an argument is not positive or exceeds one hour, or if ``period`` is below 1 ms or is not below
+            ``patience``.
     """
 
     period: float
@@ -121,7 +121,7 @@ class KeepAliveTimer:
 def report_commands(
     operation: CanOperation[R], timer: KeepAliveTimer, host: Host[Any], clock: Callable[[], float]
 ) -> CanOperation[R]:
-    """Run an operation, and notify the timer of a keep-alive of each command to which the driver replied.
+    """Run an operation, and report to the timer of a keep-alive each command to which the driver replied.
 
     Args:
         operation: An operation of the host.

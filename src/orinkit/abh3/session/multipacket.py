@@ -53,7 +53,8 @@ def send_message(
     Raises:
         InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
         DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it.
-        ProtocolError: If the driver aborted or replied with an unexpected packet; the text has the reason.
+        ProtocolError: If the driver aborted or replied with an unexpected packet; the text of the exception contains
+            the reason.
     """
     return _send(OutgoingTransfer(message, _addresses(host, driver, priority), seconds, pause))
 
@@ -73,7 +74,8 @@ def receive_message(*, host: int, driver: int, priority: int = 0, seconds: float
     Raises:
         InvalidValue: If an address or the priority is not valid; nothing was sent.
         DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it.
-        ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
+        ProtocolError: If the driver aborted or sent an unexpected packet; the text of the exception contains the
+            reason.
     """
     return _receive(IncomingTransfer(_addresses(host, driver, priority), seconds))
 
@@ -99,7 +101,8 @@ def exchange(
         InvalidValue: If the message, an address or the priority is not valid; nothing was sent.
         DriverTimeout: If the driver sent no frame in time; an Abort with reason 3 (time-out) was sent to it. The driver
             may still have read the message.
-        ProtocolError: If the driver aborted or sent an unexpected packet; the text has the reason.
+        ProtocolError: If the driver aborted or sent an unexpected packet; the text of the exception contains the
+            reason.
     """
     addresses = _addresses(host, driver, priority)
     sending = OutgoingTransfer(message, addresses, seconds, pause, replied=True)
@@ -109,7 +112,8 @@ def exchange(
 class Responder:
     """The driver's side: receives messages from any host, one at a time, and sends the replies.
 
-    The caller passes in frames with the time of a monotonic clock. The methods return the frames that the caller sends.
+    The caller passes in frames with the time of a monotonic clock. The methods return the frames that the caller must
+    send.
 
     Args:
         address: Address of the driver.

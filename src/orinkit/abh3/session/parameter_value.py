@@ -15,7 +15,7 @@ class ParameterValue(NamedTuple):
 
     Attributes:
         address: Address of the parameter or the monitor.
-        word: The 32-bit word.
+        word: The 32-bit word that represents the value in TelABH3.
         item: Description of the parameter or the monitor; ``None`` for an unknown address.
     """
 
@@ -55,8 +55,8 @@ def word_of(address: int, value: float, *, raw: bool) -> int:
 
     Args:
         address: Address of the parameter.
-        value: The value in the parameter's unit.
-        raw: True if the value is the word itself.
+        value: The value in the parameter's unit; with ``raw``, the 32-bit word that represents it.
+        raw: True if ``value`` is the word.
 
     Raises:
         InvalidValue: If the value cannot be written, or if the address is unknown and ``raw`` is False.

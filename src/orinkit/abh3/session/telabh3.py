@@ -79,8 +79,8 @@ class TelRequest(NamedTuple):
     """A request of a host.
 
     Attributes:
-        command: ``"CP"``, ``"CM"`` or ``"BI"``.
-        address: 0 to 0xFFFF.
+        command: ``"CP"`` for a parameter, ``"CM"`` for a monitor, ``"BI"`` for an identification.
+        address: Address of the parameter or the monitor, or number of the identification, 0 to 0xFFFF.
         value: The word to write; ``None`` for reading.
     """
 
@@ -89,7 +89,7 @@ class TelRequest(NamedTuple):
     value: int | None = None
 
     def __str__(self) -> str:
-        """Return a readable text: ``parameter 0x4102``, ``parameter 0x4102 = 0x00000001``."""
+        """Return a readable text, such as ``parameter 0x4102``; to write, such as ``parameter 0x4102 = 0x00000001``."""
         name = tr(_NAMES[self.command])
         return f"{name} 0x{self.address:04X}" + ("" if self.value is None else f" = 0x{self.value:08X}")
 
@@ -100,7 +100,7 @@ class TelRequest(NamedTuple):
 
 
 def checksum(data: bytes) -> bytes:
-    """Return the two checksum digits for these bytes. A text for CAN must be passed with the header ``FFFF``."""
+    """Return the two checksum digits for these bytes. For a text for CAN, they must begin with the header ``FFFF``."""
     return b"%02X" % (-sum(data) & 0xFF)
 
 
@@ -144,7 +144,7 @@ def parse_request(message: bytes) -> TelRequest:
     """Parse a request, in the form for CAN or in the form for serial lines.
 
     Raises:
-        ProtocolError: If it is not a request, or its checksum is wrong.
+        ProtocolError: If the message is not a request, or its checksum is wrong.
     """
     body, _ = _strip_framing(message)
     found = _REQUEST.fullmatch(body)
@@ -171,7 +171,7 @@ class TelReply(NamedTuple):
     asked: str = ""
 
     def confirmed(self) -> str:
-        """Return the data.
+        """Return :attr:`data` if the driver executed the request.
 
         Raises:
             ParameterRefused: If the driver refused the request.
@@ -235,7 +235,7 @@ def parse_reply(message: bytes, asked: str = "") -> TelReply:
         asked: Description of the request, for error messages.
 
     Raises:
-        ProtocolError: If it is not a reply, or its checksum is wrong.
+        ProtocolError: If the message is not a reply, or its checksum is wrong.
     """
     body, framed = _strip_framing(message)
     _check(message, body, _HEADER + body)

@@ -38,7 +38,7 @@ class TransferStep(NamedTuple):
         frames: Frames to send.
         seconds: Seconds to wait from now on; ``None`` to continue the current wait.
         ended: True if the transfer ends when the frames have been sent.
-        error: The error of a failed transfer.
+        error: The error with which the transfer has failed; ``None`` if it has not failed.
     """
 
     frames: tuple[CanFrame, ...] = ()
@@ -89,12 +89,12 @@ class TransferAddresses(NamedTuple):
     priority: int = 0
 
     def control(self, *head: int) -> CanFrame:
-        """Return a control frame with these first bytes."""
+        """Return a control frame for the peer that begins with the bytes ``head``."""
         data = bytes(head).ljust(5, b"\xff") + _PGN
         return CanFrame(int(FrameId(CONTROL, self.peer, self.own, 0, self.priority)), data)
 
     def transfer(self, number: int, data: bytes) -> CanFrame:
-        """Return a data packet."""
+        """Return the data packet with a number, from 1, and up to 7 bytes of the message."""
         data = bytes((number,)) + data.ljust(_PACKET_SIZE, b"\xff")
         return CanFrame(int(FrameId(TRANSFER, self.peer, self.own, 0, self.priority)), data)
 
@@ -112,7 +112,7 @@ class TransferAddresses(NamedTuple):
         return self.abort_step(LATE, DriverTimeout("abh3_can_trans", seconds, self.peer))
 
     def refuse_step(self) -> TransferStep:
-        """Return the step that refuses a message during the transfer of another one."""
+        """Return the step that aborts this transfer because the peer has begun another message."""
         text = tr("the peer began a message during the transfer of another one. Try: repeat the call")
         return self.abort_step(BUSY, ProtocolError(text))
 
@@ -190,7 +190,7 @@ class OutgoingTransfer:
     def _ignore(self) -> TransferStep:
         """Return the next step after an irrelevant frame.
 
-        If there is no pause between data packets, the frame must not delay the next data packet.
+        If there is no pause between data packets, the step sends the next one, which the frame must not delay.
         """
         return self.silent() if self._next <= self._last and not self._pause else TransferStep()
 
@@ -330,7 +330,10 @@ class IncomingTransfer:
         return TransferStep((self._addresses.control(CTS, self._last - self._first + 1, self._first),), self._wait())
 
     def _wait(self) -> float:
-        """Return the time in s until packets are requested again; after that request, the rest of the time-out."""
+        """Return the time in s to wait for the next packet.
+
+        Missing packets are then requested again. If they already were, the time is the rest of the time-out.
+        """
         return self._seconds * (1 - _PATIENCE if self._reminded else _PATIENCE)
 
 
