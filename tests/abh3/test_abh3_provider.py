@@ -216,7 +216,11 @@ def test_error_descriptions(server, option):
         ("Interface=virtual,Channel={},Idle=-1", hresult.E_INVALIDARG, "0 to 3600 s"),
         ("Interface=virtual,Channel={},KeepAlive=2", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
         ("Interface=virtual,Channel={},KeepAlive=1e-9", hresult.E_INVALIDARG, "0.01 to 0.4 s"),
-        ("Interface=virtual,Channel={},Bus=can://virtual/1", hresult.E_INVALIDARG, "or Bus=URL without these three options"),
+        (
+            "Interface=virtual,Channel={},Bus=can://virtual/1",
+            hresult.E_INVALIDARG,
+            "or Bus=URL without these three options",
+        ),
         ("Bitrate=500000", hresult.E_INVALIDARG, "the options do not select a CAN bus"),
         ("Interface=virtual,Channel=1,Bitrate=500000&port=7", hresult.E_INVALIDARG, "is not a whole number"),
         ("Interface=slcan,Channel=spy:///dev/ptmx?file=/tmp/x", hresult.E_INVALIDARG, "can only be set on the server"),

@@ -401,7 +401,8 @@ def test_reasons_in_japanese() -> None:
 def test_requests_for_packets_that_do_not_exist(asked: str) -> None:
     error = fails(script(sending()), control(asked), ["ff07ffffff"])
     assert isinstance(error, ProtocolError)
-    assert "of 3" in str(error)
+    number = int(asked[4:], 16)
+    assert f"the peer requested packet {number}, which does not exist; the message has 3 packets" in str(error)
 
 
 def test_the_driver_requests_packets_endlessly() -> None:

@@ -216,7 +216,8 @@ def test_two_bytes_that_are_not_the_crc_are_the_reserved_area():
     area = explain(bad)[-2]
     assert (area.name, area.raw) == ("reserved area", b"\xab\xcd")
     assert (
-        area.meaning == f"2 bytes after the arguments; if these bytes are a CRC, the correct value is {good[-3:-1].hex(' ')}"
+        area.meaning
+        == f"2 bytes after the arguments; if these bytes are a CRC, the correct value is {good[-3:-1].hex(' ')}"
     )
     assert first_error(explain(bad)) is None
 

@@ -387,7 +387,9 @@ def test_the_number_of_elements_is_limited(head, element, most):
 def test_texts_that_take_long_to_parse_are_refused(text):
     error = refusal(PUT + text.encode(), SMALL)
     assert error.code == hresult.E_ARGSIZEOVER
-    assert error.detail.startswith("Variable_PutValue: the arrays have too many elements for e-CAP, which transfers arrays as text")
+    assert error.detail.startswith(
+        "Variable_PutValue: the arrays have too many elements for e-CAP, which transfers arrays as text"
+    )
 
 
 @pytest.mark.parametrize("text", ["8," + '(,"' * 9000, "8,8200," + "," * 9000, "5," + " " * 9000 + "1"])

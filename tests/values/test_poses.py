@@ -273,7 +273,11 @@ def test_invalid_extra_joints(joints):
         ("Q", 1, 'the pose type of a target must be "P", "T", "J", "V" or "" (unspecified), not \'Q\''),
         ("", 1, "invalid variable of kind '' and number 1; a kind and a number of 0 or more are required"),
         ("P", -1, "invalid variable of kind 'P' and number -1; a kind and a number of 0 or more are required"),
-        ("P", 2**31, "invalid variable of kind 'P' and number 2147483648; a kind and a number of 0 or more are required"),
+        (
+            "P",
+            2**31,
+            "invalid variable of kind 'P' and number 2147483648; a kind and a number of 0 or more are required",
+        ),
         ("P", True, "invalid variable of kind 'P' and number True; a kind and a number of 0 or more are required"),
         ("P", (1, 2), "P: got 2 values, expected 6 or 7"),
         ("", (), "a pose: got 0 values, expected 1 to 10"),
