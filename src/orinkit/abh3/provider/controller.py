@@ -40,7 +40,7 @@ class CommandArbiter(Protocol):
         """Return True if the client of a controller object has the right to command its driver."""
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the controller object that commands the driver of ``controller``; ``None`` if no client commands it."""
+        """Return the controller object that commands the driver of ``controller``; ``None`` if there is none."""
 
     def release(self, controller: ABH3Controller) -> None:
         """Withdraw the right to command from a client."""

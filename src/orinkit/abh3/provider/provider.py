@@ -139,7 +139,7 @@ class ABH3Provider(Provider):
         return self._owners.get(controller.key) is controller
 
     def owner(self, controller: ABH3Controller) -> ABH3Controller | None:
-        """Return the controller object that commands the driver of ``controller``; ``None`` if no client commands it."""
+        """Return the controller object that commands the driver of ``controller``; ``None`` if there is none."""
         owner = self._owners.get(controller.key)
         return owner if owner is not None and owner.holding else None
 

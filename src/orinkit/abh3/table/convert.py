@@ -1,4 +1,6 @@
-"""The conversion functions of the document (section 4.9), with its names.
+"""The functions of section 4.9 of the ABH3 document that convert values to codes, the numbers in frames, and back.
+
+The functions have the names that the document defines.
 
 A code is the whole number that represents a value in a frame. The document does not define rounding, and it does not
 define the treatment of values that are out of range. In this module, a value becomes the nearest code. If two codes are
@@ -20,7 +22,7 @@ def cnvVel2CAN(vel: float) -> int:  # noqa: N802 - the document's name
     """Return the code of a velocity in min^-1, -6553.6 to 6553.4.
 
     Raises:
-        InvalidValue: If the value has no code.
+        InvalidValue: If the value is out of range or not a number.
     """
     return VELOCITY.encode(vel)
 
@@ -38,7 +40,7 @@ def cnvCur2CAN(cur: float) -> int:  # noqa: N802 - the document's name
     """Return the code of a current in %, -327.68 to 327.67.
 
     Raises:
-        InvalidValue: If the value has no code.
+        InvalidValue: If the value is out of range or not a number.
     """
     return CURRENT.encode(cur)
 

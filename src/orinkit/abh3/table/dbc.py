@@ -40,9 +40,9 @@ def dbc(
     """Return a DBC file with every frame of a bus: commands, feedback, broadcasts, requests, multi-packet frames.
 
     Signals have the names of the fields of the records. A flag is a signal of one bit; its name begins with the name of
-    its flag word: ``inputs_ay_servo_on``. A command is the signal ``ay_command`` in min^-1, or ``ay_command_torque`` in
-    % if the input ``ay_torque`` is on. If there are several drivers, the name of a message ends with the address of the
-    driver: ``DP0R_3``.
+    its flag word: ``inputs_ay_servo_on``. The A/Y command is the signal ``ay_command`` in min^-1, or
+    ``ay_command_torque`` in % if the input ``ay_torque`` is on. If there are several drivers, the name of a message
+    ends with the address of the driver: ``DP0R_3``.
 
     Args:
         dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
@@ -78,7 +78,7 @@ def dbc(
 
 
 def _addresses(addresses: Iterable[int], host: int) -> list[int]:
-    """Return the addresses of the drivers.
+    """Check the addresses of the drivers and return them as a list.
 
     Raises:
         InvalidValue: If an address is not valid, occurs twice, or is the host's, or if there is no address.
@@ -133,7 +133,7 @@ def _comment(layout: FrameLayout) -> str:
 
 
 def _data_signals(layout: FrameLayout) -> list[Signal]:
-    """Return the signals of a frame with a layout in the table."""
+    """Return the signals of a frame, according to its layout in the table."""
     signals: list[Signal] = []
     switches = [field.torque_input for field in layout.fields if field.torque_input]
     for field, start in layout.starts:

@@ -43,7 +43,7 @@ class DecodedValue:
         content: A number in physical units, a flag word, or a text.
         unit: Unit of the content; ``""`` if it has none.
         digits: Decimal places of the content; ``None`` for a single-precision float.
-        note: Meaning of the content, in English.
+        note: Meaning of the content, in English; ``None`` if it needs no explanation.
     """
 
     name: str
@@ -140,8 +140,8 @@ class Decoder:
 
     Args:
         dialect: Dialect of the drivers, ``"v1"`` or ``"v2"``.
-        hosts: Addresses of hosts. If later frames show that such a node is a driver, or another node is a host, the
-            frames take precedence.
+        hosts: Addresses that count as hosts until frames show the contrary. Frames may also show that other nodes are
+            hosts.
         group: Group of the drivers' broadcasts. Broadcasts of other groups are returned, but not decoded. ``None`` to
             decode the broadcasts of all groups.
         load_unit: Resolution of the loads in frames, in %: 1 or 0.1.
@@ -205,7 +205,7 @@ class Decoder:
         return None if destination == source else source
 
     def _data(self, frame: CanFrame, parts: FrameId, name: str) -> DecodedFrame:
-        """Decode a frame with a layout in the table."""
+        """Decode a frame according to its layout in the table."""
         destination = _destination(parts)
         if len(frame.data) != _FULL:
             return DecodedFrame(frame, name, parts.sa, destination, fault=_length_fault(frame, _FULL))
@@ -225,7 +225,7 @@ class Decoder:
                 yield DecodedValue(field.name, field.title, content, quantity.unit, digits)
 
     def _quantity(self, field: SignalField, quantity: Quantity, record: Record) -> Quantity:
-        """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
+        """Return the quantity of a field; for a command, a current if the inputs in the frame select torque mode."""
         is_current = (
             field.torque_input
             and int(record.raw_values.get("inputs", 0)) & self.dialect.inputs.masks[field.torque_input]

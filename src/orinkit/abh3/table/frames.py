@@ -67,7 +67,7 @@ class Codec:
 
         Args:
             record: A record of this dialect.
-            name: Name of the frame; by default that of the record's class.
+            name: Name of the frame; by default the name of the frame for which this dialect uses the record's class.
 
         Raises:
             InvalidValue: If a value has no code, or the dialect has no such record.
@@ -108,14 +108,14 @@ class Codec:
         return self._quantity(layout, field, inputs).encode(value)
 
     def _quantity(self, layout: FrameLayout, field: SignalField, inputs: int) -> Quantity:
-        """Return the quantity of a field: a command is a current if the inputs of the frame select torque."""
+        """Return the quantity of a field; for a command, a current if the inputs in the frame select torque mode."""
         assert field.quantity is not None
         if field.torque_input and layout.name == "DP0S" and inputs & self.dialect.inputs.masks[field.torque_input]:
             return CURRENT
         return field.quantity
 
     def _commands(self, codes: tuple[int, ...]) -> list[float]:
-        """Return the commands in the codes of a DP0S, each in the unit that the inputs in the frame select."""
+        """Return the commands of a DP0S frame from its codes, each in the unit that the inputs in the frame select."""
         layout = self.dialect.layouts["DP0S"]
         inputs = codes[2]
         return [
@@ -131,8 +131,8 @@ class _FrameReader(NamedTuple):
         kind: Class of the record.
         unpack: Function that returns the codes in the data.
         reads: Converters from code to value, one per field.
-        steps: For faster decoding, the number of codes per unit of each field. Empty if a field is a flag word, a whole
-            number or a single float.
+        steps: For faster decoding, the number of codes per unit of each field. Empty if any field is a flag word, a
+            whole number or a single-precision float.
     """
 
     kind: Callable[..., Record]

@@ -1,7 +1,7 @@
-"""The 29-bit identifiers of ABH3 frames, as in J1939 (section 2).
+"""The 29-bit identifiers of ABH3 frames, as in J1939 (section 2 of the ABH3 document).
 
-``priority(3) R(1) DP(1) PF(8) PS(8) SA(8)``. If PF is below 240, PS is the destination address. Receivers ignore the
-priority.
+The fields of an identifier, with their numbers of bits, are ``priority(3) R(1) DP(1) PF(8) PS(8) SA(8)``; see
+:class:`FrameId`. If PF is below 240, PS is the destination address. Receivers ignore the priority.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from orinkit.core.i18n import tr
 from orinkit.core.validation import check_whole
 
 SINGLE: Final = 0xEF
-"""PF of single packets."""
+"""PDU format (PF) of single packets."""
 REQUEST: Final = 0xEA
-"""PF of requests."""
+"""PDU format (PF) of requests."""
 BROADCAST: Final = 0xFF
-"""PF of broadcasts, whose PS is group * 8 + number."""
+"""PDU format (PF) of broadcasts. Their field PS is group * 8 + number."""
 CONTROL: Final = 0xEC
-"""PF of the control frames of multi-packet messages."""
+"""PDU format (PF) of the control frames of multi-packet messages."""
 TRANSFER: Final = 0xEB
-"""PF of the data frames of multi-packet messages."""
+"""PDU format (PF) of the data frames of multi-packet messages."""
 EVERYONE: Final = 0xFF
 """The address of all drivers."""
 LAST_ADDRESS: Final = 253

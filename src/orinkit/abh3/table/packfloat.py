@@ -1,8 +1,10 @@
-"""PACK_FLOAT: decimal floating-point numbers in 32 bits, used for a driver's parameters and monitors (ABH3 4.9).
+"""PACK_FLOAT: decimal floating-point numbers in 32 bits, used for a driver's parameters and monitors.
 
 Only multi-packet messages (:mod:`orinkit.abh3.session.telabh3`) contain such numbers; single packets and broadcasts do
-not. A word has three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The field ``exponent`` is
-the number after ``e`` in the text. The field ``point`` is the position of the decimal point. Therefore ``0.001`` and
+not. Section 4.9 of the ABH3 document describes the numbers.
+
+A word has three signed fields, and its value is ``mantissa * 10 ** (point + exponent)``. The field ``exponent`` is the
+number after ``e`` in the text. The field ``point`` is the position of the decimal point. Therefore ``0.001`` and
 ``1e-3`` are different words.
 
 All 32-bit words are valid. A word whose mantissa has more than six digits is not a number: two of these mantissas mean
@@ -46,7 +48,8 @@ class PackFloat(NamedTuple):
 
     Attributes:
         mantissa: kasuu (仮数), 21 bits, -999999 to 999999; other values are infinities and NaN.
-        point: shousuutenn (小数点位置), 4 bits, -8 to 7: minus the number of decimals, or the number of trailing zeros.
+        point: shousuutenn (小数点位置), 4 bits, -8 to 7: if negative, minus the number of decimals; if positive, the
+            number of zeros to append to the mantissa.
         exponent: shisuu (指数), 7 bits, -64 to 63: the number after the ``e``.
     """
 
@@ -58,8 +61,8 @@ class PackFloat(NamedTuple):
 def pack(mantissa: int, point: int, exponent: int) -> int:
     """Return the word for three fields.
 
-    If the point does not fit in its field, it is combined with the exponent. If the exponent is then too small, the
-    result is zero. If the exponent is too large, the result is an infinity.
+    If the point does not fit in its field, it becomes -5, and the exponent is adjusted. If the exponent is too small,
+    the result is zero. If the exponent is too large, the result is an infinity.
 
     Raises:
         InvalidValue: If the mantissa has more than 21 bits.
@@ -143,7 +146,8 @@ def to_text(word: int) -> str:
 def to_float(word: int) -> float:
     """Return the value of a word (``pkflt_to_flt``) in single precision, as the document's function does.
 
-    A value beyond single precision becomes an infinity, or 0 with the sign of the word.
+    A value that is too large for single precision becomes an infinity. A value that is too small becomes 0 with the
+    sign of the word.
 
     Raises:
         InvalidValue: If the word has more than 32 bits or is negative.

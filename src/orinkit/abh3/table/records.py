@@ -15,7 +15,7 @@ from orinkit.abh3.table.signals import Bit, Word
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Flags:
-    """A word of 32 flags: ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
+    """A word of 32 flags, for use in ``"servo_on" in flags``, ``flags["ay_start"]``, ``list(flags)``, ``int(flags)``.
 
     A name without an axis means both axes. Such a name counts as set if the flags of both axes are set.
 
@@ -85,14 +85,15 @@ class Record:
     """The base of all records.
 
     Attributes:
-        codes: The codes as received, in the order of the fields; empty if the record was not decoded from a frame.
+        codes: The numbers in the frame as received, in the order of the fields; empty if the record was not decoded
+            from a frame.
     """
 
     codes: tuple[int | float, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def raw_values(self) -> Raw:
-        """The codes as received, by field name; empty if the record was not decoded from a frame."""
+        """The numbers in the frame as received, by field name; empty if the record was not decoded from a frame."""
         names = (each.name for each in fields(self) if each.name != "codes")
         return dict(zip(names, self.codes, strict=False))
 
@@ -159,7 +160,8 @@ class BR1(Record):
 class BR1V2(Record):
     """The states of a driver with dialect v2.
 
-    ``io`` contains all terminals. ``external`` contains the input terminals with the bit numbers of the inputs.
+    ``io`` contains all terminals. ``external`` contains only the input terminals; their bits have the same numbers as
+    the inputs from the host.
     """
 
     io: Flags

@@ -193,10 +193,10 @@ class SignalField:
     Attributes:
         name: Name for programs, as in the records.
         title: Name for people.
-        code: Format of :mod:`struct`, little endian: ``h H i I f``.
+        code: Format character of :mod:`struct` (little endian): ``h``, ``H``, ``i``, ``I`` or ``f``.
         quantity: Quantity of the field; ``None`` for a flag word.
         word: The flag word of the field; ``None`` for a quantity.
-        torque_input: The input that changes the field to a current in %; ``""`` if there is none.
+        torque_input: The input that changes the field from a velocity to a current in %; ``""`` if there is none.
     """
 
     name: str
@@ -214,7 +214,7 @@ class FrameLayout:
     Attributes:
         name: Name of the type in section 4.10 of the document.
         title: Name for people.
-        section: Section of the document that describes it.
+        section: Section of the document that describes the frame.
         fields: The fields in order.
         dp: Data page in the identifier, 0 or 1.
         broadcast: Number 0 to 7 of a broadcast, otherwise ``None``.
@@ -389,7 +389,7 @@ DIALECTS: Final[Mapping[str, Dialect]] = {dialect.name: dialect for dialect in (
 
 
 def dialect_of(name: object) -> Dialect:
-    """Return a dialect by its name.
+    """Return a dialect by its name; a :class:`Dialect` is returned unchanged.
 
     Raises:
         InvalidValue: If there is no dialect of that name.

@@ -13,7 +13,7 @@ ABORT: Final = 0xFF
 BAM: Final = 0x20
 """An announcement to all nodes; no driver sends it."""
 KINDS: Final = {RTS: "RTS", CTS: "CTS", END: "EndOfMsgACK", BAM: "BAM", ABORT: "Abort"}
-"""The defined control bytes."""
+"""The names of the defined control bytes."""
 BUSY: Final = 1
 RESOURCES: Final = 2
 LATE: Final = 3
@@ -30,9 +30,9 @@ REASONS: Final[dict[int, str]] = {
     8: N_("duplicate packet"),
     9: N_("message too long"),
 }
-"""The reasons for an abort."""
+"""The reasons for an abort, in English, by number."""
 PGN_AT: Final = 5
-"""Offset of the PGN in bytes. The PGN occupies the last three bytes."""
+"""Offset in bytes of the PGN in a control frame. The PGN occupies the last three bytes of the frame."""
 
 
 class ControlField(NamedTuple):
