@@ -225,7 +225,7 @@ class _Dissector:
         self._end(end, stop)
 
     def _stop(self) -> int:
-        """Return the end of the packet according to its length field; the end of all bytes if no EOT is there."""
+        """Return the end of the packet from its length field, or the end of all bytes if no EOT is at that end."""
         (length,) = packet.LENGTH.unpack_from(self.frame, 1)
         fits = packet.OVERHEAD <= length <= len(self.frame) and self.frame[length - 1] == packet.EOT
         return length if fits else len(self.frame)

@@ -149,7 +149,7 @@ class ReconnectingBus:
         return bus
 
     def _record_success(self, received: bool) -> None:
-        """Record a call of the bus without an error; log it if it shows that a reopened bus works."""
+        """Record a call of the bus without an error. If the bus was lost, log that it works again."""
         if self._back_at is not None and (received or monotonic() - self._back_at >= _PROVEN):
             _log.info("the CAN bus %s is back", self.url)
             self._is_lost, self._back_at, self._delay = False, None, _FIRST_DELAY

@@ -151,7 +151,7 @@ class SharedCanBus(SharedBusBase):
                 self._wake_next_reader()
 
     def _wait(self, port: CanReceiver, seconds: float) -> None:
-        """Wait until ``port`` has a frame, no thread reads the bus, or a time-out. The caller must hold the lock."""
+        """Wait for a frame for ``port``, or until no thread reads, or a time-out. The caller must hold the lock."""
         self._waiting.append(port)
         try:
             if self._reader is not None:  # after append(): a thread that stops reading checks _waiting without the lock

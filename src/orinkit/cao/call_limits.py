@@ -85,7 +85,7 @@ class CallTimer:
             )
 
     def timeout_error(self, tries: int = 1) -> CallTimeout | None:
-        """Return the exception for a call that has reached its limit; ``None`` if the last wait ended otherwise.
+        """Return the exception for a call whose limit has ended the last wait; ``None`` if the limit has not ended it.
 
         Args:
             tries: number of attempts made.

@@ -424,7 +424,7 @@ class ControllerObject(OwnerObject):
         return []
 
     def get_message(self) -> Result[MessageObject]:
-        """Fetch the oldest waiting message; return E_CAO_OBJECT_NOTFOUND if there is no message."""
+        """Fetch the oldest waiting message; raise E_CAO_OBJECT_NOTFOUND if there is no message."""
         raise not_found("Message")
 
 

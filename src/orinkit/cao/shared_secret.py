@@ -1,6 +1,6 @@
 """Secrets of clients: their validation, the delay of replies to wrong secrets, and the logging of wrong secrets.
 
-The functions receive the current time as an argument.
+The caller supplies the current time.
 """
 
 from __future__ import annotations

@@ -104,7 +104,8 @@ def listen_addresses_class(first_help: str | None = None) -> type[ListenAddresse
     """Return a subclass of :class:`ListenAddresses` with a field for each transport.
 
     Args:
-        first_help: Help text for the option of the default address, instead of the usual text and the default.
+        first_help: Help text for the option of the default address, instead of the usual text and the default;
+            ``None`` for these.
     """
     fields: list[Any] = []
     for transport in TRANSPORTS:

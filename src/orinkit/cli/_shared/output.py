@@ -18,10 +18,10 @@ _FLAGS: Final = {False: "false", True: "true"}
 
 
 def text(value: Variant) -> str:
-    """Return a value for people: a string unchanged, an array of strings with one string per line, any other value in
-    VARIANT notation without its type.
+    """Return a value as text for people.
 
-    ``orinkit put`` accepts the text of a single value.
+    A string is unchanged. An array of strings has one string per line. Any other value is in VARIANT notation without
+    its type. ``orinkit put`` accepts the text of a single value.
     """
     vt, content = value.type, value.value
     if vt == VarType.BSTR:

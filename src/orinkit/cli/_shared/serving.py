@@ -136,7 +136,7 @@ def check_control(url: str) -> None:
 
 
 def begin_log(listening: ServerOptions) -> None:
-    """Send the log to stderr. :func:`run` also does this, so only commands that log before they call it need this."""
+    """Send the log to stderr; :func:`run` calls this function, which other code needs only to log earlier."""
     if not listening.verbose:  # httpx2 logs every request of a gateway
         logging.getLogger("httpx2").setLevel(logging.WARNING)
     logs.to_stderr(logging.DEBUG if listening.verbose else logging.INFO)

@@ -56,7 +56,7 @@ class StreamTrace:
         return "mm" if name in ("X", "Y", "Z") else ""
 
     def deviations(self, index: int) -> list[float]:
-        """Return actual minus command of a value for each time; differences of RX, RY and RZ are within 180 deg."""
+        """Return actual minus command of a value for each time; for RX, RY and RZ from -180 to 180 deg."""
         off = [actual[index] - command[index] for command, actual in zip(self.command, self.actual, strict=True)]
         if self.names[index] in _ROTATIONS:
             return [(value + _TURN / 2) % _TURN - _TURN / 2 for value in off]

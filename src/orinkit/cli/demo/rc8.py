@@ -47,7 +47,7 @@ def demo(
             "in the same directory.")),
     ] = None,
 ) -> None:  # fmt: skip
-    """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the RC8 document with them.
+    """Serve virtual RC8s on free loopback ports and run Lists 3-1, 3-2, 3-3 and 4-1 of the RC8 document against them.
 
     With ``ve026a``, serve a virtual VE026A at a pseudo-terminal and run the procedure of section 6.2 of the VE026A
     document. Every reply is compared with the document; the exit code is 1 if a reply differs.
