@@ -1,8 +1,8 @@
 """Accepts connections; if file descriptors run out, logs one line and resumes as soon as descriptors are available.
 
-In each turn, asyncio's selector loop calls ``accept`` up to ``backlog`` times. If descriptors run out, the loop
-continues after each error and logs a traceback for each: up to 512 per second. Therefore asyncio gets a backlog of one,
-and only the kernel gets the actual backlog.
+In each of its turns, asyncio's selector loop calls ``accept`` up to ``backlog`` times. If descriptors run out, the loop
+continues after each error and logs a traceback for each error: with a backlog of 512, up to 512 per second. Therefore
+asyncio is passed a backlog of one, and only the kernel is passed the actual backlog.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class AsyncServer:
             All addresses of this machine count as one address. All addresses of a /64 network of IPv6 also count as
             one.
         objects: maximum number of objects of one client.
-        limits: limits on packets.
+        limits: limits on the size of received packets and on the values in them.
         invoke_timeout: default limit on the duration of a call, s; a client can set another one.
         dead_after: time in s after which a TCP connection counts as lost if the client's machine does not reply (cable
             unplugged, machine switched off): 2 to 7,200.
@@ -53,7 +53,7 @@ class AsyncServer:
             time, the client is disconnected.
         http: access control for HTTP, and the server's certificate for https.
 
-    Use it with ``async with``, or call :meth:`start` and :meth:`close`.
+    Use the server with ``async with``, or call :meth:`start` and :meth:`close`.
 
     Attributes:
         urls: every address of the server, with its actual port or path.

@@ -28,9 +28,9 @@ def result_of(work: Any) -> Awaitable[Any]:
 async def in_thread(function: Callable[[], Any]) -> Any:
     """Run a function in its own thread; return its result, or raise its exception.
 
-    This function does not use asyncio's executor, for two reasons. If the function never returns, a daemon thread does
-    not prevent the program from exiting, but a thread of the executor does. The function may raise StopIteration, which
-    a future cannot hold.
+    The thread is not one of asyncio's executor, for two reasons. First, if ``function`` never returns, a daemon thread
+    does not prevent the program from exiting, but a thread of the executor does. Second, ``function`` may raise
+    StopIteration, which the future that the executor returns cannot hold.
     """
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 DEFAULT_CLIENTS: Final = 344
-"""Maximum number of clients. Three quarters of them, 258, may have one address: one machine can run 256 clients."""
+"""Maximum number of clients. Three quarters of it, 258, may have the same address, so that one machine can run 256."""
 
 
 def default_per_address(clients: int) -> int:
@@ -17,7 +17,7 @@ def default_per_address(clients: int) -> int:
 
 
 PARTIAL: Final = 64 * 1024 * 1024
-"""Limit on the bytes of incomplete requests of all clients of a server."""
+"""Limit on the total number of bytes in the incomplete requests of all clients of a server."""
 ALWAYS: Final = 64 * 1024
 """Number of bytes of one incomplete request that are always accepted, even if :data:`PARTIAL` is exceeded."""
 
@@ -29,7 +29,7 @@ class IncompleteRequests:
         self.bytes = 0
 
     def change(self, before: int, now: int) -> bool:
-        """Change the count of one request from ``before`` to ``now`` bytes; return False if it must be refused.
+        """Change the count of one request from ``before`` to ``now`` bytes; return False if the request is refused.
 
         A request is refused if it grows beyond :data:`ALWAYS` bytes while all requests together exceed :data:`PARTIAL`.
         """

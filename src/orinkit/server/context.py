@@ -52,13 +52,13 @@ class Client(Closable, Protocol):
 
     @property
     def network(self) -> str:
-        """The network of the client's address (:func:`~orinkit.transport.address.network_of`), for ``per_address``."""
+        """The network (:func:`~orinkit.transport.address.network_of`) for which ``per_address`` counts the client."""
 
     def idle_since(self) -> float | None:
-        """Return the loop time of the last request; ``None`` if the client holds objects or has a call in progress."""
+        """Return the loop time since which the client is idle; ``None`` if it has objects or a call in progress."""
 
     def evict(self) -> None:
-        """Disconnect immediately, to make room for another client; called only if this client is idle."""
+        """Disconnect immediately, to make room for another client; called only if :meth:`idle_since` returns a time."""
 
 
 class ServerContext:
@@ -82,8 +82,9 @@ class ServerContext:
         turned_away: connections in ``all`` that are refused because a limit is reached; they stay open until they have
             received the reply.
         partial: counts the bytes of incomplete requests.
-        guesses: failed token attempts over HTTP, by address.
-        held: number of requests with a wrong token whose response is being delayed, by address.
+        guesses: failed token attempts over HTTP, by address of the client.
+        held: by address of the client, the number of its requests with a wrong token to which the response is being
+            delayed.
         opening: number of connections that have been accepted but are not yet in ``all``.
         closing: True if the server is closing and accepts no connections.
         empty: event that is set when ``all`` becomes empty.
@@ -131,7 +132,7 @@ class ServerContext:
     def refusal_level(self, now: float, kind: str = "") -> int:
         """Return the log level for a refused client: WARNING once in 10 s, otherwise DEBUG.
 
-        Otherwise many refused clients would cause as many warnings.
+        If the level were always WARNING, many refused clients would cause as many warnings.
 
         Args:
             now: time of the event loop, s.
@@ -143,10 +144,13 @@ class ServerContext:
         return logging.WARNING
 
     def make_room(self, network: str) -> str:
-        """Disconnect an idle client if a new client requires it.
+        """Disconnect an idle client if a limit on clients leaves no room for a new client.
 
         The client that has been idle longest is disconnected. If the limit of the new client's address is reached, only
         clients of that address are considered, so that one address cannot displace the clients of other addresses.
+
+        Args:
+            network: :attr:`Client.network` of the new client.
 
         Returns:
             The reason why the new client cannot be accepted; ``""`` if it can.
@@ -161,19 +165,19 @@ class ServerContext:
         return ""
 
     def discard(self, client: Closable) -> None:
-        """Remove a closed client from ``all``."""
+        """Remove an object that has been closed from ``all`` and from ``turned_away``."""
         self.all.discard(client)
         self.turned_away.discard(client)
         if not self.all:
             self.empty.set()
 
     async def close(self, seconds: float) -> None:
-        """Close all connections and wait for the running calls; abort those that have not finished in time.
+        """Close all connections, then wait for the running calls; abort connections and calls that do not end in time.
 
         The listeners must be closed first.
 
         Args:
-            seconds: time limit for each of the steps, s.
+            seconds: time limit, s; it applies separately to closing connections, aborting connections, and the calls.
         """
         for _ in range(_TURNS):
             if not self.opening:

@@ -1,9 +1,10 @@
 """Liveness of clients whose motions run: the motions of a silent client are stopped.
 
-There are two limits. The server's limit applies to connectionless clients, because the server cannot detect that they
-have disconnected. If a client has no call in progress, its arm moves, and nothing is received for this time, the client
-is disconnected. The client's own limit (``Alive=<ms>``) applies on every transport, also during a call. If nothing is
-received for this time, the motions are stopped; if the client remains silent, it is disconnected.
+There are two limits on the time for which a client may be silent. The server's limit applies to connectionless clients,
+because the server cannot detect that they have disconnected. If such a client exceeds this limit while its arm moves
+and no call is in progress, the client is disconnected. The client's own limit (``Alive=<ms>``) applies on every
+transport, also during a call. If a client exceeds its own limit, its motions are stopped; if it remains silent, it is
+disconnected.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from orinkit.cao.session import Session
 logger = logging.getLogger("orinkit.server")
 
 GONE: Final = 10.0
-"""Seconds of silence after which a client with ``Alive`` is disconnected."""
+"""Seconds of silence after which a client with ``Alive`` is disconnected, unless its ``Alive`` is longer."""
 
 
 class MonitoredClient(Protocol):

@@ -1,8 +1,9 @@
 """Rate limit of log messages per client: ten messages of a kind, then one every ten seconds, and a count of the rest.
 
 :func:`install` adds one :class:`LogLimiter` to the loggers whose messages clients can cause. The limiter acts before
-the handlers of the program. Servers set :data:`CLIENT` to the client whose request they process. A kind of message is
-the combination of the logger, the level, the format string (``"%s: %s"``), and ``kind`` if ``extra`` contains it.
+the log handlers of the program. Servers set :data:`CLIENT` to the client whose request they process. A kind of message
+is the combination of the logger, the level, the format string (``"%s: %s"``), and the element ``kind`` that the logging
+call may pass in ``extra``.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ class LogLimiter(logging.Filter):
 
     Args:
         clock: callback that returns the time in s.
-        later: callback that schedules a function to be called after a number of seconds, and returns a timer.
+        later: callback that schedules a function to be called after a number of seconds, and returns a timer. By
+            default, the function is called in a thread.
     """
 
     def __init__(
@@ -102,7 +104,7 @@ class LogLimiter(logging.Filter):
         return count
 
     def _discard_quiet(self, now: float) -> bool:
-        """Discard the least recently used count; return False if that count is still required."""
+        """Discard the least recently used count and return True; if that count is still required, return False."""
         key, count = next(iter(self._counts.items()))
         quiet = not count.suppressed and count.left + (now - count.at) / INTERVAL >= BURST
         if quiet:

@@ -118,7 +118,7 @@ class Peer(ABC):
         return None if session is None or len(session) or self._task is not None else self._heard
 
     def evict(self) -> None:
-        """Disconnect this client to make room for another one; called only if this client is idle."""
+        """Disconnect this client to make room for another one; called only if :meth:`idle_since` returns a time."""
         self._end_session("idle; disconnected to make room for another client")
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
@@ -142,12 +142,12 @@ class Peer(ABC):
 
     @property
     def requested_silence_limit(self) -> float | None:
-        """The client's own limit on silence (``Alive``), s."""
+        """The client's own limit on silence (``Alive``), s; ``None`` if the client has not set it."""
         return self._conversation.max_silence
 
     @property
     def session(self) -> Session | None:
-        """The client's objects."""
+        """The client's objects; ``None`` if the peer is not a client."""
         return self._session
 
     def give_up(self, reason: str) -> None:
@@ -299,7 +299,10 @@ class Peer(ABC):
             self._answer(call, reply)
 
     def _serves(self, session: Session) -> bool:
-        """Return True if the session is still the current one; another client may have taken its place."""
+        """Return True if the replies to a session's calls can still be sent.
+
+        They cannot be sent if the client has disconnected meanwhile, even if another client now uses the connection.
+        """
         return self._session is session and not self._is_closing()
 
     def _answer(self, call: Execute, reply: CallReply) -> None:

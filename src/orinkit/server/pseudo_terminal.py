@@ -18,11 +18,11 @@ _HIGH: Final = 65536
 class PseudoTerminal(asyncio.WriteTransport):
     """The server's end of a pair of pseudo-terminals; clients open the other end by its path.
 
-    The server keeps the other end open too, so that the line stays usable after a client has closed it.
+    The server itself keeps the other end open too, so that the line stays usable after a client has closed that end.
 
     Args:
         loop: the event loop.
-        protocol: factory of the protocol; its argument is the path.
+        protocol: factory of the protocol, which is called with the path.
 
     Attributes:
         path: path of the other end, such as ``/dev/pts/3``.
@@ -130,7 +130,7 @@ class PseudoTerminal(asyncio.WriteTransport):
                     self._protocol.resume_writing()
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - resumes when the buffer is empty
-        """Set the number of unsent bytes above which the protocol is paused."""
+        """Set ``high``, the number of unsent bytes above which the protocol is paused; ``low`` has no effect."""
         self._high = _HIGH if high is None else high
 
     def get_write_buffer_size(self) -> int:

@@ -35,7 +35,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         context: the state shared by all clients of the server.
         loop: the event loop of the line.
         path: path of the line, for the provider and the log.
-        lost: callback invoked when the line has failed or has been closed.
+        lost: callback invoked with the error when the line has failed, or with ``None`` when the line has been closed.
     """
 
     def __init__(

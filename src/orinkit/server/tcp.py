@@ -20,7 +20,7 @@ from orinkit.transport.tcp_keepalive import prepare
 logger = logging.getLogger("orinkit.server")
 
 PATIENCE: Final = 10.0
-"""Time in s in which a client must make its first call, send each packet, and read its last replies."""
+"""Time in s that a client has for its first call, for sending each packet, and for reading its last replies."""
 PROGRESS: Final = 64 * 1024
 """If a client sends this many bytes of a packet within :data:`PATIENCE`, the time starts again.
 
@@ -35,7 +35,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     """A client on TCP, or on another byte stream.
 
     This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
-    received data. This would take longer than the rest of a call.
+    received data. The allocation would take longer than the rest of a call.
     """
 
     def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile = STREAM) -> None:
@@ -178,7 +178,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self.close()
 
     def evict(self) -> None:
-        """Disconnect this client to make room for another one; called only if this client is idle."""
+        """Disconnect this client to make room for another one; called only if :meth:`idle_since` returns a time."""
         super().evict()
         self._transport.abort()
 

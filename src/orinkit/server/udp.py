@@ -35,7 +35,7 @@ class UdpClient(ConnectionlessClient):
 
     The client's session begins with its first call. It ends with Service_Stop, or if nothing is received for
     :data:`IDLE_TIMEOUT` while no call is in progress. The reply to the last request is stored for :data:`IDLE_TIMEOUT`,
-    in case it was lost.
+    because the client repeats the request if the reply is lost.
     """
 
     def __init__(self, udp_socket: UdpSocket, socket_address: _SocketAddress) -> None:
@@ -216,7 +216,7 @@ def _bound(family: int, socket_address: _SocketAddress) -> socket.socket:
 
 
 class UdpListener:
-    """Accepts UDP clients at one address: with one socket for IPv4 and another for IPv6 if the host has both.
+    """Accepts UDP clients at one address: with one socket for IPv4 and one for IPv6 if the host has addresses of both.
 
     Attributes:
         url: the address, with the actual port.

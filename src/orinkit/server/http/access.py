@@ -39,7 +39,7 @@ class AccessCheck:
         self._known_types: set[bytes] = {_FORM}
 
     def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
-        """Return the response that refuses the request, or ``None`` if it is a permitted call."""
+        """Return the response that refuses a request, or ``None`` if the request is permitted."""
         host = headers.get(b"host", b"")
         if host not in self._known_hosts and not self._is_ours(host):
             return _wrong_host(host)
@@ -61,8 +61,8 @@ class AccessCheck:
     def _is_ours(self, given: bytes) -> bool:
         """Return True if a Host header names this server.
 
-        Addresses are always accepted. Unknown names are refused, because the owner of a web page can make the name of
-        the page resolve to this server.
+        Addresses are always accepted. Unknown names are refused, because the owner of a web site can make the host name
+        of the site resolve to this server.
         """
         host, _ = _host_and_port(given.decode("latin-1").lower(), "")
         name = host.removesuffix(".")
@@ -129,7 +129,7 @@ def closed() -> PlainTextResponse:
 
 
 def too_many_guesses() -> PlainTextResponse:
-    """Return the response if a token is not checked, because the client's address has sent too many wrong tokens."""
+    """Return the response to a request whose token is not checked, after too many wrong tokens from its address."""
     text = tr("too many wrong tokens from this address. Try: repeat the request after 1 s")
     return plain(429, text, {**_CLOSE, "Retry-After": "1"})
 
@@ -183,7 +183,10 @@ def _remember(known: set[bytes], given: bytes) -> None:
 
 
 def _host_and_port(netloc: str, default: str) -> tuple[str, str]:
-    """Return host and port of ``[::1]:8080`` or ``name:8080``; an IPv6 address keeps its brackets."""
+    """Return host and port of ``[::1]:8080`` or ``name:8080``; the port is ``default`` if the text contains none.
+
+    An IPv6 address keeps its brackets.
+    """
     host, bracket, rest = netloc.rpartition("]")
     name, colon, port = (rest if bracket else netloc).partition(":")
     if bracket and name:  # there are characters between the bracket and the port

@@ -156,7 +156,12 @@ class App:
                 del context.held[network]
 
     async def _serve(self, exchange: Exchange) -> PlainTextResponse | None:
-        """Process a permitted request; return a response if the request is refused because of its length."""
+        """Process a permitted request and send the reply.
+
+        Returns:
+            The response to send instead of the reply if the body of the request is too long, or exceeds the limit on
+            the bytes of incomplete requests; otherwise ``None``.
+        """
         key = self._key(exchange.headers.get(b"cookie", b""))
         session = self._sessions.by_key(key) if key else None
         if session is not None:
@@ -201,7 +206,12 @@ class App:
         return ""
 
     def _find(self, exchange: Exchange, function_id: int, *, keeps_cookies: bool) -> HttpSession | None:
-        """Return the session of a request without a valid cookie, or create one.
+        """Return the session of a request without a valid cookie; create it if necessary.
+
+        Args:
+            exchange: the request.
+            function_id: id of the function that the request calls.
+            keeps_cookies: True if the request contains a cookie, which however identifies no open session.
 
         Returns:
             The session; ``None`` if a limit is reached, or for a Service_Stop without a session.
@@ -414,7 +424,7 @@ class Exchange:
         await refusal(self.scope, self._receive, self._send)
 
     async def send_keep_alives(self, reply: asyncio.Future[CallReply | None]) -> None:
-        """Send line feeds until the reply is available."""
+        """Send a line feed after each ``interval`` until the reply is available."""
         while True:
             await asyncio.wait((reply,), timeout=self.interval / 1000)
             if reply.done():
@@ -471,7 +481,7 @@ def _too_many(clients: int) -> str:
 
 
 def _call_immediately(session: Session, request: EcapRequest) -> CallReply:
-    """Call a function of the session itself, which always returns immediately."""
+    """Call Service_Start or Service_Stop, which the session itself executes immediately."""
     outcome = session.invoke(request.function.id, request.arguments)
     assert isinstance(outcome, CallReply)
     return outcome

@@ -9,7 +9,7 @@ from typing import Final
 from uvicorn.protocols.http.flow_control import FlowControl
 
 HELD: Final = 64 * 1024
-"""Maximum number of bytes received after a request in progress; then reading pauses until the response is sent."""
+"""Number of bytes received after a request in progress at which reading pauses until the response has been sent."""
 
 
 class BoundedFlowControl(FlowControl):
@@ -17,7 +17,7 @@ class BoundedFlowControl(FlowControl):
 
     The buffer contains the data that was received after the request in progress.
 
-    uvicorn's own flow control resumes reading with each request and response.
+    uvicorn's own flow control resumes reading with each request and each response, even if the buffer is full.
 
     Args:
         transport: transport of the connection.
@@ -41,6 +41,6 @@ class BoundedFlowControl(FlowControl):
             super().resume_reading()
 
     def resume_if_possible(self) -> None:
-        """Resume reading if :meth:`resume_reading` has not done so and the buffer has room now."""
+        """Resume reading if the last :meth:`resume_reading` found the buffer full and the buffer has room now."""
         if self._refused:
             self.resume_reading()

@@ -35,7 +35,7 @@ logger = logging.getLogger("orinkit.server")
 LONGEST_HEADER: Final = 32 * 1024
 """Limit on the request line and the headers, bytes."""
 KEPT_ALIVE: Final = 75.0
-"""Seconds after which a connection without a request is closed."""
+"""Seconds after a response after which a connection without another request is closed."""
 
 _LONG_HEADER: Final = 431
 _PIECE: Final = 64 * 1024  # bytes parsed at a time; uvloop reads up to 256 KiB
@@ -61,7 +61,7 @@ class Stage(Enum):
 
 
 class LimitedConnection(Protocol):
-    """A connection that the limiter counts."""
+    """A connection that a :class:`ConnectionLimiter` counts."""
 
     @property
     def network(self) -> str:
@@ -125,7 +125,7 @@ class ConnectionLimiter:
         return True
 
     def mark_replied(self, connection: LimitedConnection) -> None:
-        """Record that a connection has completed a request."""
+        """Record that a response has been sent on a connection."""
         if connection in self._unproven or connection in self._proven:
             self.discard(connection)
             self._proven[connection] = None
@@ -285,9 +285,9 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._update_stage()
 
     def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn always closes
-        """Handle the end of the client's data.
+        """Handle the end of the client's data; return True if the connection is not to be closed yet.
 
-        Without TLS, a short call in progress is completed before the connection is closed.
+        Without TLS, the connection stays open until a call in progress has completed, unless it is a long-running call.
         """
         self._half_closed = self._early is None and self.scheme == "http" and self._whole and self._on_closed is None
         return self._half_closed
@@ -341,7 +341,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._update_stage()
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse data that is not HTTP."""
+        """Refuse data that is not HTTP, or a request whose header is too long."""
         error = sys.exception()  # the exception that uvicorn has caught; its status is not passed to this method
         too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
         level = self._context.refusal_level(self.loop.time())
@@ -427,7 +427,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         return (self.transport.get_extra_info("socket").fileno(),)
 
     def close(self) -> None:
-        """Close the connection after the request in progress has completed: the server is closing."""
+        """Close the connection after the request in progress has completed; called when the server is closing."""
         if self._stage is Stage.WORK:
             self.cycle.keep_alive = False
         elif self._stage is Stage.BODY:

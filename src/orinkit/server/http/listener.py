@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger("orinkit.server")
 
 LEAST_TOKEN: Final = 16
-"""A token with fewer characters causes a warning."""
+"""Number of characters below which a token causes a warning."""
 
 
 class HttpListener(StreamListener):

@@ -96,8 +96,8 @@ class HttpSession:
         known: True if the client has sent the cookie.
         plain: True if the session has been used without a cookie.
         ended: True if the session has ended.
-        address_session: the session of the client's address, if the client of that session may have sent the
-            Service_Start that created this session.
+        address_session: the session of the client's address, to which the options of Service_Start also apply, because
+            a client without cookies may have sent the Service_Start that created this session; otherwise ``None``.
         requested_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set
             it.
         last_request_at: loop time of the last request, s.
@@ -137,6 +137,7 @@ class HttpSession:
 
         Args:
             connection: the connection of the request; the caller calls :meth:`disconnected` when the connection ends.
+                ``None`` if no connection is to be recorded.
         """
         self._waiting += 1
         self._broken = False
@@ -146,10 +147,10 @@ class HttpSession:
         self._liveness.start()
 
     def disconnected(self, connection: Hashable) -> None:
-        """Handle a closed connection; end the session soon if it was the last persistent one and the arm moves.
+        """Handle the end of a connection; end the session soon if no persistent connection is left and the arm moves.
 
-        The session does not end immediately, because a client that cancels a call closes the connection and makes its
-        next call over a new one.
+        A connection is persistent from the second request on. The session does not end immediately, because a client
+        that cancels a call closes the connection and makes its next call over a new one.
         """
         kept = self._connections.pop(connection, False)
         if kept and not self.ended and not self._has_persistent:
@@ -177,11 +178,14 @@ class HttpSession:
 
     @property
     def default_silence_limit(self) -> float | None:
-        """The server's limit on silence while motions run, s; ``None`` while the client has a persistent connection."""
+        """The server's limit on silence while motions run, s.
+
+        ``None`` while a client with a cookie has a persistent connection, whose end the server detects.
+        """
         return None if self._has_persistent and not self.plain else self._context.alive
 
     def give_up(self, reason: str) -> None:
-        """End the session: the client has become unreachable."""
+        """End the session, because the client has become unreachable."""
         logger.warning("%s: %s", self._name, reason)
         self.end(reason)
 
@@ -395,7 +399,7 @@ class HttpSessions:
         return made
 
     def without_cookie(self, address: str, port: int) -> HttpSession | None:
-        """Return the session for any other request without a cookie; ``None`` if the limit is reached."""
+        """Return the session for a request without a cookie, except Service_Start; ``None`` if the limit is reached."""
         current = self._by_address.get(address)
         if current is None:
             current = self.create(address, port)
