@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Token
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
-"""A tenth of the largest speed: the limit of manual operation."""
+"""A tenth of the largest velocity, acceleration and deceleration: the limits of manual operation."""
 
 
 class Pendant:
@@ -65,7 +65,7 @@ class Pendant:
                 self._state.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
 
     def motor(self, on: bool = True) -> None:
-        """Switch the motor on or off, which takes about a second.
+        """Begin to switch the motor on, which takes about 1 s, or off, which takes about 0.3 s.
 
         Raises:
             CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF,
@@ -80,7 +80,7 @@ class Pendant:
             self._state.arm.switch_motor(on)
 
     def jog(self, axis: int, distance: float) -> Ticket:
-        """Move one axis at a tenth of its speed, in manual or teach-check mode while the enable switch is held.
+        """Move one axis at a tenth of its largest velocity, in manual or teach-check mode with the enable switch held.
 
         Args:
             axis: Number of the axis, from 1.
@@ -91,8 +91,8 @@ class Pendant:
 
         Raises:
             CallError: REFUSED_IN_AUTO_MODE; EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT; E_ACCESSDENIED if the
-                enable switch is not held; MOTOR_NOT_ON; ROBOT_PAUSED; ROBOT_MOVING; the error of the axis if the target
-                is outside its soft limits.
+                enable switch is not held; MOTOR_NOT_ON; ROBOT_PAUSED; ROBOT_MOVING; MANUAL_SOFT_LIMIT_AXISn if the
+                target is outside the soft limits of axis n.
             ValueError: If the axis does not exist.
         """
         with self._state.cycles:
@@ -141,6 +141,9 @@ class Pendant:
     def slave_limit(self, number: int) -> None:
         """Set the parameter "153: b-CAP Slave speed setting" (RC8 4.8): the limit of commands in slave mode.
 
+        The command limit is the limit of the arm model. The servo limit is
+        :data:`~orinkit.virtual.engine.set_point_buffer.SERVO_LIMIT` times as large.
+
         Args:
             number: 0 servo limit, 1 servo limit x external speed, 2 command limit, 3 command limit x external speed.
 
@@ -163,7 +166,7 @@ class Pendant:
         """Raise an error in the controller, given by its code or its name (:mod:`orinkit.core.hresult`).
 
         Raises:
-            ValueError: If the name does not exist.
+            ValueError: If the name does not exist, or if the code has more than 32 bits.
         """
         self._state.raise_error(hresult.by_name(code).value if isinstance(code, str) else code, message)
 

@@ -1,6 +1,6 @@
 """Communication permission: which clients may read, and which may also write (RC8 2.1).
 
-On an RC8, the communication permission is set for each device on the pendant. Here it is set for each address or
+On an RC8, the communication permission is set on the pendant, for each device. Here it is set for each address or
 network of clients. The most specific entry that contains the address of the client applies, for every transport. A
 client without an IP address (on a serial line, or in the same process) has the default rights.
 """
@@ -68,7 +68,7 @@ class Permission:
         return cls(rights.pop(_EVERYONE, "rw"), rights)
 
     def of(self, address: str) -> AccessRight:
-        """Return the rights of a client at this address."""
+        """Return the rights of a client at this address; the default if it is not listed or is not an IP address."""
         try:
             host = ipaddress.ip_address(address)
         except ValueError:

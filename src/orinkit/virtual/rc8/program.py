@@ -43,7 +43,8 @@ class TaskHost:
         arm, moves: The arm, and the planner of its motions.
         variables: Global variables and I/O.
         seconds: Callback that returns the controller's time, s.
-        show: Callback invoked with each printed text: task, type, text.
+        show: Callback invoked for each printed text; its arguments are the name of the task, ``"msg"`` (PrintMsg) or
+            ``"dbg"`` (PrintDbg), and the text.
     """
 
     def __init__(
@@ -75,7 +76,10 @@ class TaskHost:
         self._paused = self._holding = False
 
     def leave(self, *, halt: bool) -> None:
-        """Release the arm; with ``halt``, stop its motion, otherwise let the motion continue to its end."""
+        """If this program holds the arm, release the arm.
+
+        With ``halt``, also stop the arm; otherwise the arm completes its motion.
+        """
         self._paused = self._holding = False
         if self._arm.holder is self._operator:
             if halt:
@@ -95,11 +99,17 @@ class TaskHost:
         self._global(lambda: self._variables.write(CLASSES[kind], index, given))
 
     def read_io(self, kind: PointKind, point: int) -> int:
-        """Return the state of an I/O point, or the number in the 8, 16 or 32 points from this point on."""
+        """Return the state of an I/O point, or the states of a group of points as the bits of a number.
+
+        The lowest bit is ``point``, the first point of the group.
+        """
         return int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
-        """Set an I/O point, or set the 8, 16 or 32 points from this point on to the lowest bits of a number."""
+        """Set an I/O point to 0 or 1, or set a group of points to the bits of a number.
+
+        The lowest bit is ``point``, the first point of the group.
+        """
         bits = CLASSES[kind].bits
         lowest = value & (1 << bits) - 1
         if kind in ("IOW", "IOD") and lowest >> bits - 1:
@@ -111,7 +121,7 @@ class TaskHost:
         return self._seconds()
 
     def show(self, kind: Literal["msg", "dbg"], text: str, title: str = "") -> None:
-        """Pass a printed text to the controller's log and clients."""
+        """Add a printed text to the operation log; if it is a message (PrintMsg), also send it to the clients."""
         self._show(str(self._operator), kind, f"{title}: {text}" if title else text)
 
     # --- the robot ----------------------------------------------------------------------------------------------
@@ -132,7 +142,7 @@ class TaskHost:
         return _until(self._arm.switch_motor(on))
 
     def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
-        """Move to targets."""
+        """Move to one or more poses, or along a stored path."""
         if interpolation == CURVE and len(targets) == 1 and not targets[0].kind:
             return self._curve(targets[0], options)
         return self._motion("Move", options, lambda: self._moves.move(interpolation, targets, options))
@@ -140,7 +150,7 @@ class TaskHost:
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move to the pose at a distance from a target, in the -Z direction of the target's tool."""
+        """Move to the pose that is a distance away from a target, in the -Z direction of the tool at the target."""
         return self._motion(
             "Approach", options, lambda: self._moves.approach(interpolation, target, distance, mark, options)
         )
@@ -152,12 +162,15 @@ class TaskHost:
     def drive(
         self, pairs: tuple[tuple[int, float], ...], absolute: bool, mark: PassMark | None, options: MotionOptions
     ) -> Wait:
-        """Move single axes."""
+        """Move axes by distances, or with ``absolute`` to positions."""
         name = "DriveAEx" if absolute else "DriveEx"
         return self._motion(name, options, lambda: self._moves.drive(pairs, absolute, mark, options))
 
     def rotate(self, plane: Plane, angle: float, pivot: Target | None, options: MotionOptions) -> Wait:
-        """Rotate about the normal of a plane of the work frame or of the tool frame."""
+        """Rotate about the axis that passes through the pivot and is perpendicular to a plane.
+
+        If ``pivot`` is ``None``, the axis passes through the tool's origin.
+        """
 
         def begin() -> list[Ticket]:
             tcp = self._arm.space.tcp(self._arm.queue.end_joints)
@@ -172,12 +185,12 @@ class TaskHost:
         self._arm.speeds.set_internal(percent)
 
     def accel(self, accel: float | None, decel: float | None) -> None:
-        """Set internal acceleration and deceleration."""
+        """Set internal acceleration and deceleration; ``None`` leaves a value unchanged."""
         require("Accelerate", self._arm, self._operator)
         self._arm.speeds.set_acceleration(*(KEEP if value is None else value for value in (accel, decel)))
 
     def ext_speed(self, speed: float, accel: float | None, decel: float | None) -> None:
-        """Set the external speed, acceleration and deceleration."""
+        """Set the external speed, acceleration and deceleration; ``None`` sets the default, speed squared / 100."""
         require("ExtSpeed", self._arm, self._operator)
         self._arm.speeds.set_external(speed, *(SQUARE if value is None else value for value in (accel, decel)))
 
@@ -198,7 +211,10 @@ class TaskHost:
         return lambda: not self._holding
 
     def current(self, kind: Literal["P", "J", "T", "FIG"], dest: bool = False) -> Value:
-        """Return the present pose of the robot, or with ``dest`` the destination of its motion."""
+        """Return the present pose of the robot in the pose type ``kind``, or only its figure for FIG.
+
+        With ``dest``, return the pose or the figure at the destination of the motion.
+        """
         source = state_report.destination(self._arm) if dest else state_report.current(self._arm)
         if kind == "FIG":
             return source.figure()
@@ -230,7 +246,7 @@ class TaskHost:
         return np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
 
     def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
-        """Begin a motion as soon as the queue has room.
+        """Return a wait that begins a motion as soon as the queue has room.
 
         The wait is complete when the motion has ended or has reached its pass mark. With the option ``Next``, the
         wait is complete when the motion is in the queue.

@@ -1,4 +1,4 @@
-"""The virtual RC8 as a provider, with methods that raise errors, turn the mode switch and press the emergency stop."""
+"""The virtual RC8 as a provider, with methods that tests use to cause errors or to operate its switches."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class VirtualRC8(Provider):
     Args:
         counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
         io_points: Number of I/O points.
-        state: Directory in which the variables are kept; ``None`` to discard them when the controller is closed.
+        state: Directory in which variables and files are kept; ``None`` to discard them when the controller is closed.
         model: The arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or an
             :class:`~orinkit.arms.ArmModel`.
         mode: Initial position of the mode switch.
@@ -49,8 +49,9 @@ class VirtualRC8(Provider):
         slave_licence: True if the licence of the slave function is registered; without it slave mode is refused.
         slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
         strict_time: If True, a late set-point has the same effect as on a real controller: slave mode ends with
-            0x84201482, or in mode 1 the arm stops in place. If False, the controller's time stands still until the
-            set-point arrives, for up to 250 ms. :attr:`set_point_lateness` counts late set-points.
+            0x84201482; if the client uses mode 1 of slave mode, the arm instead stops in place. If False, the
+            controller's time stands still until the set-point arrives, for up to 250 ms.
+            :attr:`set_point_lateness` counts late set-points.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -179,12 +180,16 @@ class VirtualRC8(Provider):
         )
 
     def clear_errors(self) -> None:
-        """Clear the current errors; they remain in the log."""
+        """Clear the current errors; they remain in the log.
+
+        Raises:
+            CallError: FATAL_ERROR_BEFORE if an error requires a restart of the controller.
+        """
         self.state.clear_errors()
 
     @property
     def set_point_lateness(self) -> Lateness:
-        """Number and delays of the late set-points in the current stream of slave mode, or in the last stream."""
+        """Number and delays of the late set-points in the current stream; in the last stream if slave mode is off."""
         with self.guard:
             return self.state.arm.slave.lateness(0)
 

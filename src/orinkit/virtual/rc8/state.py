@@ -76,7 +76,7 @@ class Identity:
         serial_no: Serial number (``@SERIAL_NO``, SysInfo 0).
         version: Software version (``@VERSION``).
         maker: Maker (``@MAKER_NAME``).
-        type: Type of the controller (``@TYPE``); also the source of its messages.
+        type: Type of the controller (``@TYPE``); messages of the controller also name it as their source.
     """
 
     serial_no: str
@@ -201,7 +201,7 @@ class RC8State:
         """Add an error to the current errors and to the log, and notify the clients; a notice is only logged.
 
         Args:
-            code: Return code, signed or unsigned; codes of level 0 and of success are notices.
+            code: Return code, signed or unsigned; success codes and codes of level 0 are notices.
             message: Text; ``None`` for the text of the code.
             subcode: Additional code.
             program: Name of the program in which the error occurred.
@@ -327,7 +327,7 @@ class RC8State:
         """Set or clear the machine lock: while it is set, motions are executed, but the arm does not move.
 
         Raises:
-            CallError: MOTOR_IS_ON if the motor is not off; the arm would jump when the lock is cleared.
+            CallError: MOTOR_IS_ON if the motor is not off, because the arm must not jump when the lock is cleared.
         """
         with self.cycles:
             if bool(on) is self.switches.machine_lock:

@@ -130,7 +130,7 @@ class Switches:
 
     @property
     def torque_off(self) -> bool:
-        """True while a stop keeps the torque off (STO)."""
+        """True while the emergency stop or the protective stop keeps the torque off (STO)."""
         return self.emergency_stop or self.protective_stop
 
 

@@ -1,4 +1,7 @@
-"""The programs of the controller: one task per ``.pcs`` file, which executes some statements in each 8 ms cycle."""
+"""The programs of the controller: one task per ``.pcs`` file.
+
+A running task executes some statements in each 8 ms cycle.
+"""
 
 from __future__ import annotations
 
@@ -88,10 +91,10 @@ class Task:
         return self._seconds() - self._started if self.status is TaskStatus.RUNNING else 0.0
 
     def start(self, program: Program, mode: TaskMode) -> None:
-        """Run a program, or continue it if it is suspended.
+        """Run a program from its beginning; if the task is suspended and the program is unchanged, continue it.
 
         Raises:
-            CallError: PROGRAM_RUNNING.
+            CallError: PROGRAM_RUNNING if the task is already running.
         """
         if self.status is TaskStatus.RUNNING:
             raise error_for(hresult.PROGRAM_RUNNING, self.name)
@@ -127,7 +130,7 @@ class Task:
         self.status = TaskStatus.READY
 
     def step(self, statements: int, expired: Callable[[], bool]) -> ProgramFault | None:
-        """Execute the statements of one 8 ms cycle; return the fault that ended the program, if any.
+        """Execute the statements of one 8 ms cycle; return the fault that ended the program, or None.
 
         Args:
             statements: Maximum number of statements.
@@ -170,8 +173,9 @@ class Tasks:
         variables: Global variables.
         files: The file store with the programs.
         seconds: Callback that returns the time since the controller was switched on, s.
-        report: Callback invoked with a program's fault: code, detail, program, line.
-        show: Callback invoked with each printed text: program, type, text.
+        report: Callback invoked for the fault of a program; its arguments are code, detail, program and line.
+        show: Callback invoked for each printed text; its arguments are the program, ``"msg"`` (PrintMsg) or ``"dbg"``
+            (PrintDbg), and the text.
 
     Attributes:
         cycle_complete: True if a program has run to its end and no program has been started since.
@@ -254,7 +258,10 @@ class Tasks:
             task.initialize(halt=False)
 
     def _file_changed(self, name: str) -> None:
-        """Discard the compiled form of a changed program; if its file was deleted, reset a suspended task."""
+        """Discard the compiled form of a changed program; if its file was deleted, discard its task.
+
+        The task is not discarded while it is running.
+        """
         key = name.lower().removesuffix(SUFFIX)
         self._programs.pop(key, None)
         task = self._tasks.get(key)

@@ -29,7 +29,7 @@ _swept: set[str] = set()  # parent directories that this process has already sea
 class TemporaryDirectory:
     """A temporary directory that is locked while its process runs.
 
-    The lock shows reliably that the process still runs; a process ID would not.
+    The lock shows reliably that the process still runs; a process ID would not, because the system assigns it again.
 
     Attributes:
         path: Path of the directory.

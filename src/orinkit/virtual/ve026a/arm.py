@@ -150,7 +150,7 @@ class VE026AArm:
         """Begin to clear the error.
 
         Returns:
-            The deferred result; it fails with the error if its cause persists.
+            The deferred result; it fails with the code of the emergency stop if the emergency stop is still pressed.
 
         Raises:
             CallError: E_ACCESSDENIED if another client is in slave mode; E_ROBOTISBUSY while slave mode is on or an
@@ -274,7 +274,7 @@ class VE026AArm:
     # --- a cycle ------------------------------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Run one cycle; return True if there is more to do."""
+        """Run one cycle; return True if the arm requires another cycle."""
         if self.slave.on:
             self.slave.step()
         self.queue.step()
@@ -333,7 +333,7 @@ class VE026AArm:
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _beyond(self, joints: Joints) -> int | None:
-        """Return the index of the first axis for which a set-point is out of range, from 0; ``None`` for none.
+        """Return the index, from 0, of the first axis that a set-point moves out of its range, or ``None``.
 
         An axis that is already out of range, because the arm braked, may stay where it is or move back.
         """

@@ -60,6 +60,6 @@ CODES: Final = {code.value: code for code in _ROWS}
 
 
 def device_error(code: int, detail: str = "") -> CallError:
-    """Return the exception for a code; for a device-specific code its text is included."""
+    """Return the exception for a code; its detail begins with the text of the code if the code is device-specific."""
     known = CODES.get(code)
     return error_for(code, ": ".join(filter(None, (known.text if known else "", detail))))

@@ -40,8 +40,8 @@ HANDLES: Final[dict[tuple[str, str], int]] = {
     ("Variable", "@TYPE"): 3,
     ("Variable", "@VERSION"): 4,
 }
-"""Handles by interface and name; only variables have a name. Each interface is counted separately, as in the samples of
-the document."""
+"""Handles by interface and name; only variables have a name. The handles of each interface are counted separately, as
+in the samples of the document."""
 
 
 def name_key(name: str) -> str:
@@ -126,7 +126,7 @@ class VE026AController(_OfClient, ControllerObject):
         return VE026ARobot(self._arm, self._operator, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute ClearError. The reply has no result, like the packet in the document, although table 5-2 lists one.
+        """Execute ClearError. The reply has no result, as in the sample packet of the document, but not as in table 5-2.
 
         Raises:
             CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter

@@ -26,7 +26,7 @@ MODES: Final = (OFF, SYNCHRONOUS, ASYNCHRONOUS)
 """The modes of slvChangeMode (table 2-1; 0 is in 2.2.1)."""
 
 VALUES: Final = 8
-"""Number of values of a pose: the seven axes and 0, as in the samples of the document."""
+"""Number of values of a pose: the positions of the seven axes and a 0, as in the samples of the document."""
 
 _R4_ARRAY: Final = int(VarType.R4) | ARRAY
 
@@ -77,7 +77,9 @@ def skip_first_count(parameter: Variant) -> int:
 
 
 def error_code(parameter: Variant) -> int:
-    """Return the parameter of ClearError, an unsigned error code; 0 by default. ClearError clears any error.
+    """Return the parameter of ClearError, an unsigned error code; 0 by default.
+
+    ClearError ignores the code: it clears any error.
 
     Raises:
         CallError: E_INVALIDARG if it is not a whole number of 32 bits; E_INVALIDARGTYPE if it is not a number.

@@ -1,6 +1,6 @@
 """Slave mode (section 2 of the VE026A document): in each cycle of 8 ms a set-point becomes the command position.
 
-The buffer has room for one set-point, as in the RC7 controllers of that time (reference: slave mode). Synchronous and
+The buffer has room for one set-point, as in RC7 controllers of the same time as the VE026A. Synchronous and
 asynchronous mode differ in the time at which slvMove returns and in the time-out detection (2.2.1):
 
 * Synchronous: slvMove returns when there is room for its set-point. A client that sends the next set-point after each
@@ -100,7 +100,10 @@ class VE026ASlaveMode(SetPointBuffer):
 
     @property
     def overwrites(self) -> bool:
-        """True in asynchronous mode: only the newest set-point counts, so missed cycles are caught up."""
+        """True in asynchronous mode, in which only the newest set-point counts.
+
+        After missed cycles, the arm moves to this set-point in several cycles, because it may be far away.
+        """
         return self.mode == ASYNCHRONOUS
 
     @property
@@ -166,7 +169,7 @@ class VE026ASlaveMode(SetPointBuffer):
         *,
         lenient: bool,
     ) -> SlaveFault | None:
-        """Return the limit violation of the lowest axis; ``None`` if the command position is within the limits."""
+        """Return the violation of the axis with the lowest number that exceeds its limit; ``None`` if no axis does."""
         factor = LENIENCY if lenient else 1.0
         for number, (axis, b, c) in enumerate(zip(self._arm.model.axes, now, wanted, strict=True)):
             most = axis.velocity * SERVO_LIMIT

@@ -62,7 +62,10 @@ class RC8Arm:
         held: True after Hold, until Unhold or a stop.
         queue: Running and queued motions.
         servo: Encoders and loads.
-        motor, speeds, space, log: Motor supply, speeds, frames and kinematics, control log.
+        motor: Motor supply.
+        speeds: Internal and external speeds.
+        space: Frames and kinematics.
+        log: Control log.
         slave: Slave mode, in which a client sends a set-point for each cycle.
     """
 
@@ -207,7 +210,8 @@ class RC8Arm:
         """Stop the arm within its limits, discard its motions and end slave mode.
 
         Args:
-            code: Error code with which the motions fail; if the arm is already stopping, the first code applies.
+            code: Error code with which the motions fail; if the arm is already stopping, the code of the earlier stop
+                applies.
         """
         self.held = False
         if self.slave.on:
@@ -246,10 +250,11 @@ class RC8Arm:
             self.stop(hresult.S_OK)
 
     def switch_motor(self, on: bool) -> Deferred[None]:
-        """Begin to switch the motor on or off; return a Deferred that resolves when it is switched.
+        """Begin to switch the motor on or off; return a Deferred that resolves when the motor is on or off.
 
         Raises:
-            CallError: MOTOR_SWITCHING_OFF, also during a stop that will switch the motor off.
+            CallError: MOTOR_SWITCHING_OFF if ``on`` is True while the motor is being switched off, or during a stop
+                after which it will be switched off.
         """
         self._cycles.require_open()
         if on and self._cut:
@@ -272,10 +277,10 @@ class RC8Arm:
             self.queue.place(self.servo.encoder)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set the joint position without a motion, before the controller runs.
+        """Set the joint position without a motion, before the controller runs; omitted joints are at home.
 
         Raises:
-            ValueError: If the number of joints does not match the arm, or if a joint is outside its limits.
+            ValueError: If there are more joints than axes, or if a joint is outside its limits.
         """
         position = (*map(float, joints), *self.model.home[len(joints) :])
         finite = len(position) == len(self.model.axes) and all(map(math.isfinite, position))

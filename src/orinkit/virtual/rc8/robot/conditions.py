@@ -1,7 +1,7 @@
 """The table of the functions that command the robot, and of the conditions under which the controller executes them.
 
-The conditions of each function are in the order of the checks; the first violated one determines the error code.
-``docs/howto/robot.md`` has a table of the resulting codes, and a test compares both tables.
+The conditions of each function are in the order of the checks; the first violated condition determines the error
+code. ``docs/howto/robot.md`` has a table of the resulting codes, and a test compares it with the table of this module.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.switches import ModeSwitch
 
 
 class Condition(Enum):
-    """A condition of a function."""
+    """A condition under which the controller executes a function."""
 
     WRITE = "right to write"
     TOKEN = "executable token"  # noqa: S105 - the right to start, not a secret
@@ -65,7 +65,7 @@ def _arm(arm: RC8Arm, operator: Operator) -> int:
 def _resumer(arm: RC8Arm, operator: Operator) -> int:
     """Return 0 if the operator may resume the arm, otherwise the error code.
 
-    A program that was paused while it held the arm cannot resume by itself, so any client may resume it.
+    A program that was paused while it held the arm cannot resume by itself, so any client may resume the arm.
     """
     return 0 if arm.holder is not None and arm.holder.program else _arm(arm, operator)
 

@@ -44,7 +44,7 @@ class Motor:
         return self._cycles > 0
 
     def switch(self, on: bool) -> Deferred[None]:
-        """Begin to switch the motor on or off; return a Deferred that resolves when it is switched.
+        """Begin to switch the motor on or off; return a Deferred that resolves when the motor is on or off.
 
         Raises:
             CallError: MOTOR_SWITCHING_OFF if ``on`` is True while the motor is being switched off.

@@ -100,14 +100,14 @@ class Moves:
         """Move along a stored path, as a free curve.
 
         Raises:
-            CallError: E_INVALIDARG if the path has no points; errors of planning.
+            CallError: E_INVALIDARG if the path does not exist or has no points; errors of planning.
         """
         return self._begin(partial(self._curve, self._stored(number), mark, options))
 
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
     ) -> list[Ticket]:
-        """Move to the approach position of a pose: ``distance`` mm from the pose in the -Z direction of its tool."""
+        """Move to a position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
         mark = mark or target.mark
 
         def make(start: Joints) -> Motion:

@@ -41,7 +41,10 @@ def elements(parameter: Variant) -> list[Variant]:
 
 
 def numbers(parameter: Variant, *defaults: float | None) -> list[float]:
-    """Return the numbers of a parameter; missing ones have their default, and are required if the default is ``None``.
+    """Return the numbers of a parameter.
+
+    ``defaults`` has an element for each number. If a number is missing, its default is returned; a number whose default
+    is ``None`` must not be missing.
 
     Raises:
         CallError: E_INVALIDARG if the number of values is wrong; DISP_E_TYPEMISMATCH if a value is not a number.
@@ -160,7 +163,8 @@ def marked(given: Variant) -> tuple[PassMark | None, str]:
     For a number, return no pass mark, and the number as a string.
 
     Raises:
-        CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH.
+        CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH if the parameter
+            is neither a string nor a number.
     """
     text = check_length(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
     found = _MARK.match(text)
@@ -178,10 +182,13 @@ def marked_number(given: Variant) -> tuple[PassMark | None, float]:
 
 
 def mark_and_axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
-    """Return pass mark and (axis, value) pairs of one string ``"@0 (1,10),(2,20)"``, or of arrays of two elements.
+    """Return the pass mark and the pairs of axis and value from one string such as ``"@0 (1,10),(2,20)"``.
+
+    Instead of the string, there may be an array of two elements for each pair; the pass mark is then ``None``.
 
     Raises:
-        CallError: E_INVALIDARG if there are no pairs, or if the string has other characters between them.
+        CallError: E_INVALIDARG if there are no pairs, or if the string has other characters than commas and
+            blanks between the pairs.
     """
     if len(given) == 1 and isinstance(given[0].value, str):
         mark, text = marked(given[0])

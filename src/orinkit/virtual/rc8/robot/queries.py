@@ -40,7 +40,7 @@ POSES: Final[Mapping[str, Callable[[ArmPosition], Numbers]]] = {
 
 
 def pose_command(source: Callable[[RC8Arm], ArmPosition], read: Callable[[ArmPosition], Numbers]) -> Answer:
-    """Return a command that returns a pose."""
+    """Return a command that returns a pose: ``source`` supplies the joint position, ``read`` converts it to a pose."""
     return lambda arm, _: Variant(_R8_ARRAY, read(source(arm)))
 
 
@@ -73,7 +73,7 @@ def conversion_command(given: Kind, wanted: Kind) -> Answer:
 
 
 def _named(parameter: Variant, kind: Kind) -> Target:
-    """Return the pose of a parameter; untyped values have the pose type ``kind`` if their number matches this type."""
+    """Return the pose of a parameter; untyped values have the pose type ``kind`` if their count matches this type."""
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.unwrap_single(parameter))
     untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
@@ -102,7 +102,10 @@ def dev(arm: RC8Arm, parameter: Variant) -> Variant:
 
 
 def dev_hand(arm: RC8Arm, parameter: Variant) -> Variant:
-    """DevH: return a pose after displacing and rotating it by another pose, relative to the axes of its own tool."""
+    """DevH: return a pose after displacing and rotating it by another pose.
+
+    The other pose is relative to the axes of the tool at the first pose.
+    """
     first, second, fig = _two(arm, parameter)
     return _position(np.asarray(first @ second), fig)
 
@@ -129,8 +132,8 @@ def _position(frame: Matrix, fig: float) -> Variant:
 def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
     """OutRange: return 0 if the arm can reach a pose.
 
-    Otherwise return the bits of the axes that exceed their limits, -1 if the pose is out of reach, or -2 if it is
-    singular.
+    Return -1 if the pose is out of reach, and -2 if it is singular. If axes exceed their limits, return a number
+    with one bit for each of them; bit 0 is axis 1.
     """
     space, start = arm.space, arm.servo.command
     target, rest = parameters.pose_and_rest(parameter, 2)
@@ -153,7 +156,11 @@ _TIP_SPEED: Final = 17
 
 
 def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: return item 2 deviation (deg), 4 load (%) or 17 speed of the tool tip (mm/s, the first element)."""
+    """GetSrvData: return an item of servo data as eight numbers.
+
+    Item 2 is the deviation of each axis (deg), item 4 the load of each axis (%), and item 17 the velocity of the tool
+    tip (mm/s, in the first element).
+    """
     (item,) = parameters.whole_numbers(parameter, None)
     if item == _DEVIATION:
         return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))

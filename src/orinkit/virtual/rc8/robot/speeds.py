@@ -50,7 +50,10 @@ class Speeds:
             self.path.speed = speed
 
     def set_acceleration(self, accel: float, decel: float, *, joint_only: bool = False) -> None:
-        """Set internal acceleration and deceleration; -1 keeps a value."""
+        """Set internal acceleration and deceleration for all motions, or only for point-to-point motions.
+
+        -1 keeps a value.
+        """
         trios = (self.joint,) if joint_only else (self.joint, self.path)
         new = [None if value == KEEP else percent(value) for value in (accel, decel)]
         for trio in trios:
@@ -58,7 +61,10 @@ class Speeds:
             trio.decel = trio.decel if new[1] is None else new[1]
 
     def set_external(self, speed: float, accel: float = SQUARE, decel: float = SQUARE) -> None:
-        """Set the external speeds: -1 keeps a value, -2 sets an acceleration to the default, speed squared / 100."""
+        """Set the external speed, acceleration and deceleration.
+
+        -1 keeps a value; -2 sets acceleration or deceleration to the default, speed squared / 100.
+        """
         trio = self.external
         new = SpeedSet(trio.speed if speed == KEEP else percent(speed), trio.accel, trio.decel)
         square = max(_LEAST, new.speed * new.speed / FULL)
@@ -70,7 +76,7 @@ class Speeds:
 
 
 def percent(value: float) -> float:
-    """Return a percentage after checking that it is above 0 and at most 100.
+    """Return a percentage after checking that it is 0.01 to 100.
 
     Raises:
         CallError: VALUE_OUT_OF_RANGE.

@@ -170,7 +170,7 @@ class FrameContext:
         return goal
 
     def check_figure(self, goal: Goal, start: Joints) -> None:
-        """Check that a path from a joint position can end with the figure of a pose; the DOUBLE bits may differ.
+        """Check that a path from a joint position can end with the figure of a pose; only its DOUBLE bits may differ.
 
         Raises:
             CallError: FIGURE_MISMATCH if the figures differ.
@@ -188,7 +188,10 @@ class FrameContext:
             )
 
     def solve(self, tcp: Matrix, figure: int, start: Joints, tool: int = -1) -> Joints:
-        """Return the positions of the six robot axes at which the tool is at a frame, given in the base frame.
+        """Return the positions of the six robot axes at which the tool frame is ``tcp`` (in the base frame).
+
+        A negative ``figure`` is a rule by which the solution is chosen (:meth:`Kinematics.choose`). Tool -1 is the
+        current tool.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE.
@@ -207,10 +210,12 @@ class FrameContext:
         return tuple(float(angle) for angle in found)
 
     def with_extra(self, extra: Extra | None, start: Joints, ends: Joints) -> Joints:
-        """Return joints after moving the extended joints by the distances of ``EX`` or to the positions of ``EXA``.
+        """Return ``ends`` with the extended joints moved by the distances of ``EX`` or to the positions of ``EXA``.
+
+        The distances are relative to ``start``. If ``extra`` is ``None``, return ``ends`` unchanged.
 
         Raises:
-            CallError: E_INVALIDARG if the arm does not have such an extended joint.
+            CallError: E_INVALIDARG if the arm does not have one of the extended joints.
         """
         if extra is None:
             return ends

@@ -15,7 +15,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 
 Matrix: TypeAlias = NDArray[np.float64]
-"""A frame: 4 x 4, mm."""
+"""A frame as a homogeneous transformation, 4 x 4, in mm."""
 
 TOOLS: Final = 64
 WORKS: Final = 8

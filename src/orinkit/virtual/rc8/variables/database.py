@@ -3,7 +3,7 @@
 A write is committed before the client receives the reply, so the value survives a crash of the process. The value may
 be lost in a power failure, because the file is not flushed to the medium on every write. Only one process can open the
 file. A file is refused, and not changed, if it is empty or damaged, or if it is not a database of this program. An
-empty file has lost its content, because a new file receives its name only after it is complete.
+empty file must have lost its content: a new file receives its name only after it is complete, so it is not empty.
 
 If the file is deleted while the process runs, the next write creates a new file with all variables written so far. If
 the directory was deleted too, writes are refused until it exists again.
@@ -108,7 +108,8 @@ class VariableDatabase:
         """Save values of variables of one class, by index; when the method returns, all of them are saved.
 
         Raises:
-            CallError: E_FAIL if nothing was written, also while the file is missing.
+            CallError: E_FAIL if the values cannot be saved, for example because the state directory is missing. None of
+                them is saved then.
         """
         self._ensure_file()
         stamp = written.isoformat()
@@ -128,7 +129,7 @@ class VariableDatabase:
         """Check that the open file still exists; if it was deleted but its directory exists, create it again.
 
         Raises:
-            CallError: E_FAIL if the file is missing or was replaced.
+            CallError: E_FAIL if the file cannot be created again, or if it was replaced by another file.
         """
         found = _identity(self.path)
         if found == self._identity:

@@ -116,7 +116,7 @@ class VariableTable:
         return self._points >> first & (1 << count) - 1
 
     def set_points(self, first: int, count: int, states: int) -> None:
-        """Set existing I/O points to bits; the lowest bit is the first point. Unchanged points are not saved.
+        """Set I/O points, which must exist, to bits; the lowest bit is the first point. Unchanged points are not saved.
 
         Raises:
             CallError: E_FAIL if the points cannot be saved.

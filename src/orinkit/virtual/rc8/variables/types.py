@@ -97,7 +97,7 @@ _BEYOND: Final = 10**_DIGITS
 
 @dataclass(frozen=True, slots=True)
 class VariableName:
-    """The parsed name of a user variable: its class and index; the index of ``*`` is ``None``."""
+    """The parsed name of a user variable: its class and index; the index of a name such as ``P*`` is ``None``."""
 
     kind: VariableClass
     index: int | None

@@ -1,7 +1,7 @@
 """The I/O that slvMove transfers in addition to the poses (RC8 tables 4-1 to 4-3), in the mini allocation.
 
-A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, user I/O from a given point on. The result contains
-inputs as well.
+A set-point sets outputs: mini I/O 16 to 31, hand I/O 64 to 71, and user I/O from the point on that the set-point
+specifies. The result contains inputs as well.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def require_sent(variables: VariableTable, send: SendBits) -> None:
     The points of user I/O are not part of the format: each set-point specifies them.
 
     Raises:
-        CallError: E_INVALIDARG if the controller has fewer points.
+        CallError: E_INVALIDARG if one of the points does not exist.
     """
     for row in OUTPUTS:
         if row.name in _OUT and row.send & send:
@@ -55,10 +55,12 @@ def require_sent(variables: VariableTable, send: SendBits) -> None:
 
 
 def require_received(variables: VariableTable, receive: ReceiveFormat) -> None:
-    """Check that the points of a receive format exist, except the points of user I/O, as in :func:`require_sent`.
+    """Check that the points of a receive format exist.
+
+    The points of user I/O are not part of the format; :func:`require_window` checks them.
 
     Raises:
-        CallError: E_INVALIDARG if the controller has fewer points.
+        CallError: E_INVALIDARG if one of the points does not exist.
     """
     for row in RECEIVED:
         if row.name in _BACK and receive.has(row.receive):
@@ -69,7 +71,7 @@ def require_window(variables: VariableTable, window: UserWindow) -> None:
     """Check that the user I/O requested for the result exists.
 
     Raises:
-        CallError: E_INVALIDARG if the controller has fewer points.
+        CallError: E_INVALIDARG if one of the points does not exist.
     """
     _require(variables, window.offset, window.size * _BYTE)
 
@@ -78,7 +80,7 @@ def outputs_of(variables: VariableTable, point: SetPoint) -> tuple[OutputRange, 
     """Return the outputs of a set-point.
 
     Raises:
-        CallError: E_INVALIDARG if the controller has fewer points.
+        CallError: E_INVALIDARG if one of the points does not exist.
     """
     found = []
     for row in PARAMETERS:

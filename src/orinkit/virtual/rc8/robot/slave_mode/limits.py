@@ -41,7 +41,7 @@ class SlaveLimits:
             before: The command position one cycle before the present one, deg or mm.
             now: The present command position.
             wanted: The next command position, which is checked.
-            lenient: Multiply the limits by :data:`~orinkit.virtual.engine.set_point_buffer.LENIENCY`.
+            lenient: True to multiply the limits by :data:`~orinkit.virtual.engine.set_point_buffer.LENIENCY`.
         """
         speed, acceleration = self._parts()
         tolerance = LENIENCY * _ROUNDING if lenient else _ROUNDING

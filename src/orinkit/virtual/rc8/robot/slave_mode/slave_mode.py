@@ -91,7 +91,7 @@ class RC8SlaveMode(SetPointBuffer):
 
     @property
     def taking(self) -> bool:
-        """True if slave mode is on and accepts set-points, because no call has requested its end."""
+        """True if slave mode is on and no call has requested its end; only then set-points are accepted."""
         return self.on and not self._leaving
 
     @property
@@ -104,7 +104,7 @@ class RC8SlaveMode(SetPointBuffer):
         """True if the next cycle needs a set-point and the buffer has none.
 
         In mode 1, a client repeats its set-point while it waits for the next cycle (RC8 4.3.2). A repeated set-point
-        therefore does not count if the arm cannot stop there within its limits.
+        therefore does not count if the arm cannot stop at this position within its limits.
         """
         if not self.taking or not self.moving:
             return False
@@ -180,7 +180,10 @@ class RC8SlaveMode(SetPointBuffer):
         self._end_cycle()
 
     def complete_waiting(self) -> None:
-        """Refill the buffer and complete waiting calls; must be called at the end of a cycle."""
+        """Put waiting set-points into the buffer and complete their calls; must be called at the end of a cycle.
+
+        If the buffer is empty and the arm is at standstill, also complete the calls of :meth:`leave`.
+        """
         self._refill()
         if self._leaving and not self._buffer and not self._arm.busy:
             leaving = self._leaving
@@ -222,7 +225,7 @@ class RC8SlaveMode(SetPointBuffer):
                 self._arm.stop_and_power_off(hresult.UNDEFINED_ERROR)
 
     def _stops_hard(self, joints: Joints) -> bool:
-        """Return True if this joint position repeats the last command, and a stop there would exceed the limits."""
+        """Return True if this joint position repeats the last command, and a stop at it would exceed the limits."""
         queue = self._arm.queue
         return (
             joints == queue.joints
