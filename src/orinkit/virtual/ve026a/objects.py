@@ -126,7 +126,9 @@ class VE026AController(_OfClient, ControllerObject):
         return VE026ARobot(self._arm, self._operator, name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute ClearError. The reply has no result, as in the sample packet of the document; table 5-2 differs.
+        """Execute ClearError.
+
+        The reply has no result, as in the sample packet of the document, although table 5-2 lists a result.
 
         Raises:
             CallError: E_INVALIDCOMMAND if there is no such command; E_INVALIDARG or E_INVALIDARGTYPE if the parameter
