@@ -13,17 +13,23 @@ from orinkit.core.i18n import tr
 from orinkit.streaming.planning.jerk_limited import PART
 
 TOLERANCE: Final = 1e-9
-"""Relative tolerance by which a set-point may exceed a limit, because the program that computed it rounds."""
+"""Relative tolerance by which a set-point may exceed a limit, because the program that sends it may have rounded it."""
 SLIGHT: Final = 1e-3
-"""A command counts as planned if it differs from the planned one by at most this fraction of ``AxisLimiter.change``."""
+"""Largest deviation at which a command counts as planned, as a fraction of the largest difference of two steps."""
 FINEST: Final = 1e4
-"""Smallest permitted limit on a step, and on the difference of two steps, in spacings of floating-point numbers."""
+"""Smallest permitted limit on a step, and on the difference of two steps, in spacings of floating-point numbers.
+
+A step is the difference of two consecutive commands. The spacing is that of the numbers around the largest position.
+"""
 ROUNDING: Final = 8.0
-"""Margin between planned steps and the limits, in spacings of floating-point numbers."""
+"""Margin between planned steps and the limit on a step, in spacings of floating-point numbers; see :data:`FINEST`."""
 JUMPS: Final = 2
-"""Number of consecutive jumps of the set-points that are ignored: one outlier causes two jumps."""
+"""Number of consecutive jumps of the set-points that are ignored, because one outlier causes two jumps.
+
+A jump is a change of the set-points that exceeds the limit of the velocity or of the acceleration.
+"""
 PUSHED: Final = 0.7
-"""Largest acceleration that set-points are assumed to have, as a fraction of the limit."""
+"""Largest acceleration that set-points are assumed to have, as a fraction of the acceleration limit."""
 
 _GREATEST: Final = 1e300
 
@@ -120,7 +126,7 @@ class AxisLimiter:
         self._period = period
 
     def start_position(self, joint: float) -> float:
-        """Return the position with which a stream starts: ``joint``, clipped to the range.
+        """Return the position at which a stream starts: ``joint``, clipped to the range of the axis.
 
         Raises:
             InvalidValue: If ``joint`` is so far outside the range that the axis cannot return within one period.
@@ -147,8 +153,8 @@ class AxisLimiter:
     def within(self, before: float, now: float, wanted: float) -> float:
         """Return the admissible command nearest to ``wanted``, after the last two commands, ``before`` and ``now``.
 
-        The command is clipped to the range last. This may change the step by a rounding error. The limits of velocity
-        and acceleration have a margin for that error.
+        Finally, the command is clipped to the range of the axis. Clipping may change the step by a rounding error, for
+        which the step has a margin from the limits of velocity and acceleration.
         """
         step = now - before
         move = min(max(wanted - now, step - self.change, -self.most), step + self.change, self.most)
@@ -162,7 +168,7 @@ class AxisLimiter:
         return goal if step == abs(way) else now + math.copysign(step, way)
 
     def target_motion(self, before: float, last: float, aim: float, held: TargetMotion | None) -> TargetMotion:
-        """Return the motion estimated from the last three set-points.
+        """Return the motion of the set-points, estimated from the last three of them.
 
         After a jump, the velocity of the previous estimate is kept for up to two periods.
 
@@ -184,7 +190,7 @@ class AxisLimiter:
         return TargetMotion(step / self._period - 0.5 * acceleration * self._period, acceleration)
 
     def motion(self, earlier: float, before: float, now: float) -> tuple[float, float]:
-        """Return the velocity and acceleration at the last of three commands, with which a smooth motion can begin."""
+        """Return the velocity and acceleration with which a smooth motion can begin at the last of three commands."""
         step = now - before
         if step == 0.0:  # the axis is at standstill, regardless of its previous deceleration
             return 0.0, 0.0

@@ -2,7 +2,7 @@
 
 A step is the difference of two consecutive commands as a vector. For the tip it is in mm. For the orientation it is the
 axis of the rotation in the base frame times the angle in degrees. The limits apply to the length of a step, and to the
-length of the difference of two steps. The direction has no effect.
+length of the difference of two steps. They are the same in every direction.
 """
 
 from __future__ import annotations
@@ -55,7 +55,11 @@ _FIXED_FRAME: Final = _Frame(
 
 
 class TargetMotion3D(NamedTuple):
-    """The motion of set-points in space; see :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion`."""
+    """The estimated motion of the set-points in space.
+
+    The attributes are those of :class:`~orinkit.streaming.planning.axis_limiter.TargetMotion`; velocity and
+    acceleration are vectors.
+    """
 
     velocity: Vector = NOTHING
     acceleration: Vector = NOTHING
@@ -135,15 +139,15 @@ class CartesianLimiter:
 
     @property
     def at_rest(self) -> bool:
-        """True at standstill."""
+        """True if the position or the orientation is at standstill."""
         return self.step == self._velocity == self._accel == NOTHING
 
     def fits(self, step: Vector) -> bool:
-        """Return True if a step may follow the last one."""
+        """Return True if the limits allow a step to follow the last step."""
         return norm(step) <= self._max_step and norm(minus(step, self.step)) <= self._max_step_change
 
     def keep(self, step: Vector, moved: Vector) -> None:
-        """Store a step that ends exactly at a set-point of the program as the last step.
+        """Store, as the last step, a step that ends exactly at a set-point of the program.
 
         Args:
             step: A step that :meth:`fits` accepts.
@@ -226,7 +230,7 @@ class CartesianLimiter:
         return self._advance(wanted, *after, planned=ended is not None)
 
     def complaint(self, step: Vector, behind: float) -> str:
-        """Return the message for a step that may not follow the last one.
+        """Return the message for a step that the limits do not allow to follow the last step.
 
         Args:
             step: The rejected step.
@@ -367,9 +371,10 @@ def _frame_for_stop(velocity: Vector, accel: Vector) -> _Frame:
 
 
 def _shares(across: float) -> Vector:
-    """Return the fraction of the limits that each of three axes may use; their vector sum never exceeds the limits.
+    """Return the fraction of the limits that each of three axes may use.
 
-    ``across`` is the fraction that the second and the third axis require.
+    The vector sum of three axes that use these fractions never exceeds the limits. ``across`` is the fraction that the
+    second axis and the third axis each require.
     """
     across = min(max(across, _MIN_SHARE), _EQUAL_SHARE)
     return math.sqrt(1.0 - 2.0 * across * across), across, across

@@ -33,14 +33,15 @@ class JerkLimitedMotion:
         count: Number of axes.
         period: Period, s.
         halting: True for a stop, which ends at any position; False for a motion to a goal.
-        ranges: Lowest and highest position of each axis. If given, the axes are synchronized: they arrive at the same
-            time. A motion that begins at standstill follows a straight line. If that path would leave the ranges, or
-            cannot be computed, each axis moves independently, as fast as possible.
+        ranges: Lowest positions and highest positions, one value per axis; ``None`` if each axis moves independently.
+            With ranges, the axes are synchronized: they arrive at the same time, and a motion that begins at standstill
+            follows a straight line. If a synchronized motion would leave the ranges, or cannot be computed, each axis
+            moves independently, as fast as possible.
 
     Attributes:
-        position: Position after the last step.
-        velocity: Velocity after the last step, per second.
-        acceleration: Acceleration after the last step, per second squared.
+        position: Position after the last :meth:`step`, one value per axis.
+        velocity: Velocity after the last :meth:`step`, per second.
+        acceleration: Acceleration after the last :meth:`step`, per second squared.
 
     Raises:
         MissingExtra: If ruckig is not installed.
@@ -135,10 +136,10 @@ class JerkLimitedMotion:
     def _beside(
         self, position: Sequence[float], velocity: Sequence[float], acceleration: Sequence[float]
     ) -> tuple[list[float], list[float], list[float]]:
-        """Return a state very close to a state that Ruckig cannot solve.
+        """Return a state very close to a state from which Ruckig cannot compute a motion.
 
-        Ruckig cannot solve about one state in 10,000, but it can solve the states close to it. An axis that is almost
-        at its goal is set to the goal, because such short motions cannot be computed exactly.
+        Ruckig fails for about one state in 10,000, but not for the states close to it. An axis that is almost at its
+        goal is set to the goal, because Ruckig cannot compute such short motions exactly.
         """
         x, v, a = list(position), list(velocity), [value * _BESIDE for value in acceleration]
         for axis, aim in enumerate(self._goal or ()):

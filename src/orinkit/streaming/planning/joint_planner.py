@@ -42,11 +42,11 @@ class JointPlanner:
     Args:
         limits: Limits of the arm.
         period: Time between two commands, s.
-        joints: Joint position at which the arm stands, deg (mm), one value per axis. If an axis is outside its range
-            but can return within one period, it is treated as if it were at the end of its range.
+        joints: Joint position at which the arm stands, deg (mm for linear axes), one value per axis. If an axis is
+            outside its range but can return within one period, it is treated as if it were at the end of its range.
 
     Attributes:
-        command: The last command, deg (mm).
+        command: The last command, deg (mm for linear axes), one value per axis.
         at_rest: True if the last two commands are equal, and the target or set-point is reached.
 
     Raises:
@@ -307,7 +307,7 @@ class JointPlanner:
 
 
 def checked_period(period: float) -> float:
-    """Check the period of a stream, and return it in s as a float.
+    """Check the period of a stream, s, and return it as a float.
 
     Raises:
         InvalidValue: If the period is not a positive finite number.

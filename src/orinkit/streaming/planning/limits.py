@@ -13,7 +13,10 @@ from orinkit.core.validation import brief, check_amount, check_finite, check_pos
 from orinkit.values.pose_numbers import MAX_JOINTS
 
 SECONDS_TO_ACCELERATION: Final = 0.05
-"""Time from zero to the largest acceleration, s: an assumption of this project, as DENSO publishes no jerk limits."""
+"""Time in s in which an axis can increase its acceleration from zero to the limit.
+
+This time is an assumption of this project, because DENSO publishes no jerk limits.
+"""
 
 _LARGEST: Final = 1e9  # the largest value for which jerk-limited planning works
 

@@ -44,7 +44,7 @@ def planner_for(limits: Limits | PathLimits, period: float, start: Sequence[floa
     """Return a planner for joint positions or for poses.
 
     Args:
-        limits: Limits of the axes for joint positions, of the tool for poses.
+        limits: :class:`Limits` of the axes, for joint positions; or :class:`PathLimits` of the tool, for poses.
         period: Period of a cycle, s.
         start: The pose at which the arm stands.
         kind: Pose type of the set-points.

@@ -53,9 +53,9 @@ class PosePlanner:
     :meth:`goto`, :meth:`track` and :meth:`stop` each return the next command; they may be called in any order. A
     command is the pose that is sent to the controller. The step of the tool tip from one command to the next is at most
     speed * period long. The difference of two consecutive steps, as vectors, is at most acceleration * period^2 long.
-    The same applies to the rotation between two orientations, expressed as a vector: its axis in the base frame times
-    its angle in degrees. These conditions hold for any input, with a relative tolerance of 10^-9, plus 10^-12 degrees
-    for the rounding of angles.
+    The same applies to the rotation from one command to the next, expressed as a vector: its axis in the base frame
+    times its angle in degrees. These conditions hold for any input, with a relative tolerance of 10^-9, plus 10^-12
+    degrees for the rounding of angles.
 
     Args:
         limits: Limits of the tool.
@@ -106,7 +106,7 @@ class PosePlanner:
         direction.
 
         Args:
-            target: A pose. The next command already has its figure.
+            target: A pose. The next command already has the figure of this pose.
 
         Raises:
             InvalidValue: If the pose is not valid.

@@ -19,7 +19,9 @@ class StreamerConfig:
         controller: Handle of the Controller object.
         handle: Handle of the Robot object.
         mode: Slave mode: buffering and pose type.
-        send, receive, window: Formats of the parameter and of the result of slvMove, and the user I/O to receive.
+        send: Format of the parameter of slvMove.
+        receive: Format of the result of slvMove.
+        window: User I/O to receive; ``None`` if none is received.
         outputs: Outputs sent with the first set-point.
         period: Period of a cycle, s.
         limits: Limits of the planner.

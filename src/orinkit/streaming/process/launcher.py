@@ -38,12 +38,12 @@ class StreamerProcess:
 
     Args:
         link: Descriptor of the connection that the process takes over.
-        kind: Name of the profile of the connection.
+        kind: Name of the transport profile of the connection.
 
     Attributes:
         shared: Shared memory of the two processes.
-        real_time: Real-time properties of the process; ``None`` until it is ready.
-        began: True after :meth:`begin`, from which on the process uses the connection.
+        real_time: Real-time properties of the process; ``None`` until the process is ready.
+        began: True after :meth:`begin`. From this time on, the process uses the connection.
         streaming: True while the process has slave mode turned on.
         ended: True after streaming has ended: the process does not use the connection any more.
         reason: Reason why streaming ended: a value of :data:`~orinkit.streaming.process.streamer.Reason`; ``"died"`` if
@@ -53,7 +53,7 @@ class StreamerProcess:
 
     Raises:
         StreamError: If the process cannot be started.
-        MissingExtra: If a package is not installed.
+        MissingExtra: If ruckig is not installed.
     """
 
     def __init__(self, link: int, kind: str) -> None:
@@ -165,7 +165,7 @@ class StreamerProcess:
 
 
 def _start(channel: int, link: int, memory: int, row: Transport) -> subprocess.Popen[bytes]:
-    """Start a streaming process that inherits these descriptors.
+    """Start a streaming process that inherits the descriptors ``channel``, ``link`` and ``memory``.
 
     Raises:
         OSError: If the process cannot be started.
