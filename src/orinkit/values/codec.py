@@ -35,8 +35,8 @@ class PacketLimits:
         packet: Largest size of a packet and of one argument in bytes (VE026A table 3-5: 16 MBytes).
         depth: Largest nesting depth of VARIANT arrays.
         variants: Largest number of elements of all arrays in one packet, weighted by the time to read and release
-            them: each element of VARIANT, BSTR, DATE and CY counts as one, 16 elements of another type count as one,
-            and bytes do not count.
+            them: an element of a VARIANT, BSTR, DATE or CY array counts as one, 16 elements of an array of another type
+            count as one, and the elements of a byte array do not count.
         vt_error_size: Size of a VT_ERROR in bytes: 4, or 2 in packets of a VE026A (VE026A table 3-1).
     """
 
@@ -244,7 +244,8 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
             decrements; :attr:`PacketLimits.variants` by default.
 
     Raises:
-        ProtocolError: If the bytes are not a valid argument; its ``code`` is the reply of a server (VE026A table 3-5).
+        ProtocolError: If the bytes are not a valid argument; its ``code`` is the return code that a server sends to the
+            client (VE026A table 3-5).
     """
     if end is None:
         end = len(data)

@@ -1,7 +1,7 @@
-"""Conversions for the table of VARIANT types, which contains them as columns.
+"""Conversion functions for VARIANT types; the table of the types refers to them in its columns.
 
-They convert Python values to the content that a :class:`~orinkit.values.variant.Variant` of a type stores, and this
-content to the numbers in packets and back.
+They convert Python values to the content that a :class:`~orinkit.values.variant.Variant` of a type stores. They also
+convert this content to the numbers in packets, and these numbers back to the content.
 
 Functions that check a value receive the row of the type and the value. They return the content or raise InvalidValue.
 """
@@ -20,7 +20,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.type_row import TypeRow, no_type, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
-"""Context of all arithmetic with VT_CY. The decimal context of the caller is not used: it may round or raise errors."""
+"""Context of all arithmetic with VT_CY. The caller's decimal context is not used: that one may round or raise errors."""
 _CY_STEP: Final = Decimal("0.0001")
 _EPOCH: Final = datetime(1899, 12, 30)
 _DAY_US: Final = 86_400_000_000
@@ -30,7 +30,7 @@ _DAY_US: Final = 86_400_000_000
 
 
 def nothing(row: TypeRow, value: Any) -> None:
-    """Accept ``None`` only."""
+    """Return ``None``; raise InvalidValue for any other value."""
     if value is not None:
         raise row.misfit(value)
 
@@ -69,7 +69,7 @@ def _within(row: TypeRow, number: int) -> int:
 
 
 def real(row: TypeRow, value: Any) -> float:
-    """Return a double-precision number."""
+    """Return a number as a ``float`` of double precision."""
     if isinstance(value, bool | str | bytes | bytearray | memoryview):
         raise row.misfit(value)
     try:
@@ -99,7 +99,7 @@ def boolean(row: TypeRow, value: Any) -> bool:
 
 
 def string(row: TypeRow, value: Any) -> str:
-    """Return a string."""
+    """Return a string as a plain ``str``, even if it is of a subclass."""
     if not isinstance(value, str):
         raise row.misfit(value)
     return str.__str__(value)  # str() would return the name of a member of an Enum, not its value

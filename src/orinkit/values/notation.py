@@ -28,9 +28,9 @@ module uses these rules:
 * A single string (``8,...`` as the whole text) is never changed.
 * Inside brackets and in a VT_BSTR array, blanks around a string are ignored, and brackets in it must be balanced:
   ``(8,@P P(1,2,3))`` is one string. A comma inside brackets does not separate strings: ``8200,P(1,2),P2`` has two.
-* Inside brackets and in a VT_BSTR array, any other string is quoted, with each ``"`` in it doubled: ``(8," :-) ")``,
-  ``8200,"a,b",c``. A string counts as quoted only if it begins with ``"``. ``8200,`` is an array without strings, and
-  ``8200,""`` is an array of one empty string.
+* Inside brackets and in a VT_BSTR array, a string to which these two rules cannot be applied is quoted, with each ``"``
+  in it doubled: ``(8," :-) ")``, ``8200,"a,b",c``. A string counts as quoted only if it begins with ``"``. ``8200,`` is
+  an array without strings, and ``8200,""`` is an array of one empty string.
 
 For every VARIANT, ``parse(format_variant(value))`` is therefore the same value with the same types (a VT_R4 in single
 precision, as in a packet). Plain text is written as in the documents.
@@ -112,7 +112,8 @@ def parse_lenient(text: str) -> Variant:
     ==============================  =====================================================================
 
     Raises:
-        NotationError: If the text begins with a type but is not valid, or is a whole number outside the range of VT_I4.
+        NotationError: If the text begins with a type and a comma but is not valid, or is a whole number outside the
+            range of VT_I4.
     """
     match = _NOTATION.match(text)
     if match and int(match[1]) in _TYPES:
@@ -184,7 +185,7 @@ class _NotationParser:
         return result
 
     def number(self, base: int, end: int) -> Any:
-        """Read one element, which ends at ``end`` and whose type is neither VT_BSTR nor VT_VARIANT."""
+        """Read one element of the type ``base``, neither VT_BSTR nor VT_VARIANT; the element ends at ``end``."""
         self._blank()
         piece = self.text[self.at : end]
         piece = piece.strip(_BLANKS) if len(piece) <= _MAX_PADDED else piece[: LONGEST + 1]
@@ -255,7 +256,7 @@ class _NotationParser:
         return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
 
     def _expected(self, wanted: str, length: int = 0) -> NotationError:
-        """Return the error for unexpected text at this position; ``length`` is its length, 0 if it is unknown."""
+        """Return the error for unexpected text at this position; ``length`` is its number of characters, 0 if unknown."""
         self._blank()
         found = self.text[self.at : self.at + min(length or _SHOWN, _SHOWN)]
         if not found:
@@ -282,7 +283,7 @@ class _NotationParser:
         return bytes(values) if base | ARRAY == UI1_ARRAY else values
 
     def _cut(self, end: int) -> Iterator[str]:
-        """Yield the parts between the commas up to ``end``."""
+        """Yield the parts of the text from this position up to ``end``, split at the commas."""
         at = self.at
         while True:
             last = self.text.rfind(",", at, min(at + 16 * _PIECE, end))
@@ -311,8 +312,8 @@ class _NotationParser:
     def _text(self, signs: re.Pattern[str]) -> str:
         """Read a string.
 
-        The string ends at the end of the text or of the enclosing bracket. If ``signs`` includes the comma, it also
-        ends at a comma.
+        The string ends at the end of the text or of the enclosing bracket. If ``signs`` includes the comma, the
+        string also ends at a comma.
         """
         self._blank()
         start = self.at
@@ -368,7 +369,8 @@ def format_variant(value: Value) -> str:
     """Return a value as ``<type>,<data>``, in the notation of the documents: ``8204,(8,Sample),(2,100)``.
 
     Args:
-        value: A :class:`~orinkit.values.variant.Variant`, or a value that :func:`~orinkit.values.variant.variant` accepts.
+        value: A :class:`~orinkit.values.variant.Variant`, or a value that :func:`~orinkit.values.variant.variant`
+            accepts.
 
     Raises:
         InvalidValue: If the value cannot be converted to a VARIANT, or is nested deeper than MAX_DEPTH.
@@ -400,7 +402,7 @@ def _write_data(item: Variant, depth: int) -> str:
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string as text inside brackets or an array; quote it if it could be parsed as another string."""
+    """Return a string as text inside brackets or an array; quote it if it would be parsed as another string unquoted."""
     if not text or not (brackets or element):
         return text
     begins, ends = text[0], text[-1]

@@ -26,7 +26,7 @@ class ElementFormat:
         read: Function that parses a text; it returns ``None`` if the text is not valid.
         write: Function that formats a value.
         description: Message that describes valid texts.
-        bounds: Placeholders of ``description``.
+        bounds: Values of the placeholders in ``description``, by name.
     """
 
     read: Callable[[str], Any]

@@ -18,7 +18,7 @@ MAX_WHOLE: Final = 2**31 - 1
 """Largest index of a variable, and largest Fig."""
 EXTRA_JOINTS: Final = (7, 8)
 COUNTS: Final[dict[str, tuple[int, int]]] = {"P": (6, 7), "T": (9, 10), "J": (1, MAX_JOINTS), "V": (3, 3), "": (1, 10)}
-"""Smallest and largest count of numbers of each pose type; ``""`` is a pose of unspecified type."""
+"""For each pose type, the smallest and the largest count of numbers of a pose; ``""`` is an unspecified type."""
 FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "P": ("x", "y", "z", "rx", "ry", "rz", "fig"),
     "T": ("x", "y", "z", "ox", "oy", "oz", "ax", "ay", "az", "fig"),
@@ -28,11 +28,11 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
 }
 
 FIG_AUTO: Final = -1
-"""Fig: the controller chooses the figure."""
+"""Value of Fig for which the controller chooses the figure."""
 FIG_NEAREST: Final = -2
-"""Fig: the controller chooses the figure with the least change (RC9)."""
+"""Value of Fig for which the controller chooses the figure with the least change (RC9)."""
 FIG_WITHIN_LIMITS: Final = -3
-"""Fig: the controller chooses a figure within the soft limits (RC9)."""
+"""Value of Fig for which the controller chooses a figure within the soft limits (RC9)."""
 
 _DECIMALS: Final = 6  # number of decimals of a displayed number
 

@@ -27,7 +27,7 @@ _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
 class PassMarkText(NamedTuple):
-    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm for ``n``."""
+    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm (0 unless ``n``)."""
 
     mode: str
     radius: float
@@ -97,7 +97,7 @@ class Scanner:
 
         Args:
             wanted: Message that describes the number.
-            values: Placeholders of the message.
+            values: Values of the placeholders in the message.
         """
         start = self.here()
         text = self.take(_NUMBER)

@@ -18,8 +18,8 @@ The target of a motion has this form as text; blanks between its parts and the c
 
     [@P | @E | @0 | @<mm>]  P1  |  P[1]  |  P(v, v, ...)  |  (v, v, ...)   [EX((7, v), (8, v)) | EXA((7, v))]
 
-T, J or V may replace P, and ``EX(7, v)`` is valid for a single joint. Numbers may have a sign, decimals and an
-exponent.
+T, J or V may replace P, and ``EX(7, v)`` is valid for a single joint. Numbers (``v``, ``mm``) may have a sign,
+decimals and an exponent.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ class _Point(_Values):
 class P(_Point):
     """A position: x, y, z in mm, rx, ry, rz in degrees, fig (:class:`Figure` or FIG_AUTO).
 
-    The rotation is Rz(rz) * Ry(ry) * Rx(rx). As a tuple it consists of seven ``float``, as in the reply of a controller;
-    the property ``fig`` is an ``int``.
+    The rotation is Rz(rz) * Ry(ry) * Rx(rx). As a tuple, a position consists of seven ``float``, as in the reply of a
+    controller; the property ``fig`` is an ``int``.
 
     Raises:
         InvalidValue: If a value is not a finite number, or ``fig`` is not a whole number.
@@ -241,7 +241,7 @@ class J(_Values):
 
 
 PoseLike: TypeAlias = "P | T | J | V | Target | str"
-"""The poses that methods of a client accept: a value, a target, or the text of a target."""
+"""The poses that methods of a client accept: a P, T, J or V, a :class:`Target`, or the text of a target."""
 
 
 # --- targets ----------------------------------------------------------------------------------------------------------
@@ -258,7 +258,7 @@ class PassMark:
         radius: Radius in mm, above 0; only for ``"n"``.
 
     Raises:
-        InvalidValue: If the mode is unknown, or the radius is not valid for it.
+        InvalidValue: If the mode is unknown, or the radius is not valid for the mode.
     """
 
     mode: Literal["0", "E", "P", "n"]
@@ -298,11 +298,11 @@ class PassMark:
 
 
 AT_COMMAND: Final = PassMark("0")
-"""``@0``"""
+"""The pass mark ``@0``: the command position has reached the target."""
 AT_ENCODER: Final = PassMark("E")
-"""``@E``"""
+"""The pass mark ``@E``: the encoder values have reached the target."""
 PASSING: Final = PassMark("P")
-"""``@P``"""
+"""The pass mark ``@P``: the arm is near the target."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -393,7 +393,7 @@ def parse_target(text: str) -> Target:
 
 
 def parse_targets(text: str) -> tuple[Target, ...]:
-    """Parse one or several targets, separated by commas, for example ``P1, @E P2`` of an arc.
+    """Parse one or several targets, separated by commas, for example ``P1, @E P2`` for the two targets of an arc.
 
     Raises:
         NotationError: As for :func:`parse_target`.
@@ -410,7 +410,7 @@ def to_text(pose: PoseLike, mark: str | PassMark = "") -> str:
     """Return the text that a client sends for a pose: ``@E P(364.16, 0, 278.5355, 180, 0, 180, 5)``.
 
     Args:
-        pose: A value, a :class:`Target`, or a text, which is sent unchanged.
+        pose: A P, T, J or V, a :class:`Target`, or a text; a text is not checked.
         mark: Pass mark to prepend: ``@P``, ``@E``, ``@0``, ``@<mm>`` or a :class:`PassMark`.
 
     Raises:

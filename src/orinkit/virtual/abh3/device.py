@@ -111,8 +111,8 @@ class VirtualABH3:
     def advance(self) -> list[CanFrame]:
         """Advance the driver to the time of its clock; return the frames that are due by then.
 
-        These are periodic frames and further frames of a multi-packet message. A periodic frame is returned
-        once, even if several periods were missed.
+        These are periodic frames and further frames of a multi-packet message. A periodic frame is returned once,
+        even if several periods were missed.
         """
         with self._lock:
             if self._closed:

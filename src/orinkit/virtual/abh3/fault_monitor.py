@@ -42,7 +42,10 @@ class FaultMonitor:
         return self.warnings & COMMUNICATION != 0
 
     def feed(self, cycle: int) -> None:
-        """Restart the time-outs after a command of the host; clear the warning of a time-out that is not an error."""
+        """Restart the time-outs after a command of the host.
+
+        This also clears the communication warning, unless the communication error is latched.
+        """
         self._fed = cycle
         if not self.errors & COMMUNICATION:
             self.warnings &= ~COMMUNICATION

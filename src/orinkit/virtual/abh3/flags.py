@@ -111,7 +111,10 @@ def with_code(word: Word, name: str, faults: int) -> int:
 
 
 def bits_of(word: Word, name: str, code: int) -> int:
-    """Return a code as the bits ``name_0`` to ``name_3`` of a flag word; 0 if the word has no such bits."""
+    """Return a code as bits of a flag word; 0 if the word has no bits for the code.
+
+    With the name ``error_code``, these are the bits ``error_code_0`` to ``error_code_3``.
+    """
     return sum(word.masks.get(f"{name}_{n}", 0) for n in range(4) if code >> n & 1)
 
 

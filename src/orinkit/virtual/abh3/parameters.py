@@ -60,8 +60,8 @@ class DataSet:
     """A data set: the source of the command of an axis while the select bits of the axis choose this set.
 
     Attributes:
-        source: ``"can"`` if the command comes from the host; ``"internal"`` if it is ``velocity``, or in torque mode
-            ``current``.
+        source: ``"can"`` if the command comes from the host; ``"internal"`` if the command is ``velocity``, or in
+            torque mode ``current``.
         velocity: Internal velocity command, min^-1.
         current: Internal current command in torque mode, %.
 

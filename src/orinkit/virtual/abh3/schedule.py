@@ -15,8 +15,8 @@ class Schedule:
     def set(self, periods: Mapping[str, int], cycle: int) -> None:
         """Set the periods, in cycles; 0 or less for never.
 
-        A frame with an unchanged period keeps the time at which it is due next. A frame with a new period is due next
-        one period after ``cycle``.
+        A frame with an unchanged period keeps the time at which it is due next. A frame with a new period is next
+        due one period after ``cycle``.
         """
         for name, period in periods.items():
             if period != self._periods.get(name):

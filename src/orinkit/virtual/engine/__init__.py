@@ -1,1 +1,1 @@
-"""Parts shared by the arms of all virtual controllers: control loop, motion, servo, elastic time, timers, calendar."""
+"""Parts shared by all virtual robot controllers: control loop, motion, servo, elastic time, timers, calendar."""

@@ -9,14 +9,16 @@ from orinkit.virtual.engine.motion.joint_path import Joints
 def gentlest_path(model: ArmModel, before: Joints, now: Joints, goal: Joints, most: int) -> list[Joints]:
     """Return the command positions that lead to a set-point with the least acceleration, one for each cycle.
 
-    With the present velocity ``v`` and the period ``T``, the k-th of n command positions is
-    ``q + v k T + a (k T)^2 / 2``; ``a`` is chosen so that the n-th is the set-point. The number of missed set-points,
-    and therefore n, is unknown. Of all n whose command positions stay within the range of every axis, the n with the
-    least acceleration is used: 1 if the client continues from the present command position, and ``most`` if the client
-    has continued by the clock.
+    With the present command position ``q``, the present velocity ``v`` and the period ``T``, the k-th of n command
+    positions is ``q + v k T + a (k T)^2 / 2``. The acceleration ``a`` is chosen so that the n-th command position is
+    the set-point.
+
+    n is unknown, because the number of missed set-points is unknown. Therefore every n from 1 to ``most`` is tried. Of
+    those whose command positions stay within the range of every axis, the n with the least acceleration is used. If the
+    client has continued from the present command position, this is 1; if it has continued by the clock, it is ``most``.
 
     Args:
-        model: The arm model, for its accelerations.
+        model: The arm model, for the range and the acceleration limit of each axis.
         before: The command position one cycle ago, deg or mm.
         now: The present command position, q.
         goal: The set-point.
@@ -49,7 +51,7 @@ def gentlest_path(model: ArmModel, before: Joints, now: Joints, goal: Joints, mo
 
 
 def _within(model: ArmModel, now: Joints, joints: Joints) -> bool:
-    """Return True if the joints are in the range of each axis; an axis outside its range may move back."""
+    """Return True if ``joints`` are in the range of each axis; an axis outside its range at ``now`` may move back."""
     return all(
         min(axis.lower, b) <= value <= max(axis.upper, b)
         for axis, b, value in zip(model.axes, now, joints, strict=True)

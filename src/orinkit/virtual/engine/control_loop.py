@@ -41,14 +41,15 @@ class CyclicTask(Protocol):
 
 
 class ControlLoop:
-    """The control cycle and the lock of its state; enter it to read or change the controller.
+    """The control cycle, and the lock of the controller; enter this lock to read or change the controller's state.
 
     Args:
         clock: The controller's clock.
 
     Attributes:
         clock: The controller's clock.
-        number: Cycles since the controller was switched on.
+        number: Number of the last cycle that was run. All cycles since the controller was switched on are counted,
+            including skipped ones.
         pace: Callback that returns how many of the due cycles to run before it is called again; ``None`` to run all of
             them. It is called inside the lock with the number of due cycles, 1 or more. If it returns 0, no cycle is
             run, and it is called again when the lock is next entered, at the latest one period later. It may call
@@ -72,7 +73,7 @@ class ControlLoop:
 
     @property
     def last_cycle_time(self) -> float:
-        """The controller's time of the last cycle, run or skipped, in seconds since it was switched on."""
+        """The controller's time of the last cycle, run or skipped, in seconds since the controller was switched on."""
         return (self.number if self._busy else max(self.number, self._due())) * PERIOD
 
     @property
@@ -102,7 +103,7 @@ class ControlLoop:
         self._on_error = on_error
 
     def wake(self) -> None:
-        """Start cycles because a task has become busy; its first step is in the next cycle. Call it inside the lock."""
+        """Start cycles because a task has become busy; it is first stepped in the next cycle. Call inside the lock."""
         if self._closed:
             return
         self._woken = True
@@ -113,15 +114,15 @@ class ControlLoop:
             self._driver.wake()
 
     def delay(self, seconds: float) -> None:
-        """Delay the next cycle and all later ones by some seconds of the clock. Call it inside the lock."""
+        """Delay the next cycle and all later ones by ``seconds`` of the clock. Call this method inside the lock."""
         self._base += seconds
 
     def time_budget(self, part: float) -> Callable[[], bool]:
-        """Return a function that returns True once the given fraction of a cycle has passed in real time."""
+        """Return a function that returns True once the fraction ``part`` of a cycle has passed in real time."""
         return self.clock.time_budget(max(_MIN_TIME_BUDGET, part * PERIOD / self.clock.scale))
 
     def require_open(self) -> None:
-        """Raise an error if the controller has been switched off: an operation started then would never end.
+        """Raise an error if the controller has been switched off, because a new operation would never end.
 
         Raises:
             CallError: E_ABORT if the controller has been switched off.

@@ -1,21 +1,21 @@
 """Elastic time: decides which cycles are run in slave mode if the client or the server is late.
 
 A real controller has a processor of its own. A virtual controller shares a machine with its client and with other
-programs. They may delay the client or the server:
+programs, which may delay the client or the server:
 
 * **The client is late**: the arm moves, and there is no set-point for the next cycle. The controller's time stops until
   a set-point arrives, for 250 ms at most, and the set-point is counted as late. After 250 ms the controller behaves
-  like a real one: it reports an error, or in mode 1 stops the arm in place. With strict time the controller does this
-  immediately; in mode 1 the set-point is counted as late with strict time, too.
+  like a real one: it reports an error, or in mode 1 stops the arm in place. With strict time the controller behaves
+  like a real one immediately; in mode 1 the set-point is counted as late nevertheless.
 * **The server is late**: due cycles were not run in time. The missed cycles are not caught up: one cycle is run, and
   from then on the controller's time lags behind the clock. Set-points that have arrived are in time, even if the server
   has not read them yet: before a cycle without a set-point is run, all unread input is processed
-  (``when_input_processed``). This also applies with strict time. Strict time in addition grants one more period to a
-  client that may not have received its reply yet.
-* **The client sends by the clock**, not after each reply. It does not notice either delay, so its next set-point is
-  farther away than one cycle allows. If set-points are queued (modes 0 and 2), this has no effect. If only the newest
-  set-point counts (mode 1), the arm moves to it in as many cycles as the distance seems to require
-  (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these cycles.
+  (``when_input_processed``). This also applies with strict time. With strict time, a client whose reply the
+  server may have delayed also has one more period for its set-point.
+* **The client sends by the clock**, not after each reply. It does not notice that the controller's time lags, so its
+  next set-point is farther away than one cycle allows. If set-points are queued (modes 0 and 2), this has no
+  effect. If only the newest set-point counts (mode 1), the arm moves to it in as many cycles as the distance seems to
+  require (:meth:`PacedSlave.plan_catch_up`). If the server was late, the limits are larger in these cycles.
 
 If a cycle or a set-point is late by less than a quarter of a period, the times of the following cycles do not change.
 If each set-point of a client is a little later than the one before, these delays add up, until a set-point is counted
@@ -47,7 +47,10 @@ _HALF: Final = 0.5  # fraction of a period
 _MAX_CASES: Final = 10_000  # late set-points that are stored individually
 
 WhenInputProcessed = Callable[[Callable[[], None]], None]
-"""Invokes a callback once all input received so far has been handled (:class:`orinkit.cao.provider.ClientInfo`)."""
+"""Function that invokes a callback once all input received so far has been processed.
+
+See ``when_input_processed`` of :class:`orinkit.cao.provider.ClientInfo`.
+"""
 
 
 def timed_out_detail() -> str:
@@ -62,7 +65,7 @@ def late_detail() -> str:
 
 
 def late_stream_message(late: Lateness, *, strict: bool) -> str:
-    """Return the log message for a stream that ends with late set-points."""
+    """Return the log message for the end of a stream in which set-points were late."""
     if strict:
         return tr("{late}: the arm stopped in place", late=late)
     return tr(
@@ -77,7 +80,7 @@ class PacedSlave(Protocol):
         overwrites: True if only the newest set-point counts (mode 1).
         moving: True if the command position moves.
         starving: True if the next cycle needs a set-point and there is none.
-        lenient_cycles: Number of cycles for which the limits are larger.
+        lenient_cycles: Number of further cycles in which the limits are larger, because the server was late.
     """
 
     lenient_cycles: int
@@ -98,19 +101,19 @@ class PacedSlave(Protocol):
         """Plan the command positions that lead to the newest set-point in at most ``most`` cycles.
 
         Returns:
-            Number of cycles; 0 if there is no set-point.
+            Number of planned cycles; 0 if there is no set-point.
         """
 
 
 class _Cases:
-    """Late set-points: the newest ones individually, the older ones as sums."""
+    """Delays of the late set-points: each of the newest ones, and the count, maximum and sum of all."""
 
     def __init__(self) -> None:
         self._seconds: deque[float] = deque(maxlen=_MAX_CASES)
         self._all = Lateness()
 
     def add(self, seconds: float) -> None:
-        """Count a late set-point."""
+        """Count a late set-point and its delay in real seconds."""
         self._seconds.append(seconds)
         count, longest, total = self._all.count, self._all.longest, self._all.total
         self._all = Lateness(count + 1, max(longest, seconds), total + seconds)
@@ -195,7 +198,7 @@ class CyclePacer:
     # --- a late client ------------------------------------------------------------------------------------------
 
     def _wait(self) -> bool:
-        """Keep the controller's time stopped; return True to continue waiting."""
+        """Begin or continue to wait for a set-point; return False if the wait must end now."""
         if self._waited is not None:
             self._update_wait()
             return self._waited < self._longest_wait
@@ -273,7 +276,10 @@ class CyclePacer:
         self._cycles.delay(seconds)
 
     def _catch_up_cycles(self, late: float) -> int:
-        """Return the number of cycles for the move to the newest set-point in mode 1."""
+        """Return the number of cycles for the move to the newest set-point in mode 1.
+
+        ``late`` is the delay of the next cycle, in seconds of the clock.
+        """
         if self._cycles.number > self._lag_expires_at:
             self._lag = self._server_lag = 0.0
         limit = 1 + int((self._lag + late) / PERIOD + _HALF)

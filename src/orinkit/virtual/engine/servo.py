@@ -1,4 +1,4 @@
-"""The mechanics of the arm: encoders that follow the command, loads, and the control log.
+"""The mechanics of the arm: loads, encoders that follow the command position, and the control log.
 
 The encoders reach each command position :data:`LAG` cycles later. Loads are computed by a simple model, not by the
 model of a real arm: a third of the rated torque at the largest acceleration, an eighth for friction, and gravity on the
@@ -80,18 +80,18 @@ class Servo:
         return not self.frozen and any(late != command for late in self._late)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set command and encoders to the same joints, at standstill."""
+        """Set command position and encoders to the same joints without a motion, while the arm is at standstill."""
         self.command = self.encoder = tuple(joints)
         self._late.extend([self.command] * (LAG + 1))
         self._encoders.extend([self.encoder] * 3)
 
     def velocity(self) -> tuple[float, ...]:
-        """Return the velocities of the encoders, deg/s."""
+        """Return the velocities of the encoders, deg/s (mm/s for a linear axis)."""
         _, before, now = self._encoders
         return tuple((b - a) / PERIOD for a, b in zip(before, now, strict=True))
 
     def load(self, powered: bool) -> tuple[float, ...]:
-        """Return the load of each axis in percent of the rated torque; 0 without power, because the brakes hold."""
+        """Return the load of each axis, % of the rated torque; 0 if not ``powered``, because the brakes hold."""
         if not powered:
             return (0.0,) * len(self.encoder)
         first, before, now = self._encoders
@@ -105,7 +105,7 @@ class Servo:
         return tuple(loads)
 
     def deviation(self, powered: bool) -> tuple[float, ...]:
-        """Return the following error of each motor, deg: its lag plus the compliance under load.
+        """Return the following error of each motor, deg: the lag of its encoder plus the compliance under load.
 
         The error is 0 without power. With power, gravity always causes a small error, which shows that the motor is on.
         """
@@ -139,7 +139,14 @@ class ControlLog:
         self._records.clear()
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
-        """Record a cycle if the log is running."""
+        """Record a cycle if the log is running.
+
+        Args:
+            take: Callback that returns the state of the arm; only called if the log is running.
+            cycle: Number of the cycle.
+            tool: Number of the current tool.
+            work: Number of the current work.
+        """
         if self.running:
             self._records.append((take(), cycle, tool, work))
 
@@ -147,7 +154,8 @@ class ControlLog:
         """Return a record; index 0 is the oldest.
 
         A record consists of command (deg), encoder (deg), current (A) and load (%) for each of 8 joints, followed by
-        user data, program number, file number and line (these four are always 0), counter in cycles, tool, work.
+        user data, program number, file number and line (these four are always 0), cycle number, tool number and work
+        number.
 
         Raises:
             IndexError: If there is no such record.

@@ -139,9 +139,9 @@ class SetPointBuffer(ABC):
 
     @property
     def lateness(self) -> Callable[[int], Lateness]:
-        """Function that returns the lateness of the current or the last stream.
+        """Function that returns the lateness of the current stream, or of the last one if no stream is running.
 
-        Its argument is the number of late set-points that are not counted, beginning with the first one.
+        The argument of the function is the number of late set-points at the beginning that are not counted.
         """
         return self._pace.lateness if self._pace is not None else lambda _: Lateness()
 
@@ -165,7 +165,7 @@ class SetPointBuffer(ABC):
         """Plan the command positions that lead to the newest set-point in at most ``most`` cycles.
 
         Returns:
-            Number of cycles; 0 if there is no set-point.
+            Number of planned cycles; 0 if there is no set-point.
         """
         if not self._buffer:
             return 0
@@ -189,7 +189,7 @@ class SetPointBuffer(ABC):
         self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
 
     def _close(self) -> list[Deferred[Value]]:
-        """End the stream and clear the buffer; return the pending replies."""
+        """End the stream and clear the buffer; return the deferred replies of the calls that still wait for room."""
         self._cycles.pace = None
         self._buffer.clear()
         waiting, self._waiting = self._waiting, deque()
@@ -201,7 +201,7 @@ class SetPointBuffer(ABC):
             self._pace.resume()
 
     def _refill(self) -> None:
-        """Accept waiting calls and send their replies while there is room."""
+        """While there is room, put the set-points of waiting calls into the buffer, and send the replies."""
         while self._waiting and not self.full:
             waiting = self._waiting.popleft()
             if waiting.deferred.done():  # it was cancelled

@@ -49,8 +49,8 @@ class ControlProvider(Provider):
     """Provider of the buttons of a virtual RC8 for clients on this machine that send the secret.
 
     A client sends the secret in the option of Controller_Connect: ``Secret=...``. Other clients receive E_ACCESSDENIED.
-    From the sixth wrong secret on, refusals are delayed by up to one second. Closing the provider does not affect the
-    virtual RC8.
+    From the sixth wrong secret on, counted over all clients, refusals are delayed by up to one second. Closing the
+    provider does not affect the virtual RC8.
 
     Args:
         rc8: The controller.
@@ -92,6 +92,8 @@ class ControlProvider(Provider):
 
     def _refuse(self, *, given: bool) -> BlockingCall:
         """Refuse a client: immediately, or after a delay if many clients have been refused.
+
+        ``given`` is True if the client sent a secret.
 
         Raises:
             CallError: E_ACCESSDENIED.

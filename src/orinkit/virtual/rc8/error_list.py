@@ -90,13 +90,13 @@ class ErrorList:
 def level_of(code: int) -> int:
     """Return the level of a code, 0 (notice) to 5 (fatal).
 
-    Error codes that have no level, such as the codes of CAO, have level 1.
+    A code for which the documents define no level, such as a code of CAO, has level 1 if it is an error, otherwise 0.
     """
     info = hresult.lookup(code)
     return info.level if info.family not in _NOT_THE_CONTROLLERS else int(info.failed)
 
 
 def is_notice(code: int) -> bool:
-    """Return True if a code is a success or a code of level 0, which has no effect on robot, tasks and motor."""
+    """Return True if a code is a success, or an error of level 0, which has no effect on robot, tasks and motor."""
     info = hresult.lookup(code)
     return not info.failed or (info.level == 0 and info.family not in _NOT_THE_CONTROLLERS)

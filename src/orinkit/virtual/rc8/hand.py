@@ -44,7 +44,7 @@ class Taught:
     Attributes:
         closed: Smallest opening to which Chuck closes, mm.
         opened: Opening to which UnChuck opens, mm.
-        speed: Speed of both, percent.
+        speed: Speed of both Chuck and UnChuck, percent.
         force: Gripping force of Chuck, N.
     """
 
@@ -152,7 +152,7 @@ class Hand:
         return self._begin(target, speed, force)
 
     def grip(self, force: float, *, closing: bool = True, speed: float = MAX_SPEED) -> Deferred[None]:
-        """Close (or open) until the fingers meet a workpiece, and grip it.
+        """Close (open if ``closing`` is False) until the fingers meet a workpiece, and grip it.
 
         Returns:
             A Deferred that resolves when the workpiece is gripped. It fails with GRIP_NOT_DETECTED if the fingers reach
@@ -167,7 +167,8 @@ class Hand:
         """Close to a taught position; if the fingers meet a workpiece, they grip it.
 
         Returns:
-            A Deferred that resolves when a workpiece is gripped and fails with GRIP_NOT_DETECTED if none was met.
+            A Deferred that resolves when a workpiece is gripped. It fails with GRIP_NOT_DETECTED if the fingers reach
+            the taught position without a workpiece.
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE if the number does not exist; otherwise as for :meth:`move`.

@@ -1,7 +1,8 @@
 """The error log and the operation log: of limited length, newest record first, in the layout that clients read.
 
 The records of both logs begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute,
-second, millisecond. The documents do not define all of the remaining elements. In this controller they are:
+second, millisecond. The documents do not define all of the remaining elements. In the virtual controller, these
+elements are, by index:
 
 * error log: 9 program name, 10 line, 11 file ID, 12 message, 13 original code, 14 caller, 15 address of the caller;
 * operation log: 9 caller, 10 address of the caller, 11 text.

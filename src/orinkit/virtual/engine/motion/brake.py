@@ -1,4 +1,4 @@
-"""Braking from any velocity to standstill, for external commands, which have no planned path on which to stop."""
+"""Braking from any velocity to standstill, for set-points from outside: there is no planned path on which to stop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Brake:
     soft limit would exceed an acceleration limit.
 
     Args:
-        model: The arm model, for its accelerations.
+        model: The arm model, for its acceleration limits.
         before: The command position one cycle ago, deg or mm.
         joints: The present command position.
         cycle: Length of a :meth:`step` in seconds.

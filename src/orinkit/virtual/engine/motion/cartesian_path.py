@@ -1,7 +1,7 @@
 """Cartesian paths of the tool centre point (TCP) in the base frame, independent of time and of the arm.
 
-A path is a line, an arc, a rotation about an axis, or a free curve. Lengths are in mm, angles in degrees; a frame is a
-4x4 matrix.
+A path is a line, an arc, a rotation about an axis, or a free curve. Lengths are in mm, angles in degrees. A frame is a
+position and an orientation, as a 4x4 matrix.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ class CartesianPath:
         frames: Function that returns the frames of the TCP, shape (N, 4, 4), at the parameters u, shape (N,).
         length: Distance that the TCP travels, mm.
         angle: Angle by which the TCP turns, degrees.
-        greatest_rate: Largest distance per unit of u, mm; equal to the length if u is proportional to the distance.
-        greatest_turn: Largest angle per unit of u, degrees.
+        greatest_rate: Largest rate at which the TCP travels along the path, mm per unit of u. It is equal to ``length``
+            if u is proportional to the distance travelled.
+        greatest_turn: Largest rate at which the TCP turns, degrees per unit of u.
     """
 
     frames: Callable[[Array], Array]
@@ -137,8 +138,9 @@ def curve(points: Sequence[Array]) -> CartesianPath:
     """Return the free curve through frames; the first one is the start frame of the TCP.
 
     Positions and orientations (as quaternions) are interpolated by natural cubic splines, so velocity and acceleration
-    are continuous. The parameter of the splines is the sum of the distances between the points. A point that coincides
-    with the one before it is skipped.
+    are continuous. The parameter of the splines is the sum of the distances between successive points; a distance is
+    the number of mm, or the number of degrees if that is larger. A point that coincides with the one before it is
+    skipped.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE as for :func:`line`; VALUE_OUT_OF_RANGE if there are no points, or more than
@@ -175,7 +177,10 @@ def curve(points: Sequence[Array]) -> CartesianPath:
 
 
 def angles_between(a: Array, b: Array) -> Array:
-    """Return the angles in degrees, shape (N,), between the orientations of frames, shape (N, 4, 4)."""
+    """Return the angles in degrees, shape (N,), between each frame of ``a`` and the frame of ``b`` at the same index.
+
+    ``a`` and ``b`` have the shape (N, 4, 4).
+    """
     # For small angles the difference is more precise than the trace.
     apart = np.linalg.norm(a[:, :3, :3] - b[:, :3, :3], axis=(1, 2))
     angles: Array = np.degrees(2 * np.arcsin(np.minimum(apart / math.sqrt(8), 1.0)))

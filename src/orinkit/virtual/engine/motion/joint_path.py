@@ -1,4 +1,4 @@
-"""Joint paths q(u) for u from 0 to 1, independent of time.
+"""Joint paths: the joints as a function of a parameter u from 0 to 1, independent of time.
 
 A path is either straight between two sets of joints, or a table computed from a Cartesian path by inverse kinematics.
 """
@@ -94,7 +94,8 @@ class JointPath(_Path):
 class TablePath(_Path):
     """A path through a table of joints at equal steps of u.
 
-    Between the steps it is interpolated by cubic polynomials, whose slopes are computed from the table.
+    Between two rows of the table, the joints are interpolated by cubic polynomials. The slopes of the polynomials at
+    the rows are computed from the table.
 
     Args:
         joints: The table, shape (steps + 1, axes), of at least 4 steps.

@@ -1,8 +1,8 @@
-"""Planning of motions to a target, as fast as the model's limits and the rates allow.
+"""Planning of motions to a target, as fast as the limits of the arm model and the :class:`Rates` allow.
 
 The velocity of each joint stays within its limit times ``speed``, and its acceleration within its limit times the
-greater of ``accel`` and ``decel``. On a Cartesian path, the velocity of the TCP also stays within the model's path
-speed times ``speed``. If a joint would exceed a limit, the motion is slowed down as a whole.
+greater of ``accel`` and ``decel``; these three are the rates. On a Cartesian path, the velocity of the TCP also stays
+within the model's path speed times ``speed``. If a joint would exceed a limit, the motion is slowed down as a whole.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _SAMPLES: Final = 1024  # of a motion, for the velocities of its joints and its 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Velocity and acceleration of a motion, as fractions of the model's limits.
+    """Velocity and acceleration of a motion, as fractions of the limits of the arm model.
 
     Attributes:
         speed: Fraction of the velocity limits, above 0 and at most 1.
@@ -79,7 +79,7 @@ class Motion:
         length: Distance that the TCP travels along its path, mm; ``None`` for a point-to-point motion.
         pass_time: Time in seconds after which the next motion may begin. With ``@P`` it is the start of the
             deceleration. With ``@n`` it is the time from which the distance of the TCP from its end position stays
-            within the radius, but at least half the duration. Otherwise it is the duration.
+            within n mm, but at least half the duration. With other marks it is the duration.
     """
 
     __slots__ = ("length", "mark", "pass_time", "path", "profile", "rates")
@@ -112,7 +112,7 @@ class Motion:
         return self.path.at(self.profile.at(time))
 
     def states_at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return joints, velocities and accelerations, of shape (N, axes), at ``times`` of shape (N,)."""
+        """Return joints, velocities and accelerations, each of shape (N, axes), at ``times`` in seconds, shape (N,)."""
         s, rate, acceleration = self.profile.states_at(times)
         joints, first, second = self.path.sampled(s)
         rate, acceleration = rate[:, None], acceleration[:, None]
@@ -135,11 +135,12 @@ def plan_ptp(
         end: Joints at the end.
         rates: Velocity and acceleration.
         mark: The pass mark.
-        tool: Frame of the TCP relative to the flange, for the radius of the mark; ``None`` for the flange itself.
+        tool: Frame of the TCP relative to the flange, for the radius of the pass mark ``@n``; ``None`` for the
+            flange itself.
 
     Raises:
-        CallError: TARGET_OVER_SOFT_LIMIT_AXISn if the end is outside the limits of axis n; VALUE_OUT_OF_RANGE if the
-            motion would take more than 36,000 s.
+        CallError: TARGET_OVER_SOFT_LIMIT_AXISn if the end is outside the soft limits of axis n; VALUE_OUT_OF_RANGE if
+            the motion would take more than 36,000 s.
     """
     model = kinematics.model
     path = JointPath(start, end)
@@ -194,12 +195,12 @@ def plan_arc(
     mark: PassMark = AT_TARGET,
     extra_end: Sequence[float] | None = None,
 ) -> Motion:
-    """Plan a motion of the TCP on the circle through the position of ``via`` to the frame ``end``.
+    """Plan a motion of the TCP on the arc from the start through the position of ``via`` to the frame ``end``.
 
     The orientation turns evenly from start to end; the orientation of ``via`` is not used.
 
     Raises:
-        CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the points are on a line or coincide.
+        CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the three points are on a line or coincide.
     """
     course = courses.arc(_tcp(kinematics, start, tool), via, end)
     return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
@@ -249,7 +250,7 @@ def plan_curve(
 ) -> Motion:
     """Plan a smooth motion of the TCP through frames; the last one is the end.
 
-    The TCP is at most as fast as on a line; if the points are unevenly spaced, it is slower in places.
+    The TCP is at most as fast as on a straight path; between unevenly spaced points it is slower.
 
     Raises:
         CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also for more than 5,000 points.

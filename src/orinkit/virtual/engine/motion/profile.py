@@ -2,7 +2,8 @@
 
 A profile is a trapezoidal velocity profile, smoothed by a moving average over the time ``smoothing``. An average never
 exceeds the maximum of the averaged values. Velocity and acceleration therefore stay within the limits of the trapezoid,
-and the jerk is at most the acceleration divided by ``smoothing``. The result has up to seven pieces of constant jerk.
+and the jerk is at most the sum of acceleration and deceleration, divided by ``smoothing``. The result has up to seven
+pieces of constant jerk.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ _SMALLEST: Final = 1e-18
 
 
 class Knot(NamedTuple):
-    """A point at which the jerk of a profile changes: the values at ``time``, and the jerk from then on."""
+    """A point at which the jerk of a profile changes.
+
+    Position, velocity and acceleration are the values at ``time``; the jerk applies from ``time`` on.
+    """
 
     time: float
     position: float
@@ -41,11 +45,13 @@ class Knot(NamedTuple):
 
 
 class MotionProfile:
-    """A motion profile s(t): 0 until t = 0, exactly 1 from ``duration`` on, never above 1.
+    """A motion profile: the progress s along the path at time t.
+
+    s is 0 until t = 0, exactly 1 from ``duration`` on, and never above 1.
 
     Attributes:
-        knots: The pieces, in order of time; empty for a profile of duration 0.
-        duration: Seconds.
+        knots: The beginnings of the pieces, in order of time; empty for a profile of duration 0.
+        duration: Duration of the motion, in seconds.
         slowing: Time at which the deceleration begins, in seconds.
     """
 
@@ -70,7 +76,7 @@ class MotionProfile:
             smoothing: Seconds over which the trapezoid is averaged, more than 0.
 
         Raises:
-            ValueError: If a limit is not finite, or is below 10^-18.
+            ValueError: If an argument is not finite, or is below 10^-18.
         """
         for limit in (velocity, acceleration, deceleration, smoothing):
             if not (math.isfinite(limit) and limit >= _SMALLEST):
@@ -94,7 +100,7 @@ class MotionProfile:
         return cls((), 0.0, 0.0)
 
     def stretched(self, duration: float) -> MotionProfile:
-        """Return the same profile slowed down to a duration, or this profile if it is not shorter.
+        """Return this profile slowed down to ``duration`` in seconds, or unchanged if it already takes that long.
 
         Raises:
             ValueError: If the duration is not finite.
@@ -119,7 +125,7 @@ class MotionProfile:
         return s if s < 1 else 1.0
 
     def rate(self, time: float) -> float:
-        """Return the rate of s, in 1/s."""
+        """Return the rate of s, in 1/s, at ``time`` in seconds."""
         if not 0 < time < self.duration:
             return 0.0
         start, _, v, a, j = self.knots[bisect_right(self._times, time) - 1]
@@ -127,7 +133,7 @@ class MotionProfile:
         return v + t * (a + t * (j / 2))
 
     def states_at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return s, its rate (1/s) and its acceleration (1/s^2) at ``times``, each of the same shape."""
+        """Return s, its rate (1/s) and its acceleration (1/s^2) at ``times`` in seconds; all arrays have one shape."""
         inside = (times > 0) & (times < self.duration)
         if not self.knots:
             zeros = np.zeros_like(times)

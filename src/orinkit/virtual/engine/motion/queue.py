@@ -2,8 +2,8 @@
 
 Each motion has its own time, the *elapsed* time. Normally the elapsed time increases by the length of a cycle in each
 cycle. To stop the arm, this increment (the *pace*) is reduced from cycle to cycle, as fast as the acceleration limits
-of the joints allow. The arm therefore stays on its path. An unchanged pace is always allowed, so a solution always
-exists.
+of the joints allow. The arm therefore stays on its path. An unchanged pace is always allowed, so a permitted pace
+always exists.
 
 With the pass marks ``@P`` and ``@n`` the next motion begins before the present one has ended; the remaining
 displacement of the present motion is added to the next one. The time at which the next motion begins is computed
@@ -57,7 +57,7 @@ class QueueState(Enum):
     RESUMING = "resuming"
     STOPPING = "stopping"
     FOLLOWING = "following"
-    """The queue follows moving external commands."""
+    """The arm moves and follows external commands."""
     BRAKING = "braking"
     """External commands have ended; the arm brakes to standstill."""
 
@@ -83,7 +83,8 @@ class Ticket:
         state: QUEUED, then RUNNING, then DONE when the command position has reached the end of the motion. STOPPED if
             the motion was dropped. A motion marked ``@P`` or ``@n`` is PASSED from its ``pass_time`` until it is DONE.
         elapsed: The motion's own time in seconds.
-        on_change: Callback invoked with the ticket after its state has changed and the queue is consistent again.
+        on_change: Callback invoked with the ticket after its state has changed and the queue is consistent again;
+            ``None`` for no callback.
     """
 
     __slots__ = ("elapsed", "motion", "on_change", "state")
@@ -161,7 +162,10 @@ class MotionQueue:
 
     @property
     def end_joints(self) -> Joints:
-        """Joints at which the next motion must start: the end of the last motion, or the command position."""
+        """Joints at which the next motion must start: those at the end of the last motion.
+
+        If there is no motion, or the arm is stopping, they are the command position.
+        """
         if self.state is QueueState.STOPPING:
             return self.joints
         last = self._waiting or self._active
@@ -169,7 +173,7 @@ class MotionQueue:
 
     @property
     def target(self) -> Joints:
-        """Joints at the end of the running motion; the command position if none runs."""
+        """Joints at the end of the motion that began last; the command position if no motion runs."""
         return self._active[-1].motion.end if self._active else self.joints
 
     def velocity_and_acceleration(self) -> tuple[Joints, Joints]:
@@ -212,7 +216,7 @@ class MotionQueue:
         return ticket
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set the command position to other joints, at standstill.
+        """Set the command position to other joints without a motion, while the arm is at standstill.
 
         Raises:
             ValueError: If a motion runs or waits, or the number of joints is not the number of axes.

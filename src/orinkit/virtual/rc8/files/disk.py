@@ -45,10 +45,10 @@ def is_file(status: os.stat_result) -> bool:
 
 
 def spelling(folder: Path, part: str) -> str:
-    """Return the name on the disk of the entry that is ``part`` if case is ignored; ``part`` if there is none.
+    """Return the name, as spelled on the disk, of the entry of a folder that differs from ``part`` at most in case.
 
-    If an entry is spelled exactly like ``part``, return ``part``. If several entries differ from it only in case,
-    return the first one in sorted order.
+    If there is no such entry, or an entry is spelled exactly like ``part``, return ``part``. If several
+    entries differ from it only in case, return the first of them in sorted order.
     """
     if status_of(folder / part) is not None:
         return part
@@ -74,7 +74,7 @@ def listing(folder: Path) -> list[tuple[str, bool, str]]:
 
 
 def count_entries(root: Path, *, clean: bool = False) -> int:
-    """Return the number of entries in a folder and in all folders below it; with ``clean``, remove temporary files."""
+    """Return the number of entries in a folder and all folders below; with ``clean``, first remove temporary files."""
     count, folders = 0, [root]
     while folders:
         with os.scandir(folders.pop()) as entries:
@@ -113,7 +113,7 @@ def write_temporary(folder: Path, data: bytes) -> Path:
 
 
 def put_in_place(temporary: Path, path: Path, moment: datetime) -> None:
-    """Set the dates of a temporary file and rename it to ``path``.
+    """Set the dates of a temporary file to ``moment`` and rename the file to ``path``.
 
     An existing file at ``path`` is replaced atomically: a reader finds either the old file or the new one.
     """
@@ -154,7 +154,8 @@ def moment_of(ns: int) -> datetime:
 def born_ns(status: os.stat_result) -> int:
     """Return the creation time of a file or folder, in ns.
 
-    If the system does not record it, or if it is later than the modification time, return the modification time.
+    If the system does not record the creation time, or the creation time is later than the modification time, return
+    the modification time.
     """
     born = getattr(status, "st_birthtime", None)
     return status.st_mtime_ns if born is None else min(status.st_mtime_ns, int(born * _SECOND))

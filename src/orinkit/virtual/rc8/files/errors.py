@@ -1,4 +1,4 @@
-"""The exceptions of the file store; each names the file. The meaning of the codes is described in ``store``."""
+"""The exceptions of the file store; each names the file or folder. The module ``store`` describes the codes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def map_os_errors(name: FileName) -> Iterator[None]:
     """Convert errors of the operating system to return codes, and log their text.
 
     Raises:
-        CallError: FILE_NOT_FOUND, E_FAIL.
+        CallError: FILE_NOT_FOUND if the file has been deleted; E_FAIL for any other error.
     """
     try:
         yield
@@ -42,7 +42,7 @@ def taken(name: FileName) -> CallError:
 
 
 def only_a_folder(name: FileName) -> CallError:
-    """Return the exception for the name of a file that is the root folder or ends in a separator."""
+    """Return the exception for a name that only a folder can have, if the operation requires a file."""
     return error_for(
         hresult.E_INVALIDARG,
         tr("{name} is the name of a folder, expected a file", name=name),
@@ -92,7 +92,7 @@ def too_large(name: FileName, most: int) -> CallError:
 
 
 def too_many(count: int, most: int) -> CallError:
-    """Return the exception for a new file or folder that exceeds the maximum number."""
+    """Return the exception for a new file or folder if the store has ``count`` of them and ``most`` are allowed."""
     return error_for(
         hresult.E_MAX_OBJECT,
         tr(

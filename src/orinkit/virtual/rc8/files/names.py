@@ -64,7 +64,7 @@ class FileName:
 
 
 def read_name(name: str) -> FileName:
-    r"""Check a name as written by a client; ``""``, ``"\"`` and ``"/"`` are the root folder.
+    r"""Check a name as written by a client and split it into parts; ``""``, ``"\"`` and ``"/"`` are the root folder.
 
     Raises:
         CallError: E_INVALIDARG; the detail describes the error.

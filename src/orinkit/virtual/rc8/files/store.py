@@ -244,7 +244,7 @@ class FileStore:
 
         Args:
             name: Name of the file.
-            data: Content, or the result of :meth:`stage`, which is consumed even if an exception is raised.
+            data: Content, or the result of :meth:`stage`. That result cannot be used again, even after an exception.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND if its folder does not exist; E_ACCESSDENIED; E_TOO_MUCH_DATA;
@@ -289,7 +289,7 @@ class FileStore:
 
         Args:
             name: Name of the file or folder.
-            recursive: Delete a folder with all its content; otherwise only an empty folder can be deleted.
+            recursive: True to delete a folder with all its content; otherwise only an empty folder can be deleted.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED for the root or a folder that is not empty; E_FAIL.
@@ -319,8 +319,8 @@ class FileStore:
         Args:
             name: Name of the file.
             new: Name of the copy.
-            data: The content of the file as returned by :meth:`stage`; it is consumed even if an exception is raised.
-                If ``data`` is ``None``, the content is read from the file.
+            data: The content of the file as returned by :meth:`stage`; ``None`` to read the content from the file. The
+                result of :meth:`stage` cannot be used again, even if an exception is raised.
 
         Raises:
             CallError: As for :meth:`read` and :meth:`create`.
@@ -336,11 +336,11 @@ class FileStore:
     def move(self, name: str, new: str) -> None:
         """Move or rename a file, or a folder with its content, to a name that does not exist; the dates are kept.
 
-        The new name may differ from the old name only in case.
+        A new name that differs from the old name only in case is allowed as well.
 
         Raises:
-            CallError: E_INVALIDARG, also if a folder would be moved into itself; FILE_NOT_FOUND if the file or the new
-                folder does not exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
+            CallError: E_INVALIDARG, also if a folder would be moved into itself; FILE_NOT_FOUND if the file, or the
+                folder of the new name, does not exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
         """
         place, target = self._existing(read_name(name)), read_name(new)
         _check_not_root(place)
@@ -361,7 +361,7 @@ class FileStore:
     # --- locating -------------------------------------------------------------------------------------------------
 
     def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
-        """Return the place of a name; with ``change``, refuse a name at which nothing can be changed or created."""
+        """Return the place of a name; with ``change``, raise an error if no file can be changed or created there."""
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
@@ -476,7 +476,10 @@ class FileStore:
 
 
 def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
-    """Yield all accessible entries in a folder and below it, in order: their parts, and True for a folder."""
+    """Yield the entries of a folder and of all folders below it, sorted: the parts of a name, and True for a folder.
+
+    ``parts`` are the parts of the name of the folder itself.
+    """
     if len(parts) >= MOST_PARTS:
         return
     for name, is_folder, spelling in disk.listing(folder):

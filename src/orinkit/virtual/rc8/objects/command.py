@@ -1,8 +1,8 @@
 """Command objects (Controller_GetCommand): commands that a client can start, monitor and cancel, with a time-out.
 
-The name of an object is the name of a command of Controller_Execute, of the robot or of the hand, optionally with its
-owner as a prefix: ``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states of a command, nor the return
-codes of a cancelled command; the states and codes used here are specific to orinkit.
+The name of an object is the name of a command of Controller_Execute, of the robot or of the hand, optionally with the
+robot or the hand as a prefix: ``Robot.Motor``, ``Hand0.Chuck``. The documents do not define the states of a command,
+nor the return codes of a cancelled command; the states and codes used here are specific to orinkit.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class RC8Command(CommandObject):
             self._cancel(hresult.E_TIMEOUT)
 
     def _cancel(self, code: int) -> Deferred[None]:
-        """Cancel the execution; return a Deferred that resolves when it has ended."""
+        """Cancel the execution, which then fails with ``code``; return a Deferred that resolves when it has ended."""
         ended = Deferred[None]()
         self._finished.add_done_callback(ended.set_result)
         if not self._cancel_code:
@@ -210,7 +210,7 @@ def find_command(caller: ClientContext, name: str) -> RC8Command:
 
 
 def command_names() -> list[str]:
-    """Return the names of all commands; commands of robot and hand have their owner as a prefix."""
+    """Return the names of all commands; commands of the robot and the hand have a prefix, ``Robot.`` or ``Hand0.``."""
     return [
         *(command.name for command in controller_commands.COMMANDS.values() if command.name not in _NOT_SIMULATED),
         *(f"Robot.{command.name}" for command in robot_commands.ROBOT_COMMANDS.values()),

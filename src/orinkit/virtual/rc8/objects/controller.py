@@ -109,7 +109,7 @@ class RC8Controller(ControllerObject):
         return self._caller.state.files.names("")
 
     def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
-        """Connect to an extension: the hand, ``Hand0``.
+        """Connect to an extension; the only extension is the electric hand, ``Hand0``.
 
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the extension.

@@ -135,7 +135,7 @@ def _system_state(caller: ClientContext, _: Variant) -> Value:
 
 
 def _manual_reset(caller: ClientContext, _: Variant) -> Value:
-    """Leave the safety state; this succeeds if no emergency or protective stop is active."""
+    """Reset the safety functions; this fails while the emergency stop or the protective stop is active."""
     switches = caller.state.switches
     if switches.emergency_stop:
         raise error_for(hresult.EMERGENCY_STOP_NOT_RELEASED)

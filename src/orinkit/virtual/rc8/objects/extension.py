@@ -210,7 +210,7 @@ CONTROLLER_COMMANDS: Final = (
     _not_simulated("HandMoveVH"),  # HandMoveVH and HandCurPressure are for vacuum hands
     _not_simulated("HandCurPressure", writes=False),
 )
-"""Commands of Controller_Execute."""
+"""Commands of the hand for Controller_Execute."""
 
 EXTENSION_COMMANDS: Final[dict[str, HandCommand]] = {
     command.name.lower(): command
@@ -226,4 +226,4 @@ EXTENSION_COMMANDS: Final[dict[str, HandCommand]] = {
         HandCommand("get_OrgState", _query(VarType.BOOL, lambda hand: hand.origin), writes=False),
     )
 }
-"""Commands of the extension, by name in lower case."""
+"""Commands of the hand for the extension ``Hand0``, by name in lower case."""

@@ -25,7 +25,7 @@ from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_nam
 from orinkit.virtual.rc8.files.store import Staged
 
 Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
-"""Starts a program: called with the client, the path of the file and the option; returns the name of the task."""
+"""Function that starts a program, from the client, the path of the file and the option; returns the task name."""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
 # The characters to which Python decodes bytes that are undefined in Shift_JIS.
@@ -77,8 +77,8 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
 class RC8File(FileObject):
     """A file or folder.
 
-    The name of the object is the last part of its path. The attribute is the sum of 1 (readable) and 2 (writable)
-    according to the client's access rights, and of 16 for a folder.
+    The name of the object is the last part of its path. The attribute is the sum of 1 if the client may read,
+    2 if the client may write, and 16 for a folder.
 
     Args:
         caller: The client.

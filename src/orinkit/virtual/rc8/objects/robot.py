@@ -49,7 +49,7 @@ class RC8Robot(RobotObject):
     # --- motion -------------------------------------------------------------------------------------------------
 
     def move(self, interpolation: int, pose: Variant, option: str) -> Deferred[None] | None:
-        """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with NEXT."""
+        """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with option NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
         number = path_number(pose) if interpolation == CURVE else None
@@ -95,7 +95,7 @@ class RC8Robot(RobotObject):
     # --- settings -----------------------------------------------------------------------------------------------
 
     def speed(self, axis: int, speed: float) -> None:
-        """Set the internal speed in %: axis -1 for all motions, 0 for point-to-point motions."""
+        """Set the internal speed in %, for all motions (axis -1) or only for point-to-point motions (axis 0)."""
         require("Speed", self._arm, self._caller)
         self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
 
@@ -175,7 +175,7 @@ def _pivot(given: Variant) -> Target:
 
 
 def _axis(axis: int) -> bool:
-    """Check the axis of Speed and Accelerate; return True for point-to-point motions only."""
+    """Check the axis of Speed and Accelerate; return True if it selects point-to-point motions only."""
     if axis not in (_TIP, _ALL_AXES):
         raise error_for(
             hresult.E_INVALIDARG,

@@ -133,12 +133,12 @@ class RobotVariableObject(VariableObject):
         return self._entry.write(self._caller, value)
 
     def get_date_time(self) -> Value:
-        """Return the time of the last read."""
+        """Return the time of the last read; before the first read, the time at which the object was created."""
         self._caller.require_read()
         return self._read
 
     def get_microsecond(self) -> int:
-        """Return the microseconds of the time of the last read, 0 to 999999."""
+        """Return the microseconds of the time returned by :meth:`get_date_time`, 0 to 999999."""
         self._caller.require_read()
         return self._read.microsecond
 

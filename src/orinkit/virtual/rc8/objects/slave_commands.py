@@ -32,7 +32,7 @@ _MALFORMED: Final = (CodeFamily.GENERAL, CodeFamily.CAO)
 
 
 def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
-    """Switch slave mode on, or off with mode 0.
+    """Switch slave mode on, in the mode whose number is the parameter, or off if the parameter is 0.
 
     Switching off completes when the buffer is empty and the arm is at standstill.
 

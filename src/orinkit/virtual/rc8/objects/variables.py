@@ -39,7 +39,7 @@ def find_variable(caller: ClientContext, name: str) -> VariableObject:
 
 
 def variable_names() -> list[str]:
-    """Return the system variables by name and each class of user variables as a pattern: ``I*`` for I0, I1 ..."""
+    """Return the names of the system variables, and a pattern for each class of user variables: ``I*`` for I0, I1."""
     return [*SYSTEM_VARIABLES, *(f"{name}*" for name in CLASSES)]
 
 
