@@ -95,7 +95,7 @@ def matrix_of_trans(values: ArrayLike) -> Array:
     irrelevant.
 
     Args:
-        values: (9,) X, Y, Z mm, O, A.
+        values: (9,) X, Y, Z in mm, the orient vector O, the approach vector A.
 
     Raises:
         CallError: E_INVALIDARG if a number is not finite, O or A is zero, or they are parallel.
@@ -117,7 +117,7 @@ def matrix_of_trans(values: ArrayLike) -> Array:
 
 
 def trans_of_matrix(matrix: ArrayLike) -> Array:
-    """Return the T values that describe a frame, (9,): X, Y, Z in mm, the vector O, the vector A.
+    """Return the T values that describe a frame, (9,): X, Y, Z in mm, the orient vector O, the approach vector A.
 
     Args:
         matrix: The frame, (4, 4), mm.
@@ -199,7 +199,7 @@ def _unit(vector: Array, name: str) -> Array:
 
 
 def _rounded(values: Array, grid: float) -> Array:
-    """Return values; those very close to a multiple of ``grid`` are rounded to it, and negative zeros become zeros."""
+    """Return values; a value very close to a multiple of ``grid`` becomes this multiple, a negative zero becomes zero."""
     nearest = grid * np.round(values / grid)
     return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
 

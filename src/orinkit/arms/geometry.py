@@ -98,7 +98,7 @@ def angles_of(turn: Quaternion) -> Vector:
 
 
 def of_vectors(orient: Sequence[float], approach: Sequence[float]) -> Quaternion:
-    """Return the orientation given by O and A.
+    """Return the orientation given by the orient vector O and the approach vector A of a pose of type T.
 
     A is the direction of Z, and the component of O perpendicular to A is the direction of Y.
 
@@ -124,9 +124,9 @@ def of_matrix(
 ) -> tuple[float, float, float, float]:
     """Return the orientation given by a rotation matrix, as a quaternion w, x, y, z with a norm of 2 to 4.
 
-    The arguments are the elements of the matrix, row by row. Each of the four formulas returns the quaternion
-    multiplied by four times one of its components. The formula for the largest component is used, so that the norm is
-    never near zero.
+    The arguments are the elements of the matrix, row by row. There are four formulas, one for each component of the
+    quaternion. Each returns the quaternion multiplied by four times this component. The formula for the largest
+    component is used, so that the norm is never near zero.
     """
     trace = a + e + i
     if trace >= a and trace >= e and trace >= i:
@@ -153,7 +153,7 @@ def matrix_of(
 
 
 def vectors_of(turn: Quaternion) -> tuple[float, float, float, float, float, float]:
-    """Return the vectors O and A of an orientation, each of length 1, as six numbers."""
+    """Return the directions of the Y axis (O) and the Z axis (A) of an orientation: unit vectors, as six numbers."""
     (_, r01, r02), (_, r11, r12), (_, r21, r22) = matrix_of(*turn)
     return r01, r11, r21, r02, r12, r22
 

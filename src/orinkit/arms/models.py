@@ -61,8 +61,8 @@ class AxisModel:
         lower: Lower soft limit.
         upper: Upper soft limit.
         velocity: Largest velocity, deg/s or mm/s.
-        acceleration: Largest acceleration, deg/s^2 or mm/s^2. DENSO does not publish it. If a file does not contain it,
-            it is 5 times ``velocity``, which is an assumption of this project.
+        acceleration: Largest acceleration, deg/s^2 or mm/s^2. DENSO does not publish it. A file may omit it; the
+            default, 5 times ``velocity``, is an assumption of this project.
         linear: True for a linear axis.
     """
 
@@ -78,7 +78,8 @@ class ArmModel:
     """The model of one arm.
 
     The coordinate frames are those of a six-axis arm. When all joints are zero, the arm stands upright, and the joints
-    rotate about the axes z, y, y, z, y, z. Each origin is applied before the rotation of its joint.
+    rotate about the axes z, y, y, z, y, z. The origin of a joint is a position in the frame of the previous joint; for
+    joint 1, in the base frame.
 
     Attributes:
         name: Name of the model, for example ``"VS-050"``.

@@ -27,9 +27,9 @@ ARM_AXES: Final = 6
 class Chain:
     """The coordinate frames of a model's six axes.
 
-    The axes of joints 2 and 3 are parallel, so these joints move the arm in a plane of the frame of joint 1. Positions
-    are computed in this frame and then rotated by joint 1. The y offset of joint 5 is along the axis of joint 5;
-    therefore it is added to the offset of joint 6.
+    The axes of joints 2 and 3 are parallel, so these joints move the arm parallel to the x-z plane of the frame of
+    joint 1. Positions are computed in this frame and then rotated by joint 1. The y offset of joint 5 is along the axis
+    of joint 5; therefore it is added to the offset of joint 6.
 
     Attributes:
         base: Origin of joint 1 in the base frame of the arm, mm.
@@ -83,7 +83,7 @@ class Chain:
         return result
 
     def _flange_rows(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
-        """Return the upper three rows of the flange frame as one tuple."""
+        """Return the upper three rows of the flange frame, as one tuple, from the cosines and sines of the joints."""
         c1, c2, c3, c4, c5, c6 = c
         s1, s2, s3, s4, s5, s6 = s
         c23, s23 = c2 * c3 - s2 * s3, s2 * c3 + c2 * s3
@@ -110,7 +110,7 @@ class Chain:
         )
 
     def _jacobian_entries(self, c: Sequence[Number], s: Sequence[Number]) -> tuple[Number, ...]:
-        """Return the translation and rotation of the flange per radian of each joint, joint by joint."""
+        """Return the translation and rotation of the flange per radian of each joint, in the order of the joints."""
         c1, c2, c3, c4, c5, _ = c
         s1, s2, s3, s4, s5, _ = s
         c23, s23 = c2 * c3 - s2 * s3, s2 * c3 + c2 * s3

@@ -41,7 +41,7 @@ DOUBLE_BITS: Final = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
 """Indices of the joints that can be DOUBLE, and their bits."""
 
 LIMIT_TOLERANCE: Final = 1e-6
-"""Tolerance of the limits in deg or mm: an angle such as 360 is rounded when it is computed from sine and cosine."""
+"""Tolerance of the soft limits in deg or mm; angles that are computed from sine and cosine have rounding errors."""
 
 _ANGLE_NOISE: Final = 1e-9  # deg; a value this close to 0 or 180 counts as that value
 _LENGTH_NOISE: Final = 1e-9  # mm
@@ -112,13 +112,14 @@ def turn_centres(model: ArmModel) -> Array:
 def with_turns(
     joints: Sequence[float], figure: int, axes: Sequence[AxisModel], near: Sequence[float] | None
 ) -> list[float] | None:
-    """Return joints after turning each joint whose DOUBLE bit is set in a figure by 360 or -360 deg.
+    """Return joints; each joint whose DOUBLE bit is set in a figure is turned by 360 or -360 deg.
 
     Args:
         joints: Joints, deg, of which 1, 4 and 6 are SINGLE.
         figure: The figure; only its DOUBLE bits are used.
         axes: The axes; a joint that is DOUBLE must be within its limits.
-        near: If two angles are possible, the one nearer to these joints is used; ``None`` to use the smaller angle.
+        near: If two angles are possible, the one nearer to this joint position is used; with ``None``, the one nearer
+            to 0.
 
     Returns:
         The joints; ``None`` if a joint that must be DOUBLE cannot be within its limits.
@@ -135,7 +136,10 @@ def with_turns(
 
 
 def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
-    """Return all combinations in which each of joints 1, 4 and 6 is SINGLE, as given, or DOUBLE within its limits."""
+    """Return all combinations in which joints 1, 4 and 6 are unchanged (SINGLE) or turned by 360 deg (DOUBLE).
+
+    A joint is turned by 360 or -360 deg only if it is then within its limits.
+    """
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
     for index, _ in DOUBLE_BITS:
         choices[index] = (joints[index], *_doubles(joints[index], axes[index]))

@@ -34,10 +34,10 @@ class ArmGeometry:
 
     Attributes:
         chain: The frames of the arm.
-        lateral: Distance of the wrist centre from the plane through the axis of joint 1, mm.
-        upper: Length of the upper arm, mm.
+        lateral: Y coordinate of the wrist centre in the frame of joint 1, mm.
+        upper: Length of the upper arm (joint 2 to joint 3), mm.
         upper_angle: Angle of the upper arm from the vertical when all joints are zero, rad.
-        fore: Length of the forearm, mm.
+        fore: Length of the forearm (joint 3 to the wrist centre), mm.
         fore_angle: Angle of the forearm from the vertical when all joints are zero, rad.
     """
 
@@ -62,16 +62,16 @@ class ArmGeometry:
         )
 
     def shoulder(self, x: Array, y: Array, lefty: Mask) -> tuple[Array, Array, Array, Mask]:
-        """Solve joint 1 so that the wrist centre is in the plane of the arm.
+        """Solve joint 1 so that joints 2 and 3 can move the wrist centre to a position.
 
         Args:
-            x: X of the wrist centre relative to the origin of joint 1, mm.
-            y: Y of the wrist centre relative to the origin of joint 1, mm.
+            x: X of the wrist centre in the base frame, relative to the origin of joint 1, mm.
+            y: Y of the wrist centre in the base frame, relative to the origin of joint 1, mm.
             lefty: True if the wrist centre must be on the +X side of the frame of joint 1.
 
         Returns:
-            Joint 1, rad; the distance of the wrist centre in front of the axis of joint 1, mm; the distance of the
-            wrist centre from the boundary of the reach, mm, negative if it is out of reach; a mask, False if joint 1 is
+            Joint 1, rad; the x coordinate of the wrist centre in the frame of joint 1, mm; the distance of the wrist
+            centre from the boundary of the reach, mm, negative if it is out of reach; a mask, False if joint 1 is
             undetermined.
         """
         distance = np.hypot(x, y)
@@ -83,10 +83,10 @@ class ArmGeometry:
         return first, forward, margin, distance >= _SHOULDER_SINGULAR
 
     def elbow(self, forward: Array, up: Array, positive: Mask) -> tuple[Array, Array, Array]:
-        """Solve joints 2 and 3 for a wrist centre in the plane of the arm.
+        """Solve joints 2 and 3 for a wrist centre, after joint 1 has been solved.
 
         Args:
-            forward: Distance of the wrist centre in front of the axis of joint 1, mm.
+            forward: X coordinate of the wrist centre in the frame of joint 1, mm.
             up: Height of the wrist centre above the origin of joint 1, mm.
             positive: Side to which the elbow bends: True if joint 3 is greater than at full stretch.
 
@@ -161,11 +161,11 @@ class SphericalWrist(InverseSolver):
         """Return joints along a path: each row is the solution nearest to the previous row.
 
         The bits LEFTY and BELOW of the figure stay unchanged. The wrist passes through joint 5 = 0, so that FLIP
-        changes, if the joints then change less. If the flange does not determine joint 1 or 4, the joint keeps its
-        value.
+        changes, if the joints then change less. If the flange does not determine joint 1 or 4, the joint has the same
+        value as in the previous row.
 
         Args:
-            flanges: (N, 4, 4).
+            flanges: The flange frames along the path, (N, 4, 4), mm.
             start: (6,) deg, the joints before the first row.
 
         Returns:
@@ -231,13 +231,16 @@ def _fifth_and_sixth(columns: tuple[Array, Array, Array], fourth: Array) -> tupl
 
 
 def _hold_undetermined(angles: Array, determined: Mask, start: float) -> Array:
-    """Return angles (N,), each undetermined one replaced by the last determined one before it, or by ``start``."""
+    """Return angles (N,); an undetermined angle is replaced by the last determined angle before it, or by ``start``."""
     last = np.maximum.accumulate(np.where(determined, np.arange(len(angles)), -1))
     return np.where(last >= 0, angles[last], start)
 
 
 def _pass_wrist(joints: Array) -> None:
-    """Change rows of joints (N, 6), deg, to their other wrist posture if that is nearer to the previous row."""
+    """Change the sign of joint 5 in the rows of joints (N, 6), deg, that are then nearer to the previous row.
+
+    Joints 4 and 6 of such a row are turned by 180 deg, so that the flange frame is the same.
+    """
     step = np.diff(joints[:, 3:], axis=0)
     other = np.stack((step[:, 0] + 180.0, joints[1:, 4] + joints[:-1, 4], step[:, 2] + 180.0), -1)
     passing = _largest_turn(other) < _largest_turn(step) - _STEP_NOISE

@@ -1,7 +1,8 @@
 """Search for all roots of several functions of one angle, beginning with samples over the range of the angle.
 
 The search finds changes of sign between samples, pairs of roots between samples (the function crosses zero and
-returns), and roots between a sample and the edge of the domain.
+returns), and roots between a sample and the edge of the domain. The domain of a function consists of the angles at
+which it has a value.
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ Function = Callable[[Lines, Array], tuple[Array, Array]]
 
 The arguments are indices of functions (M,) and angles (M,). The results are values (M,) and margins (M,).
 
-Each value is the value of a function at its angle. Each margin is the distance of the angle from the edge of the domain
-of the function; if it is negative, the value is NaN.
+Each value is the value of a function at its angle. Each margin shows how far the angle is inside the domain of the
+function, in a unit of the caller's choice. The margin is 0 at the edge of the domain and negative outside the domain.
+Outside, the value is NaN.
 """
 
 TOUCHING: Final = 1e-11
-"""A function that comes this close to zero without crossing zero counts as having a root there."""
+"""A minimum of the absolute value of a function counts as a root if it is below this, even without a change of sign."""
 
 _LEVELS: Final = 2  # number of times that doubtful intervals are sampled more finely
 _REFINEMENT: Final = 32  # factor of the finer sampling
@@ -51,7 +53,7 @@ class Samples:
         lines: Indices of the functions, one for each row, (L,).
         angles: Angles of the samples, (L, S), rising or falling along a row.
         values: Values of the functions at the angles, (L, S); NaN outside the domain.
-        domain_margins: Distances of the angles from the edge of the domain, negative outside it, (L, S).
+        domain_margins: Margins of the angles (see :data:`Function`), negative outside the domain, (L, S).
     """
 
     lines: Lines
@@ -62,7 +64,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class _Brackets:
-    """Intervals that contain a root: at their two ends, (M,) each, the values have different signs."""
+    """Intervals that contain a root: the values at ``first`` and at ``last``, (M,), have different signs."""
 
     lines: Lines
     first: Array
@@ -76,8 +78,8 @@ def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[L
 
     Args:
         function: The functions.
-        samples: Samples of all functions over their whole range. The last two of a row repeat the first two, one turn
-            further, so that no root at the ends of the range is missed.
+        samples: Samples of all functions over their whole range. The last two samples of a row repeat its first two
+            samples, one turn further, so that no root at the ends of the range is missed.
         steepness: Upper bound of the change of a margin (see :data:`Function`) per rad of the angle.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -134,11 +136,11 @@ def _crossings(samples: Samples) -> _Brackets:
 
 
 def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, Lines, Array]:
-    """Search for dips: minima near zero between samples of one sign.
+    """Search for dips: minima of the absolute value of a function, near zero, between samples of one sign.
 
     Returns:
-        The intervals before and after the bottom of each dip that crosses zero; indices of the functions and angles of
-        the dips that only touch zero.
+        For the dips that cross zero, the intervals before the bottom of each dip, and the intervals after the bottom.
+        For the dips that only touch zero, the indices of the functions, and the angles.
     """
     sizes = np.abs(samples.values)
     before, low, after = sizes[:, :-2], sizes[:, 1:-1], sizes[:, 2:]
@@ -163,7 +165,10 @@ def _dips(function: Function, samples: Samples) -> tuple[_Brackets, _Brackets, L
 
 
 def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tuple[Array, Array]:
-    """Return the minima of functions between two angles (angles and values), by golden-section search."""
+    """Return the angles and the values of the minima of functions between two angles, by golden-section search.
+
+    The search ends early if all values found are negative.
+    """
     left, right = last - _GOLDEN * (last - first), first + _GOLDEN * (last - first)
     at_left, at_right = function(left), function(right)
     for _ in range(_DIP_ROUNDS):
@@ -179,9 +184,9 @@ def _lowest(function: Callable[[Array], Array], first: Array, last: Array) -> tu
 
 
 def _edges(function: Function, every: Sequence[Samples]) -> Samples:
-    """Return samples between each edge of a domain and the sample inside it, increasingly dense towards the edge.
+    """Return samples between each edge of a domain and the sample next to it inside, denser towards the edge.
 
-    Each row ends with one more sample, farther inside the domain, so that a dip at the sample before it is detected.
+    Each row ends with one more sample, farther inside the domain, so that a dip at the last sample but one is detected.
     """
     columns = [column for samples in every for column in _over_the_edge(samples)]
     lines, sample, outside, before, value, margin = map(np.concatenate, zip(*columns, strict=True))
@@ -198,10 +203,10 @@ def _edges(function: Function, every: Sequence[Samples]) -> Samples:
 
 
 def _over_the_edge(samples: Samples) -> Iterator[tuple[Lines, Array, Array, Array, Array, Array]]:
-    """Yield the samples beside the edges of the domains: first where a domain ends, then where one begins.
+    """Yield two items: the samples beside the edges at which domains end along a row, and at which they begin.
 
     Each item contains the indices of the functions; the angles of the samples inside, outside and farther inside; and
-    the values and margins farther inside.
+    the values and the margins at the angles farther inside.
     """
     inside = samples.domain_margins >= _EDGE_MARGIN
     for outward, rows in ((1, inside[:, 1:-1] & ~inside[:, 2:]), (-1, inside[:, 1:-1] & ~inside[:, :-2])):

@@ -42,10 +42,11 @@ class Search(InverseSolver):
         """Return all solutions for each flange.
 
         Args:
-            flanges: (N, 4, 4).
+            flanges: The flange frames, (N, 4, 4), mm.
 
         Returns:
-            Joints (M, 6), deg, with J1, J4, J6 SINGLE, in no particular order; and the rows of their flanges, (M,).
+            Joints (M, 6), deg, with J1, J4, J6 SINGLE, in the order of the flanges; and for each row of joints, the
+            index of its flange in ``flanges``, (M,).
         """
         rows, postures, angles = self._roots(flanges)
         goal = flanges[rows]
@@ -104,7 +105,7 @@ class Search(InverseSolver):
         """Return joints along a path: each row is the solution nearest to the previous row.
 
         Args:
-            flanges: (N, 4, 4).
+            flanges: The flange frames, (N, 4, 4), mm.
             start: (6,) deg, the joints before the first row.
 
         Returns:
@@ -124,7 +125,10 @@ class Search(InverseSolver):
         return joints, reached
 
     def nearest(self, flange: Array, near: Array) -> Array | None:
-        """Return the solution (6,), deg, nearest to ``near``; ``None`` if there is none. It may be beyond 180 deg."""
+        """Return the solution (6,), deg, nearest to ``near``; ``None`` if there is none.
+
+        The joints of the solution may be beyond 180 deg.
+        """
         found, _ = self.solutions(flange[None])
         if not len(found):
             return None
@@ -135,7 +139,8 @@ class Search(InverseSolver):
     def error(self, joints: Array, flanges: Array) -> Array:
         """Return the deviations between the flange frames at ``joints`` and the wanted frames ``flanges``, (..., 6).
 
-        A deviation is the translation and the rotation, all in deg: a translation by the reach of the arm is 1 rad.
+        A deviation consists of three components of the translation and three of the rotation. All are in deg: a
+        translation by the reach of the arm counts as a rotation by 1 rad.
         """
         held = self._chain.forward(joints)
         turn = flanges[..., :3, :3] @ np.swapaxes(held[..., :3, :3], -1, -2)
@@ -163,11 +168,14 @@ class Search(InverseSolver):
     # ---------------------------------------------------------------- one condition over joint 6
 
     def _arm_for(self, flanges: Array, postures: Mask, angles: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the joints before the wrist for angles of joint 6, and the remaining condition.
+        """Return joints 1 to 3 for angles of joint 6, and the value of the remaining condition.
+
+        The condition is that the axis of joint 5 is perpendicular to the forearm.
 
         Args:
             flanges: The flange frames, (..., 4, 4), mm.
-            postures: (..., 2): True if the arm is LEFTY; True if the elbow bends to the positive side.
+            postures: (..., 2): the first is True if the arm is LEFTY, the second if joint 3 is greater than at full
+                stretch.
             angles: Joint 6, (...), rad.
 
         Returns:
@@ -195,7 +203,7 @@ class Search(InverseSolver):
         return first, second, both, np.minimum(beside, margin)
 
     def _complete(self, flanges: Array, postures: Mask, angles: Array) -> Array:
-        """Return all six joints, (M, 6), deg, for angles of joint 6, rad, that fulfil the condition."""
+        """Return all six joints, (M, 6), deg, for angles of joint 6, rad, that are roots of the condition."""
         first, second, both, _, _ = self._arm_for(flanges, postures, angles)
         x, y, z = flange_in_forearm(flanges, first, both)
         c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
@@ -205,7 +213,7 @@ class Search(InverseSolver):
         return np.stack((first, second, both - second, fourth, fifth, angles), axis=-1) / RADIAN
 
     def _roots(self, flanges: Array) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
-        """Return the indices of flange and posture and the angle of joint 6, rad, for all roots."""
+        """Return three arrays with one entry per root: index of the flange, index of the posture, joint 6 in rad."""
         count = len(flanges) * len(_POSTURES)
 
         def condition(lines: NDArray[np.int_], at: Array) -> tuple[Array, Array]:
@@ -232,7 +240,7 @@ def _closed(entries: Array) -> Array:
 
 
 def _small_error(held: list[list[float]], goal: list[list[float]], scale: float) -> list[float]:
-    """Return the deviation between two frames, as :meth:`Search.error`; infinite if the rotation is large."""
+    """Return the deviation between two frames, as :meth:`Search.error`; infinite if the rotation exceeds 90 deg."""
     (ax, bx, cx, px), (ay, by, cy, py), (az, bz, cz, pz), _ = held
     (dx, ex, fx, qx), (dy, ey, fy, qy), (dz, ez, fz, qz), _ = goal
     if ax * dx + ay * dy + az * dz + bx * ex + by * ey + bz * ez + cx * fx + cy * fy + cz * fz < 1.0:
@@ -249,7 +257,10 @@ def _small_error(held: list[list[float]], goal: list[list[float]], scale: float)
 
 
 def _forearm(first: Array, both: Array) -> Array:
-    """Return the direction of the forearm (..., 3), which is the axis of joint 4."""
+    """Return the direction of the forearm (..., 3), which is the axis of joint 4.
+
+    The arguments are joint 1, and the sum of joints 2 and 3, in rad.
+    """
     s = np.sin(both)
     return np.stack((np.cos(first) * s, np.sin(first) * s, np.cos(both)), axis=-1)
 

@@ -23,19 +23,22 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 
 AUTOMATIC: Final = -1
-"""Rule of :meth:`Kinematics.choose`: keep the figure."""
+"""Rule of :meth:`Kinematics.choose`: keep the figure of ``near`` if possible."""
 LEAST_CHANGE: Final = -2
-"""Rule of :meth:`Kinematics.choose`: the solution with the least change."""
+"""Rule of :meth:`Kinematics.choose`: select the solution with the least change from ``near``."""
 WITHIN_LIMITS: Final = -3
-"""Rule of :meth:`Kinematics.choose`: the solution with the least change within the soft limits."""
+"""Rule of :meth:`Kinematics.choose`: select the solution within the soft limits with the least change."""
 
 WRIST_SINGULAR: Final = 0.01
-"""Absolute value of joint 5 or of the bend of the elbow, deg, below which an arm is at a singular point."""
+"""Absolute value of joint 5 or of the bend of the elbow, deg, below which an arm is at a singular point.
+
+The bend of the elbow is the difference between joint 3 and its value at full stretch.
+"""
 SHOULDER_SINGULAR: Final = 0.1
-"""Horizontal distance of the wrist centre from joint 1, mm, below which an arm is at a singular point."""
+"""Absolute x coordinate of the wrist centre in the frame of joint 1, mm, below which an arm is at a singular point."""
 CONDITION_SINGULAR: Final = 1e-4
-"""Limit for an arm without a wrist centre: the arm is at a singular point if the ratio of the smallest to the largest
-singular value of the Jacobian, with lengths divided by the arm's reach, is below this."""
+"""Limit for an arm whose last three axes do not intersect at one point. The arm is at a singular point if the ratio of
+the smallest to the largest singular value of the Jacobian, with lengths divided by the arm's reach, is below this."""
 
 _SAME: Final = 1e-6  # deg; closer solutions count as one
 _CLOSE: Final = 30.0  # deg; a solution of Newton's method that is closer than this counts as the nearest one
@@ -102,16 +105,18 @@ class Kinematics:
         return figures.figure_of(self._chain, joints_of(joints).tolist())
 
     def inverse(self, flange: ArrayLike, figure: int, near: ArrayLike | None = None) -> Array:
-        """Return the joints with which the flange reaches a frame with exactly this figure.
+        """Return the joints with which the flange reaches a frame and the arm has exactly the figure ``figure``.
 
         The solution may be outside the soft limits; only the joints that the figure makes DOUBLE are within them.
 
         Args:
             flange: The frame, (4, 4), mm.
             figure: 0 to 63.
-            near: (n >= 6,) deg. If the flange does not determine joint 1 or 4, the joint is taken from ``near``;
-                without ``near``, joint 4 is 0. If two angles are possible for a DOUBLE joint, the nearer one is used.
-                If several solutions have the same figure, the nearest one is returned.
+            near: (n >= 6,) deg. If the flange does not determine joint 1 or 4, this joint is taken from ``near``;
+                without ``near``, it is 0. If two angles are possible for a DOUBLE joint, the one nearer to ``near`` is
+                used; without ``near``, the one nearer to 0. If several solutions have the figure, those within the soft
+                limits are preferred, and of these the one nearest to ``near``; without ``near``, the one nearest to the
+                home position.
 
         Returns:
             The joints, (6,) deg.
@@ -206,7 +211,7 @@ class Kinematics:
         and for joints outside the soft limits.
 
         Args:
-            flanges: (N, 4, 4).
+            flanges: The flange frames along the path, (N, 4, 4), mm.
             start: (n >= 6,) deg, the joints before the first row. If they reach the first flange, they are the first
                 row.
 
@@ -248,12 +253,12 @@ class Kinematics:
         return exceeded
 
     def is_singular(self, joints: ArrayLike) -> bool:
-        """Return True if the arm is at a singular point, or so close that the joints of a path through it would jump.
+        """Return True if the arm is at a singular point, or so close to one that the joints would jump on a path.
 
-        An arm with a wrist centre is at a singular point if joint 5 or the bend of the elbow is within
-        :data:`WRIST_SINGULAR` of 0 or 180 deg, or if the wrist centre is less than :data:`SHOULDER_SINGULAR` in front
-        of or behind the axis of joint 1. Any other arm is at a singular point if its Jacobian is nearly singular
-        (:data:`CONDITION_SINGULAR`).
+        An arm whose last three axes intersect at one point is at a singular point if joint 5 or the bend of the elbow
+        is within :data:`WRIST_SINGULAR` of 0 or 180 deg, or if the absolute x coordinate of the wrist centre in the
+        frame of joint 1 is below :data:`SHOULDER_SINGULAR`. Any other arm is at a singular point if its Jacobian is
+        nearly singular (:data:`CONDITION_SINGULAR`).
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
