@@ -199,7 +199,7 @@ def _unit(vector: Array, name: str) -> Array:
 
 
 def _rounded(values: Array, grid: float) -> Array:
-    """Return values; a value very close to a multiple of ``grid`` becomes this multiple, a negative zero becomes zero."""
+    """Return values; a value very close to a multiple of ``grid`` becomes this multiple, and -0.0 becomes 0.0."""
     nearest = grid * np.round(values / grid)
     return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
 
