@@ -22,9 +22,9 @@ DEFAULT_PORT: Final = 5007
 
 _WEB: Final = {"http": 80, "https": 443}
 LONGEST: Final = 4000
-"""The largest number of characters of a path."""
+"""The largest number of characters of the path of a serial port, or of the channel of a CAN interface."""
 _USUAL: Final = "tcp"
-"""The scheme of an address without one."""
+"""The scheme of an address that does not contain a scheme."""
 _BITRATES: Final = range(1000, 1_000_001)  # bit/s, classic CAN
 _TAKEN: Final = ("interface", "channel", "bustype", "context", "config_context", "ignore_config")
 """Parameters of python-can that cannot be options of an address.
@@ -53,7 +53,7 @@ class Address(NamedTuple):
 
 
 def is_loopback(host: str) -> bool:
-    """Return True if the host is a loopback address or ``localhost``; the name is not resolved."""
+    """Return True if the host is a loopback address or ``localhost``; other names are not resolved."""
     from ipaddress import ip_address  # few programs require it
 
     try:
@@ -63,9 +63,10 @@ def is_loopback(host: str) -> bool:
 
 
 def network_of(host: str) -> str:
-    """Return the hosts that share a limit per address: an IPv4 address, an IPv6 /64 network, this machine, or a name.
+    """Return the group of a host for limits per address: its IPv4 address, IPv6 /64 network, ``127.0.0.1`` or name.
 
-    The owner of an IPv6 address usually has its whole /64 network, and a machine has all addresses of 127.0.0.0/8.
+    The /64 network is used because it usually belongs to one owner. ``127.0.0.1`` represents all loopback addresses,
+    because they belong to one machine.
     """
     from ipaddress import IPv6Address, IPv6Network, ip_address
 
@@ -118,7 +119,7 @@ class CanAddress:
         interface: The name of the interface in python-can.
         channel: The channel of the interface; ``""`` for its default.
         bitrate: Bit rate in bit/s; ``None`` keeps the setting of the interface.
-        options: Further options for python-can, as pairs of name and value, in their order.
+        options: Further options for python-can, as pairs of name and value, in the order of the URL.
     """
 
     scheme: ClassVar[str] = "can"
@@ -289,7 +290,7 @@ def _wrong_option(name: str, *, twice: bool) -> str:
 
 
 def invalid_value_message(name: str, value: str, known: str) -> str:
-    """Return the message for a setting with an invalid value."""
+    """Return the message for a setting with an invalid value; ``known`` describes the valid values."""
     return tr("{name} cannot be {value!r:.80}; expected: {known}", name=name, value=value, known=known)
 
 

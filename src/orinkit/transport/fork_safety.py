@@ -3,9 +3,10 @@
 A forked child has a copy of every descriptor, and a connection stays open until every copy is closed. Without this
 module, the connections of a killed program would stay open while a child is alive, and the arm would continue to move.
 
-In the child, a descriptor is not closed, but replaced by the null device. Therefore its number remains in use: other
-objects of the child may still close it. The selector of an event loop, which the child shares with its parent, is not
-changed. No connection is shut down, because it remains open for the parent.
+In the child, a descriptor is not closed, but replaced by the null device, so that its number remains in use. If the
+number were reused, an object of the child that still closes it would close a wrong file. The selector of an event loop
+is not changed, because the child shares it with its parent. No connection is shut down, because it remains open for the
+parent.
 """
 
 from __future__ import annotations

@@ -27,7 +27,8 @@ def require_handover(kind: str) -> Transport:
     """Return the transport of a link that another process is to take over.
 
     Args:
-        kind: The name of the profile: ``"tcp"``, ``"udp"``, ``"serial"``, or the name that another package has added.
+        kind: The name of the link's profile: ``"tcp"``, ``"udp"``, ``"serial"``, or the name of a profile of another
+            package.
 
     Raises:
         StreamError: If another process cannot take over links of this transport.
@@ -59,7 +60,7 @@ def refused(address: AnyAddress) -> InvalidAddress:
 
 
 def for_servers(_address: AnyAddress) -> InvalidAddress:
-    """Return the exception for an address that a client cannot use."""
+    """Return the exception for an address that a client cannot use, because only a server can listen on it."""
     return InvalidAddress(
         tr("'pty://' is an address for servers; connect to the serial:// address that the server prints")
     )

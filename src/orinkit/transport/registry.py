@@ -1,7 +1,7 @@
 """THE TABLE of transports: one row per address scheme.
 
-A row contains references ``"module:attribute"`` to objects of higher layers, and to objects that are imported on first
-use; :func:`resolve` returns the object. A new transport requires a module and a row.
+A row refers to objects by references, ``"module:attribute"``, because the objects are in higher layers, or are imported
+on first use only. :func:`resolve` returns the object. A new transport requires a module and a row.
 
 A package outside orinkit registers its row in the entry point group ``orinkit.transports``. The name of the entry point
 is the scheme, and its value refers to the row::
@@ -9,7 +9,8 @@ is the scheme, and its value refers to the row::
     [project.entry-points."orinkit.transports"]
     unix = "my_package.unix:UNIX"
 
-Entry points are looked up if a scheme is unknown. A program may call :func:`register` instead.
+Entry points are looked up if a scheme is unknown. Instead of having an entry point, a program
+may call :func:`register`.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class AnyAddress(Protocol):
 
     @property
     def scheme(self) -> str:
-        """The scheme, which identifies the row."""
+        """The scheme, which identifies the row of the table of transports."""
 
 
 class SplitAddress(NamedTuple):
@@ -49,9 +50,9 @@ class SplitAddress(NamedTuple):
 
     Attributes:
         text: The whole address, for messages.
-        scheme: The scheme in lower case.
-        rest: The text after ``://``, or after the colon.
-        url: True if the address has the form ``scheme://rest``, not ``scheme:rest``.
+        scheme: The scheme in lower case; ``tcp`` if the address has none.
+        rest: The text after ``://`` or after the colon; the whole address if it has no scheme.
+        url: True if the address has the form ``scheme://rest``; False if it is ``scheme:rest`` or has no scheme.
     """
 
     text: str
@@ -84,7 +85,7 @@ class ServeOption(NamedTuple):
         help: Help text in English; :func:`~orinkit.core.i18n.tr` translates it.
         ports: True if the address may be only a number, which is then a port of this machine.
         flag: True if the option takes no address.
-        secure: The scheme to use if the server has a certificate.
+        secure: The scheme to use instead if the server has a certificate; ``""`` if the scheme stays the same.
     """
 
     help: str
@@ -95,6 +96,9 @@ class ServeOption(NamedTuple):
 
 class Transport(NamedTuple):
     """A row of the table: one transport.
+
+    ``parse``, ``link``, ``aio_link``, ``adopt``, ``listener`` and ``refusal`` are references to functions with the
+    signatures below, and ``profile`` is a reference to an object. ``""``: the transport does not have it.
 
     Attributes:
         scheme: The scheme of the address, in lower case.
@@ -109,9 +113,9 @@ class Transport(NamedTuple):
         listener: ``async (address, ServerContext) -> Listener``, for a server. If ``http`` is True, it receives
             HttpOptions too.
         refusal: ``(address) -> InvalidAddress``: returns the exception if the transport has no link, or no listener.
-        option: The option of ``orinkit serve``.
+        option: The option of ``orinkit serve``; ``None`` if the transport has none of its own.
         http: True if clients may send a token, and servers may have a certificate.
-        alias: If the scheme is only another notation for a second scheme: the second scheme.
+        alias: The scheme for which ``scheme`` is only another notation; ``""`` if there is none.
     """
 
     scheme: str
@@ -234,7 +238,7 @@ def known(scheme: str) -> bool:
 
 
 def aliases() -> tuple[str, ...]:
-    """Return the schemes that are only another notation for a second scheme."""
+    """Return the schemes that are only another notation for another scheme."""
     return tuple(row.scheme for row in rows() if row.alias)
 
 

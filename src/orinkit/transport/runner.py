@@ -19,7 +19,7 @@ T = TypeVar("T")
 _GOODBYE = 0.1  # time-out for sending each packet of a close_sequence, s
 Operation: TypeAlias = Generator[tuple[bytes, float | None], bytes | None, T]
 ClosePacket: TypeAlias = tuple[bytes, float]
-"""A packet to send before a link is closed, and the time in s to wait for its reply."""
+"""A packet to send before a link is closed, and the time in s to wait for its reply; 0 to not wait."""
 
 
 class Link(Protocol):
@@ -138,7 +138,7 @@ def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterab
     Args:
         operation: The operation.
         link: The link to use.
-        close_sequence: Callback that returns the packets to send before such an exception closes the link.
+        close_sequence: Callback that returns the packets to send before an interrupting exception closes the link.
     """
     received: bytes | None = None
     deadline = 0.0

@@ -1,6 +1,6 @@
 """TCP options that detect within seconds that the peer is unreachable: a cable unplugged, a machine switched off.
 
-With the default settings of operating systems, this takes hours. Two timers are set, because one alone is not
+With the default settings of operating systems, the detection takes hours. Two timers are set, because one alone is not
 sufficient: keep-alive probes are sent only while all data is acknowledged, and the user time-out applies only while
 data is unacknowledged.
 """

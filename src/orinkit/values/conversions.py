@@ -20,7 +20,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.type_row import TypeRow, no_type, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
-"""Context of all arithmetic with VT_CY. The caller's decimal context is not used: that one may round or raise errors."""
+"""Context of all arithmetic with VT_CY. The decimal context of the caller is not used: it may round or raise errors."""
 _CY_STEP: Final = Decimal("0.0001")
 _EPOCH: Final = datetime(1899, 12, 30)
 _DAY_US: Final = 86_400_000_000

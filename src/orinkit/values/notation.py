@@ -256,7 +256,7 @@ class _NotationParser:
         return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
 
     def _expected(self, wanted: str, length: int = 0) -> NotationError:
-        """Return the error for unexpected text at this position; ``length`` is its number of characters, 0 if unknown."""
+        """Return the error for unexpected text at this position; ``length`` is its length, 0 if it is unknown."""
         self._blank()
         found = self.text[self.at : self.at + min(length or _SHOWN, _SHOWN)]
         if not found:
@@ -402,7 +402,7 @@ def _write_data(item: Variant, depth: int) -> str:
 
 
 def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string as text inside brackets or an array; quote it if it would be parsed as another string unquoted."""
+    """Return a string as text inside brackets or an array; quote it if it would otherwise be parsed differently."""
     if not text or not (brackets or element):
         return text
     begins, ends = text[0], text[-1]

@@ -27,7 +27,7 @@ _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
 class PassMarkText(NamedTuple):
-    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm (0 unless ``n``)."""
+    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm for ``n``."""
 
     mode: str
     radius: float

@@ -1,4 +1,4 @@
-"""Entry point of the streaming process, which ``launcher`` starts as ``python -c "...; main(3, 4, 5, ...)"``."""
+"""Entry point of the streaming process, which the module ``launcher`` starts as ``python -c "...; main(3, ...)"``."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def main(
     """Stream set-points for the program at the other end of the channel.
 
     Args:
-        channel_descriptor: Descriptor of the channel.
-        link_descriptor: Descriptor of the link.
-        memory_descriptor: Descriptor of the shared memory.
-        adopt: Reference to the function of the transport that returns a link for the descriptor.
-        profile: Reference to the profile of the transport.
+        channel_descriptor: Descriptor of the channel: the socket for messages to and from the program.
+        link_descriptor: Descriptor of the link, which the program has opened to the controller.
+        memory_descriptor: Descriptor of the memory shared with the program.
+        adopt: Reference (``"module:attribute"``) to the function that returns a link for ``link_descriptor``.
+        profile: Reference to the profile of the link's transport.
     """
     for name in ("SIGINT", "SIGHUP"):  # the program handles Ctrl-C and the end of the terminal
         if hasattr(signal, name):

@@ -1,4 +1,4 @@
-"""Pacing: when and how set-points are sent in each of the three modes of RC8 4.3."""
+"""Pacing: when and how set-points are sent in the modes 0, 1 and 2 of slave mode (RC8 4.3)."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Delivery(NamedTuple):
 
 
 Call = Callable[[Any], Delivery]
-"""Callback that sends slvMove with a parameter, and raises the same errors as a client."""
+"""Callback that sends slvMove with its argument as the parameter; raises the same exceptions as a call of a client."""
 
 
 class Pacer(Protocol):
-    """Sends set-points at the times that one of the three modes requires."""
+    """Sends set-points at the times that the mode (0, 1 or 2) of slave mode requires."""
 
     def deliver(self, parameter: Any) -> Delivery:
         """Send a set-point; return when the next set-point may be computed."""
@@ -50,7 +50,7 @@ class HandshakePacer:
         self._call = call
 
     def deliver(self, parameter: Any) -> Delivery:
-        """Send a set-point."""
+        """Send a set-point; return when the controller has replied."""
         return self._call(parameter)
 
 
@@ -83,9 +83,9 @@ class BufferFillPacer:
 class TimedPacer:
     """Pacer of mode 1: one set-point per cycle of the controller.
 
-    A set-point is repeated until the time stamp of a reply shows that the next cycle has begun. The controller takes
-    the newest set-point at each cycle boundary. If a set-point arrived just after a boundary, instead of just before,
-    the arm would stop for a cycle; the repetitions of the previous set-point avoid that.
+    The controller takes the newest set-point at each cycle boundary. If a set-point arrived just after its boundary,
+    instead of just before, the arm would stop for a cycle. Therefore a set-point is repeated until the time stamp of a
+    reply shows that the next cycle has begun. The next set-point is then sent early in this cycle.
     """
 
     def __init__(self, call: Call, period: float) -> None:
@@ -117,7 +117,7 @@ class TimedPacer:
 
 
 def _next_tick(tick: float, period: float) -> float:
-    """Return the time one period after a tick; if it is not within one period from now, return now plus a period."""
+    """Return ``tick`` plus a period; if that time is past or more than a period away, return now plus a period."""
     now = monotonic()
     following = tick + period
     return following if now < following <= now + period else now + period
@@ -131,4 +131,4 @@ def sleep_until(moment: float) -> None:
 
 
 FLOWS: Final[dict[int, Callable[[Call, float], Pacer]]] = {0: BufferFillPacer, 1: TimedPacer, 2: HandshakePacer}
-"""Pacers for each kind of buffering in RC8 table 4-4: ``SlaveMode.buffering`` is the key."""
+"""Class of the pacer for each value of ``SlaveMode.buffering``: 0, 1 or 2 (RC8 table 4-4)."""

@@ -12,7 +12,7 @@ from typing import Final
 from orinkit.core.i18n import tr
 
 PRIORITY: Final = 80
-"""Priority with SCHED_FIFO, 1 to 99: above ordinary programs, below the kernel's own threads."""
+"""Requested priority with SCHED_FIFO (from 1 to 99): above ordinary programs, below the kernel's own threads."""
 
 _MCL_CURRENT: Final = 1
 _MCL_FUTURE: Final = 2
@@ -47,7 +47,10 @@ class RealTime:
 
 
 def obtain() -> RealTime:
-    """Request real-time priority and locked memory, and disable the garbage collector permanently."""
+    """Request real-time priority and locked memory, and return what was granted.
+
+    Also disable the garbage collector permanently.
+    """
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -81,7 +84,7 @@ def _lock_memory() -> bool:
 
 
 def _shorten_sleeps() -> None:
-    """Reduce the timer slack: the delay with which sleeps end at an ordinary priority (50 us by default)."""
+    """Reduce the timer slack: the delay with which sleeps end if the priority is an ordinary one (50 us by default)."""
     if sys.platform == "linux":
         try:
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SHORTEST_SLACK, 0, 0, 0)

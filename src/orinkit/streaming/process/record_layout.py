@@ -1,4 +1,4 @@
-"""Layout of the fields of slave mode in records of 8-byte words.
+"""Layout of the fields of slvMove (poses, I/O states and others) in records of 8-byte words.
 
 The layout is derived from the table in :mod:`orinkit.rc8.slave_fields`.
 """
@@ -29,9 +29,9 @@ class RecordLayout:
     value of the field.
 
     Args:
-        fields: Rows of the table of fields, at most 32.
-        sent: True if the fields are sent to the controller. Fields of bytes then also contain the number of the first
-            I/O point.
+        fields: Rows of the table in :mod:`orinkit.rc8.slave_fields`, at most 32.
+        sent: True if the fields are sent to the controller. A field with I/O states as bytes then also contains the
+            number of the first I/O point.
 
     Attributes:
         size: Number of words of all fields, without the flags.
@@ -51,7 +51,7 @@ class RecordLayout:
             self.size += words
 
     def write(self, view: memoryview, word: int, values: Iterable[tuple[str, Any]]) -> int:
-        """Write the values that are not ``None`` into the record that begins at a word; return the flags."""
+        """Write the values that are not ``None`` into the record at the offset ``word``, in words; return the flags."""
         start, flags = word * WORD, 0
         for name, value in values:
             if value is None:
@@ -65,7 +65,7 @@ class RecordLayout:
         return flags
 
     def read(self, view: memoryview, word: int, flags: int) -> dict[str, Any]:
-        """Return the values of the fields whose flags are set, from the record that begins at a word."""
+        """Return the values of the fields whose flags are set, from the record at the offset ``word``, in words."""
         start = word * WORD
         readers = self._readers.get(flags)
         if readers is None:

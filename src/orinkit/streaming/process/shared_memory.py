@@ -1,8 +1,9 @@
 """Shared memory of a program and its streaming process: lock-free queues of set-points and of samples.
 
-The memory consists of 8-byte words, which Python writes atomically. Each side writes only its own words. A record is
-written before the counter that publishes it. Each record contains its number, so that a reader detects a record that is
-being overwritten. The memory has no name: it is freed when both processes have ended, even if they crash.
+The memory consists of 8-byte words, which Python writes atomically. Each side, the program or the streaming process,
+writes only its own words. A record (a set-point or a sample) is written before the counter that publishes it. Each
+record contains its number, so that a reader detects a record that is being overwritten. The memory has no name: it is
+freed when both processes have ended, even if they crash.
 """
 
 from __future__ import annotations
@@ -23,22 +24,25 @@ from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.process.record_layout import WORD, RecordLayout
 
 QUEUE_ROOM: Final = 4096
-"""Capacity of the queue, set-points: enough for 32 s with a period of 8 ms."""
+"""Largest number of set-points in the queue: enough for 32 s with a period of 8 ms."""
 SAMPLE_ROOM: Final = 4096
-"""Capacity of the buffer of samples that the program has not read yet."""
+"""Largest number of samples in the buffer; if it is full, a new sample replaces the oldest one, even an unread one."""
 
 BEHIND: Final = 15
-"""Maximum number of cycles by which an arm lags behind its set-points: 3 set-points that the controller queues (RC8
-table 4-4), and about 0.1 s until the encoders follow (in DENSO's published implementations)."""
+"""Maximum number of cycles by which an arm lags behind its set-points.
+
+The controller queues 3 set-points (RC8 table 4-4). The encoders follow about 0.1 s later, which is 12 to 13 cycles of
+8 ms (in DENSO's published implementations).
+"""
 
 RESTS: Final = 3
-"""Number of equal set-points at the end of a motion; two of them make the controller detect standstill (RC8 4.5)."""
+"""Number of repetitions of a motion's last set-point; two of them make the controller detect standstill (RC8 4.5)."""
 
 _MOST_VALUES: Final = 13  # number of values of a pose with extended joints
 
 
 class SetPointSource(IntEnum):
-    """The source of set-points."""
+    """The source from which the streaming process takes set-points: none, the queue or the live target."""
 
     NONE = 0
     QUEUE = 1
@@ -50,7 +54,7 @@ class StreamCommand(IntEnum):
 
     RUN = 0
     HALT = 1
-    """Stop the arm, discard the queue, and hold the arm in slave mode."""
+    """Stop the arm and hold it in slave mode; the program discards the queue itself."""
     FINISH = 2
     """Send the queued set-points, then leave slave mode."""
     LEAVE = 3
@@ -60,7 +64,7 @@ class StreamCommand(IntEnum):
 
 
 class _Word(IntEnum):
-    """Offsets at the beginning of the memory, in words."""
+    """Offsets of the values at the beginning of the memory, in words."""
 
     ORDER = 0
     ORDER_DONE = 1
@@ -139,11 +143,11 @@ class RawSample:
     Attributes:
         sent_ns: Time of sending, monotonic clock, ns.
         replied_ns: Time of the reply, monotonic clock, ns.
-        code: Return code.
+        code: Return code of slvMove.
         command: Values of the set-point.
-        delay_ns: Time from setting a live target to sending the first set-point towards it, ns; -1 for other samples.
+        delay_ns: Time from setting a live target to sending the first set-point towards it, ns; -1 for others.
         values: Values of the fields of the reply, by name.
-        number: Number of the sample; assigned by the memory.
+        number: Number of the sample, from 0; set by :meth:`StreamMemory.sample`.
     """
 
     sent_ns: int
@@ -235,12 +239,12 @@ class StreamMemory:
 
     @property
     def discarded_until(self) -> int:
-        """The number of set-points that had been queued when the queue was last discarded."""
+        """The total number of set-points that had been queued when the queue was last discarded; 0 if it never was."""
         return int(self._words[_Word.DISCARDED])
 
     @property
     def written(self) -> int:
-        """The number of set-points queued so far."""
+        """The total number of set-points queued so far, including those that were taken or discarded."""
         return int(self._words[_Word.WRITTEN])
 
     def clear_queue(self) -> None:
@@ -248,7 +252,10 @@ class StreamMemory:
         self._words[_Word.DISCARDED] = self._words[_Word.WRITTEN]
 
     def set_target(self, values: Sequence[float], when_ns: int) -> None:
-        """Set the live target, and make it the source of set-points."""
+        """Set the live target, a goal of the motion that may change at any time, and make it the source of set-points.
+
+        ``when_ns`` is the time at which the program set the target, monotonic clock, ns.
+        """
         with self._lock:
             words = self._words
             count = words[_Word.TARGET_BEGUN] + 1
@@ -261,7 +268,7 @@ class StreamMemory:
             words[_Word.SOURCE] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
-        """Set the outputs for every set-point that does not contain outputs."""
+        """Set outputs; slvMove sends them from the next cycle on, until other outputs replace them."""
         with self._lock:
             words = self._words
             count = words[_Word.OUTPUTS_BEGUN] + 1
@@ -275,7 +282,7 @@ class StreamMemory:
 
     @property
     def began_ns(self) -> int:
-        """The time at which the first set-point was sent, monotonic clock, ns."""
+        """The time at which the first set-point was sent, monotonic clock, ns; 0 before that."""
         return int(self._words[_Word.BEGAN])
 
     @property
@@ -297,16 +304,15 @@ class StreamMemory:
     def lateness(self) -> Lateness:
         """Statistics of the set-points that would be too late for a real controller.
 
-        All values are 0 if the controller reports none.
-
-        ``longest`` refers to the set-points of the last report only.
+        All values are 0 if the controller has reported no late set-points. ``count`` and ``total`` refer to all reports
+        of the controller, ``longest`` refers to the last report only.
         """
         words, numbers = self._words, self._numbers
         return Lateness(int(words[_Word.LATE]), numbers[_Word.LATE_LONGEST], numbers[_Word.LATE_TOTAL])
 
     @property
     def at_rest(self) -> bool:
-        """True if the arm has been commanded to standstill."""
+        """True if the commands have come to standstill; the arm itself may still move, because it lags behind."""
         return bool(self._words[_Word.RESTS])
 
     @property
@@ -320,7 +326,7 @@ class StreamMemory:
         return self._words[_Word.RESTS] > BEHIND
 
     def sample(self, number: int) -> RawSample | None:
-        """Return the sample with a number; ``None`` if it was overwritten."""
+        """Return the sample with this number, from 0; ``None`` if a newer sample has overwritten it."""
         words, numbers = self._words, self._numbers
         at = _SAMPLES_AT + number % SAMPLE_ROOM * _SAMPLE
         flags = words[at + 3]
@@ -350,11 +356,11 @@ class StreamMemory:
 
     @property
     def source(self) -> SetPointSource:
-        """The source of set-points."""
+        """The source of set-points that the program has selected."""
         return SetPointSource(self._words[_Word.SOURCE])
 
     def take(self) -> tuple[tuple[float, ...], Outputs] | None:
-        """Remove the next set-point from the queue and return it; ``None`` if the queue is empty."""
+        """Remove the next set-point from the queue; return values and outputs, or ``None`` if the queue is empty."""
         words = self._words
         count = max(words[_Word.READ], words[_Word.DISCARDED])
         words[_Word.READ] = count
@@ -369,9 +375,9 @@ class StreamMemory:
         return values, outputs
 
     def newer_target(self, seen: int) -> tuple[int, int, tuple[float, ...]] | None:
-        """Return number, time in ns and values of the live target; ``None`` if its number is still ``seen``.
+        """Return the live target, unless it is still the one with the number ``seen``: its number, time in ns, values.
 
-        Also return ``None`` while the program is writing the target.
+        Return ``None`` if there is no newer target, or while the program is writing the target.
         """
         words = self._words
         done = words[_Word.TARGET_DONE]
@@ -383,7 +389,7 @@ class StreamMemory:
         return (done, when, values) if words[_Word.TARGET_BEGUN] == done else None
 
     def newer_outputs(self, seen: int) -> tuple[int, Outputs] | None:
-        """Return number and values of the outputs; ``None`` if their number is still ``seen``.
+        """Return the outputs, and the number of times that they were set; ``None`` if this number is still ``seen``.
 
         Also return ``None`` while the program is writing the outputs.
         """
@@ -395,7 +401,13 @@ class StreamMemory:
         return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
 
     def report_counts(self, *, sent: int, dry: int, rests: int) -> None:
-        """Report the numbers of queued set-points sent, of underflows, and of set-points sent at standstill."""
+        """Report three counts to the program.
+
+        Args:
+            sent: Number of queued set-points that were sent.
+            dry: Number of underflows.
+            rests: Number of set-points sent since the commands came to standstill; 0 while they move the arm.
+        """
         words = self._words
         words[_Word.TAKEN], words[_Word.UNDERFLOWS], words[_Word.RESTS] = sent, dry, rests
 

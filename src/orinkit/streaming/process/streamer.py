@@ -54,12 +54,12 @@ _STOPS: Final = {  # bits of the result of SysState (in DENSO's published implem
 Reason = Literal["", "left", "abandoned", "stopped", "gone", "idle", "terminated"]
 """Reason why streaming ended.
 
-* ``""``: An error.
+* ``""``: There was an error, or streaming has not ended.
 * ``"left"``: The program requested the end.
 * ``"abandoned"``: The program requested the end, and does not use the connection any more.
 * ``"stopped"``: The program was stopped (SIGSTOP) for more than 0.25 s.
 * ``"gone"``: The program has ended.
-* ``"idle"``: The program sent no more set-points.
+* ``"idle"``: The queue was empty for longer than the configured time.
 * ``"terminated"``: The streaming process received SIGTERM.
 """
 
@@ -116,7 +116,7 @@ class StreamerConnection:
 
     Args:
         link: Link to the controller.
-        setup: Configuration of this process.
+        setup: Configuration of the streaming process.
         profile: Profile of the transport.
     """
 
@@ -140,7 +140,7 @@ class StreamerConnection:
         return answer
 
     def move(self, parameter: Any) -> Delivery:
-        """Send slvMove."""
+        """Send slvMove; return the reply, and the times of sending and of the reply."""
         arguments = (self._handle, "slvMove", parameter)
         seconds, tries = self._patience()
         # After noise on a serial line, the controller finds the next packet only after a pause in the received data.
@@ -152,8 +152,9 @@ class StreamerConnection:
     def lateness(self, skip_first: int) -> Lateness | None:
         """Return the statistics of the late set-points, without the first ``skip_first`` of them.
 
-        A real controller does not have the command slvGetLateness; ``None`` is then returned. Therefore call this
-        method once before slave mode is on. If it returns ``None``, do not call it again.
+        Only virtual controllers have the command slvGetLateness; for a real one, ``None`` is returned. Call this method
+        once before slave mode is on. If it returns ``None``, do not call it again, so that a real controller does not
+        receive an unknown command in slave mode.
         """
         try:
             return read_lateness(self.execute(LATENESS, skip_first)[1])
@@ -161,7 +162,7 @@ class StreamerConnection:
             return None
 
     def _patience(self) -> tuple[float, int]:
-        """Return the time-out of a set-point in s, and the maximum number of times that it is sent.
+        """Return the time-out of the reply to a set-point, s, and the maximum number of times that slvMove is sent.
 
         If packets may be lost, the time-out is short, because a lost set-point must be repeated soon.
         """
@@ -174,7 +175,7 @@ class StreamerConnection:
         return seconds, max(1, int(_MOST_SECONDS / seconds))
 
     def send_close(self) -> None:
-        """Notify the controller that the connection ends, on transports on which the controller cannot detect that."""
+        """Notify the controller that the connection ends, if the controller cannot detect the end on this transport."""
         send_close(self._link, self.conversation.close_sequence())
 
     def leave(self) -> None:
@@ -201,10 +202,12 @@ class StreamerConnection:
             raise error_for(error.code, error.detail, str(arguments[1])) from None
 
     def read_first_error(self, error: CallError) -> CallError:
-        """Return the controller's first error: the following ones only report that slave mode is off (RC8 4.7).
+        """Return the controller's first error, which turned slave mode off (RC8 4.7).
+
+        The following errors, such as the return code of slvMove, only report that slave mode is off.
 
         Args:
-            error: The error of slvMove; returned if the controller reports none.
+            error: The error that slvMove returned. It is returned if the controller reports no other error.
         """
         try:
             count = self._ask("GetCurErrorCount", None)
@@ -234,7 +237,7 @@ class _ControllerClock:
     _ticks: int = field(default=0)
 
     def read(self, stamp: int) -> float:
-        """Return the time of a time stamp, s, without the wrap-around."""
+        """Return the controller's time for a time stamp, s; it continues to increase if the time stamps wrap around."""
         last = stamp if self._last is None else self._last
         self._ticks = stamp if self._last is None else self._ticks + (stamp - last) % _WRAP_US
         self._last = stamp
@@ -294,7 +297,7 @@ class Streamer:
         self._aim: tuple[float, ...] | None = None
 
     def run(self) -> Reason:
-        """Stream set-points; slave mode must be on, and remains on."""
+        """Stream set-points; return the reason for which streaming ended. Slave mode must be on, and remains on."""
         reason: Reason = ""
         while True:
             reason = reason or self._reason()
@@ -360,7 +363,8 @@ class Streamer:
     def _ready(self) -> bool:
         """Return True if the next set-point may be taken from the queue.
 
-        After a pause, this requires a few queued set-points, so that a set-point that is slightly late has no effect.
+        After a pause, a few set-points must be in the queue, or a few cycles must have passed since the first one was
+        queued. Because of this reserve, a set-point that the program then queues slightly late has no effect.
         """
         waiting = self._shared.queued
         if not self._was_dry or waiting >= _AHEAD or self._shared.wanted is StreamCommand.FINISH:
@@ -369,7 +373,10 @@ class Streamer:
         return self._patience <= 0
 
     def _come_to_rest(self) -> tuple[float, ...]:
-        """Return the next command if there is no set-point: the last command if the limits permit that, else a stop."""
+        """Return the next command if there is no set-point.
+
+        It is the last command again if the limits permit that, otherwise a command of a stop.
+        """
         if self._was_dry:
             return self._planner.stop()
         self._was_dry = True
@@ -382,7 +389,7 @@ class Streamer:
         return self._planner.track(last)
 
     def _towards(self, point: tuple[float, ...], command: tuple[float, ...]) -> tuple[float, ...]:
-        """Store a set-point as the goal of the next commands if a command has not reached it; return the command."""
+        """Return ``command``; if it has not reached ``point``, store ``point`` as the goal of the next commands."""
         self._aim = None if command == point else point
         return command
 

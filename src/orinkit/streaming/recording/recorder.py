@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SAMPLE_TOPIC: Final = "/slave/sample"
 """Channel of an MCAP file with one message per set-point."""
 INFO_TOPIC: Final = "/slave/info"
-"""Channel with one message: the properties common to all set-points."""
+"""Channel of an MCAP file with a single message, which contains the properties common to all set-points."""
 
 _NANO: Final = 1_000_000_000
 _CHUNK: Final = 64 * 1024  # bytes, about 1 s; data that is lost if the process is killed
@@ -105,7 +105,8 @@ def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: 
             the first sample is written.
 
     Raises:
-        InvalidValue: If the suffix is not valid, the directory does not exist, or the file cannot be written.
+        InvalidValue: If an argument or the suffix is not valid, the directory does not exist, or the file cannot be
+            written.
         MissingExtra: If the file is MCAP, and the package ``mcap`` is not installed (extra ``log``).
     """
     check_period(period)
@@ -126,7 +127,7 @@ def open_recorder(path: str | Path, *, kind: PoseKind, period: float, start_ns: 
 
 
 class _File(Protocol):
-    """A file format."""
+    """A file that contains samples in one format."""
 
     def write(self, sample: Sample) -> None:
         """Write a sample."""
@@ -141,9 +142,9 @@ class _File(Protocol):
 class _Csv:
     """CSV: a row per sample, written immediately, so that no sample is lost if the process is killed.
 
-    ``time_s`` is the number of the set-point times the period: the controller takes one set-point per period,
-    regardless of the time at which it was sent (``sent_s``). The commanded velocity can therefore be computed from
-    ``time_s``.
+    The column ``time_s`` contains the number of the set-point, multiplied by the period, because the controller takes
+    one set-point per period. The time of sending is in the column ``sent_s``; it does not affect ``time_s``. The
+    commanded velocity can therefore be computed from ``time_s``.
     """
 
     def __init__(self, path: Path, kind: PoseKind, period: float) -> None:
@@ -171,7 +172,7 @@ class _Group:
     """The columns of a CSV file that contain one value of a sample, for example all columns of a pose.
 
     Args:
-        value: Callback that returns the value of a sample.
+        value: Callback that returns the value from a sample; ``None`` if the sample does not have it.
         names: Names of the columns.
         form: Format of a number.
     """
@@ -197,7 +198,7 @@ class _Group:
 
 
 def _groups(kind: PoseKind, sample: Sample) -> list[_Group]:
-    """Return the columns that follow the time: those of the values that the first sample has."""
+    """Return the columns that follow the time: those of the values that ``sample``, the first sample, contains."""
     count = len(sample.command)
     names = [*_titles(kind), *(f"extra_{number}" for number in range(1, count))][:count]
     groups = [_Group(attrgetter("command"), [f"{name}{COMMAND}" for name in names], _EXACT)]
@@ -218,7 +219,7 @@ _NUMBER_FORMS: Final = {FieldType.STAMP: _TIME, FieldType.BITS: "d"}
 
 
 def _group_of(row: SlaveField, sample: Sample) -> _Group:
-    """Return the columns of a field that the first sample has."""
+    """Return the columns of a field of the reply; ``sample`` is the first sample, which contains the field."""
     form = _EXACT if row.kind == "T" else _NUMBER_FORMS.get(row.form, _VALUE)
     name = row.column or row.name
     names = [name]
@@ -291,7 +292,7 @@ class _Mcap:
 
 
 def _mcap_writer() -> Any:
-    """Return the class that writes MCAP; its methods are untyped."""
+    """Return the class that writes MCAP, typed as ``Any``, because its methods are untyped."""
     require(tr("recording in MCAP"), "log", "mcap")
     from mcap.writer import Writer
 

@@ -17,8 +17,8 @@ class Sample:
     Attributes:
         number: Number of the set-point, from 0.
         sent: Time of sending, s since the first set-point was sent.
-        command: Pose as sent: joints in deg, or X, Y, Z in mm, angles in deg and figure, or a T.
-        code: Return code, S_OK or S_BUF_FULL.
+        command: Pose as sent: the values of a J (deg), of a P (X, Y, Z in mm, angles in deg, figure) or of a T.
+        code: Return code of slvMove: S_OK or S_BUF_FULL.
         time: The controller's own time, s. This field and the following ones up to ``current`` are ``None`` if they
             were not requested.
         joints: Actual joint position, deg; about 0.1 s behind the command.
@@ -30,7 +30,8 @@ class Sample:
         current: Currents of the motors, A.
         delay: If this set-point is the first one towards a live target: the time from setting the target until this
             set-point was sent, s; ``None`` for other set-points.
-        replied: Time of the reply, s, on the same clock as ``sent``; in mode 2 the time at which the buffer had room.
+        replied: Time of the reply, s since the first set-point was sent. In mode 2 of slave mode, the controller
+            replies when its buffer has room.
         more: Fields of the reply for which this class has no attribute, by name.
     """
 

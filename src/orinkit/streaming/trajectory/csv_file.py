@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from orinkit.rc8.slave_formats import PoseKind
 
 TIME: Final = "time_s"
-"""The column of the time, s."""
+"""Name of the column that contains the time, s."""
 COMMAND: Final = "_command"
-"""Suffix of the names of command columns, after the name of a joint or another value."""
+"""Suffix of the names of columns that contain commands: ``J1_command``, ``X_command``."""
 ENCODER: Final = "_encoder"
-"""Suffix of the names of encoder columns."""
+"""Suffix of the names of columns that contain encoder values: ``J1_encoder``."""
 MOST_ROWS: Final = 1_000_000
 """The largest number of rows of a file."""
 
@@ -130,7 +130,7 @@ class CsvTable:
         return csv.reader(lines, delimiter=self._separator, skipinitialspace=True, strict=True)
 
     def noted(self) -> CsvRow | None:
-        """Return the comment read last, split into cells at the separator of the rows."""
+        """Return the comment read last, split into cells at the separator of the rows; ``None`` if there was none."""
         if self.note is None:
             return None
         return CsvRow(self.note.line, [cell.strip() for cell in self.note.cells[0].split(self._separator)])
@@ -142,8 +142,9 @@ class _CsvLayout:
 
     Attributes:
         kind: Pose type of the values.
-        columns: Columns of the values; ``None`` for a value that is 0 in all rows.
-        time: Column of the time; ``None`` if there is none.
+        columns: For each value, the number of its column, from 0; ``None`` for a value without a column, which is 0 in
+            all rows.
+        time: Number of the column of the time; ``None`` if there is none.
     """
 
     kind: PoseKind
@@ -157,7 +158,8 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
     The period is ``None`` if the file has no times.
 
     Raises:
-        InvalidValue: If the file cannot be read, or is not a trajectory; the message contains its name and the line.
+        InvalidValue: If the file cannot be read, or is not a trajectory; the message contains the name of the file, and
+            the line.
     """
     if path.suffix.lower() == ".mcap":
         raise wrong(path, 0, tr("a trajectory must be a CSV file. Try: record the motion in a .csv file"))  # fmt: skip
@@ -191,7 +193,7 @@ def load_csv(path: Path) -> tuple[PoseKind, float | None, list[tuple[float, ...]
 
 
 def _refuse_times(path: Path, points: Sequence[tuple[float, ...]]) -> None:
-    """Refuse rows of more than six unnamed columns if the first column looks like a time, not like J1."""
+    """Raise InvalidValue if the first of more than six unnamed columns looks like a time, not like J1."""
     first = [point[0] for point in points]
     if len(points[0]) <= _FEWEST_JOINTS or len(first) < _FEWEST_TIMES or first[0] != 0.0:
         return
@@ -215,13 +217,13 @@ def numbers(path: Path, row: CsvRow, count: int, columns: Sequence[int]) -> list
     """Return the numbers in some columns of a row.
 
     Args:
-        path: Path of the file, for the message.
+        path: Path of the file, for error messages.
         row: A row, as :meth:`CsvTable.rows` yields it.
         count: Required number of cells of the row.
-        columns: The columns to return.
+        columns: Numbers of the columns to return, from 0.
 
     Raises:
-        InvalidValue: If the row has another number of cells, or one of the columns is not a finite number.
+        InvalidValue: If the number of cells is not ``count``, or a cell in one of the columns is not a finite number.
     """
     if len(row.cells) != count:
         raise wrong(
@@ -265,7 +267,7 @@ def wrong(path: Path, line: int, text: str) -> InvalidValue:
 
 
 def _unnamed_layout(table: CsvTable, first: CsvRow) -> _CsvLayout:
-    """Return the layout of rows without a header: the layout in the comment before them, otherwise joints."""
+    """Return the layout of rows without a header: as the comment before them specifies, otherwise joints."""
     note = table.noted()
     if note is not None and len(note.cells) == len(first.cells):
         layout = _find(table.path, note)

@@ -1,7 +1,7 @@
 """First and second differences of set-points; a controller checks both.
 
-The arm stands at ``start`` before the trajectory, and at the last point afterwards. Each list of differences has one
-entry per sample, and one more entry for the change to standstill after the last sample.
+The functions assume that the arm stands at ``start`` before the trajectory, and at the last point afterwards. Each list
+of differences has one entry per sample, and one more entry for the change to standstill after the last sample.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Points: TypeAlias = Sequence[tuple[float, ...]]
 
 
 class Differences(NamedTuple):
-    """The differences of one quantity.
+    """The differences of one quantity: one entry per sample, and one more for the stop after the last sample.
 
     Attributes:
-        steps: Each sample minus the one before.
-        changes: Each step minus the one before.
+        steps: First differences: each sample minus the one before; 0 for the stop.
+        changes: Second differences: each step minus the one before.
     """
 
     steps: list[float]
@@ -33,13 +33,15 @@ class Differences(NamedTuple):
 
 
 def of_column(column: Sequence[float], start: float) -> Differences:
-    """Return the differences of one joint."""
+    """Return the differences of one joint, which stands at ``start`` before the first sample."""
     steps = list(map(sub, column, (start, *column[:-1])))
     return Differences([*steps, 0.0], list(map(sub, (*steps, 0.0), (0.0, *steps))))
 
 
 def of_path(points: Points, start: Sequence[float], kind: PoseKind) -> tuple[Differences, Differences]:
     """Return the differences of the position (lengths, mm) and of the orientation (angles, deg) of P or T.
+
+    ``start`` is the pose at which the arm stands before the first point.
 
     Raises:
         InvalidValue: If the orient and approach vectors of a T do not determine its orientation.
@@ -55,7 +57,7 @@ def of_path(points: Points, start: Sequence[float], kind: PoseKind) -> tuple[Dif
 
 
 def orientations(columns: Sequence[Sequence[float]], kind: PoseKind) -> list[Quaternion]:
-    """Return the orientation of each point of P or T, given as columns.
+    """Return the orientation of each point; ``columns`` contains one column per value of the P or T.
 
     Raises:
         InvalidValue: If the orient and approach vectors of a T do not determine its orientation.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 MOST_SAMPLES: Final = 1_000_000
-"""The largest number of set-points of a trajectory: more than two hours at 8 ms."""
+"""The largest number of set-points of a trajectory: more than two hours with a period of 8 ms."""
 
 
 class TrajectoryError(InvalidValue):
@@ -47,7 +47,7 @@ def check_period(period: object) -> None:
 
 
 RANGE: Final = -1
-"""Rank of a joint that is out of its range; this is reported before all other limit violations of the same sample."""
+"""Rank of a joint that is out of its range: the lowest one, to be reported before other violations of the sample."""
 
 _ROUNDING: Final = 1e-9  # deg, mm
 _POSITION_TOLERANCE: Final = 1e-6  # mm
@@ -59,14 +59,15 @@ _SHOWN: Final = 3  # number of decimals in messages
 class LimitViolation(NamedTuple):
     """The first violation of a limit.
 
-    If several limits are violated, the smallest of the tuples is reported: the earliest violation, then the lowest
-    rank.
+    If several limits are violated, the smallest of these tuples is reported: the violation at the earliest sample, and
+    among several violations at this sample, the one of the lowest rank.
 
     Attributes:
         sample: Number of the sample, from 0; for the stop after the last sample, the number of samples.
         rank: Order in which several violations at the same sample are reported.
         axis: Number of the joint, from 1; 0 for a tool.
-        value: The value that exceeds the limit.
+        value: The difference that exceeds the limit (see :class:`LimitCheck`); for a joint out of its range, the
+            position.
     """
 
     sample: int
@@ -80,8 +81,8 @@ class LimitCheck(NamedTuple):
 
     Attributes:
         rank, axis: As in :class:`LimitViolation`.
-        values: The differences, one per sample and one after the last sample.
-        most: The largest allowed difference.
+        values: The differences, one per sample, and one for the stop after the last sample.
+        most: The largest allowed magnitude of a difference.
         limit: The limit in ``unit``.
         per: Divisor that converts a difference to ``unit``.
         unit: The unit.
@@ -109,7 +110,7 @@ class LimitCheck(NamedTuple):
 def joint_rules(
     column: Sequence[float], start: float, axis: int, limits: Limits, period: float, tolerance: float
 ) -> tuple[LimitCheck, LimitCheck]:
-    """Return the limit checks of a joint, ``axis`` from 0, that stands at ``start`` before the trajectory."""
+    """Return the limit checks of joint ``axis`` (from 0), which stands at ``start`` before the trajectory."""
     steps, changes = finite_differences.of_column(column, start)
     velocity, acceleration = limits.velocity[axis], limits.acceleration[axis]
     more = 1.0 + tolerance
@@ -126,7 +127,7 @@ def joint_rules(
 def path_rules(
     place: finite_differences.Differences, turn: finite_differences.Differences, limits: PathLimits, period: float
 ) -> list[LimitCheck]:
-    """Return the limit checks of a tool, given the differences of its position and its orientation."""
+    """Return the limit checks of a tool from the differences of its position (``place``) and orientation (``turn``)."""
     rows = (
         (place.steps, limits.speed, 1, "mm/s", N_("tool velocity"), _POSITION_TOLERANCE),
         (turn.steps, limits.rotation, 1, "deg/s", N_("angular velocity"), _ANGLE_TOLERANCE),
@@ -151,7 +152,7 @@ def path_rules(
 
 
 def out_of_range(columns: Sequence[Sequence[float]], limits: Limits) -> list[LimitViolation]:
-    """Return the first sample of each joint that is out of range, as limit violations."""
+    """Return, for each joint that leaves its range, a limit violation at the first sample out of range."""
     breaches = []
     for axis, column in enumerate(columns):
         lower, upper = limits.lower[axis] - _ROUNDING, limits.upper[axis] + _ROUNDING
@@ -167,7 +168,10 @@ def broken(rules: Sequence[LimitCheck]) -> list[LimitViolation]:
 
 
 def text_of(breach: LimitViolation, rules: Sequence[LimitCheck], count: int, period: float) -> str:
-    """Return the message for a limit violation."""
+    """Return the message for a limit violation.
+
+    ``rules`` are the limit checks, and ``count`` is the number of samples of the trajectory.
+    """
     rule = next(rule for rule in rules if (rule.rank, rule.axis) == (breach.rank, breach.axis))
     name = f"J{rule.axis}: " if rule.axis else ""
     value = f"{breach.value / rule.per:.1f} {rule.unit}"
@@ -228,8 +232,8 @@ def tool_away(start: Sequence[float], first: Sequence[float], distance: float, a
     Args:
         start: Pose of the tool.
         first: First point of the trajectory.
-        distance: Distance between the two, mm.
-        angle: Angle between the two orientations, deg.
+        distance: Distance between the pose of the tool and the first point, mm.
+        angle: Angle between their orientations, deg.
         kind: Pose type.
     """
     by = f"{distance:.{_SHOWN}f} mm, {angle:.{_SHOWN}f} deg"

@@ -21,7 +21,8 @@ def resample(points: Points, from_period: float, to_period: float, kind: PoseKin
     """Return the same motion with another period, by cubic interpolation.
 
     The first and the last set-point are not changed. If the duration is not a multiple of the new period, the motion
-    takes a fraction of a period longer. If the new period is longer than the old one, samples are not averaged.
+    takes a fraction of a period longer. If the new period is longer than the old one, details between the new samples
+    are lost, because samples are not averaged.
 
     Args:
         points: Set-points, as ``read_trajectory`` returns them.

@@ -33,9 +33,9 @@ _LITTLE: Final = 0.002  # reduction of the limits in each round, everywhere else
 def retime(
     points: Sequence[Sequence[float]], limits: Limits | PathLimits, period: float, kind: PoseKind = "J"
 ) -> list[tuple[float, ...]]:
-    """Return the fastest trajectory along the same path within the limits.
+    """Return the fastest trajectory that has the same path and stays within the limits.
 
-    The result is nowhere faster than the given trajectory. It begins at the first point and ends at the last one, at
+    The result is nowhere faster than the original trajectory. It begins at the first point and ends at the last one, at
     standstill. A jump between two points becomes a straight motion (of the joints for J, of the tool for P and T). A
     trajectory within the limits is returned unchanged.
 
@@ -80,7 +80,7 @@ class _RetimeProblem(Protocol):
     ranges: Sequence[tuple[float, float]]
 
     def fault(self, points: Points) -> TrajectoryError | None:
-        """Return the error for a limit violation; ``None`` if there is none."""
+        """Return the error for the first limit violation of a trajectory; ``None`` if there is none."""
 
     def check_range(self, points: Points) -> None:
         """Raise TrajectoryError if a point is out of range, because retiming cannot correct that."""
@@ -92,7 +92,7 @@ class _RetimeProblem(Protocol):
         """Return a point of the curve, clipped to the range; between samples, the curve may leave the range."""
 
     def excesses(self, points: Points) -> list[float]:
-        """Return, for each sample and for the stop after them, the largest fraction of a limit that is used."""
+        """Return the largest ratio of a difference to its limit, for each sample and the stop after the last one."""
 
 
 class _JointProblem:
@@ -140,7 +140,7 @@ class _PathProblem:
         return _caught(lambda: check_path(points, self._limits, None, self._period, self._kind))
 
     def check_range(self, points: Points) -> None:
-        """Accept all points: poses have no range."""
+        """Accept all points, because the poses of a tool have no range."""
 
     def constraints(self, curve: Curve) -> CurveConstraints:
         return PathConstraints(
@@ -181,10 +181,11 @@ def _arm(limits: object, period: float, kind: PoseKind) -> _RetimeProblem:
 def _slow_down(
     allowed: list[float], free: Sequence[bool], samples: Sequence[int], excesses: Sequence[float], number: int
 ) -> None:
-    """Reduce the usable fraction of the limits around each limit violation, and slightly everywhere else.
+    """Reduce ``allowed``, the usable fraction of the limits, around each limit violation, and slightly elsewhere.
 
-    The slight reduction applies from the second round on. It is for samples that are just within the limits, and could
-    violate them after other samples have moved.
+    ``number`` is the number of the attempt, from 1. The slight reduction applies from the second attempt on, except in
+    intervals that are within the limits at the original rate (``free``). It is for samples that are just within the
+    limits, and could violate them after other samples have moved.
     """
     last = len(allowed) - 1
     places = [0, *samples, last]

@@ -30,7 +30,10 @@ _HIGHEST: Final = 4.0 / 27.0  # overshoot of a cubic beyond its ends, as a multi
 
 
 class Cubic(NamedTuple):
-    """The cubics of one coordinate: ``a + f * (b + f * (c + f * d))`` between samples i and i + 1, f from 0 to 1."""
+    """The cubics of one coordinate, one for each interval between samples: ``a + f * (b + f * (c + f * d))``.
+
+    f is the fraction of the interval, from 0 to 1. Each attribute contains the coefficients of all intervals.
+    """
 
     a: Sequence[float]
     b: Sequence[float]
@@ -45,10 +48,11 @@ class Curve:
         points: Two or more set-points, as ``read_trajectory`` returns them.
         kind: Pose type of the points. P and T are interpolated as positions and orientations.
         ranges: For J, lowest and highest value of each joint; the curve stays within them if the points do.
+            Empty if there are no such limits, and for P and T.
 
     Attributes:
-        coordinates: For J, the joints; for P and T, three coordinates of the position, mm, and four of a quaternion,
-            which is not normalized between the samples.
+        coordinates: The cubics of each coordinate. For J, the coordinates are the joints. For P and T, they are three
+            coordinates of the position, mm, and four of a quaternion, which is not normalized between the samples.
 
     Raises:
         TrajectoryError: If the figure of a P or T changes between samples.
@@ -70,11 +74,11 @@ class Curve:
         ]
 
     def at(self, samples: Sequence[int], fractions: Sequence[float]) -> list[tuple[float, ...]]:
-        """Return the poses at places on the curve.
+        """Return the poses at points of the curve.
 
         Args:
-            samples: Number of the sample before each place.
-            fractions: For each place, the fraction of the interval to the next sample, 0 to 1.
+            samples: For each point of the curve, the number of the sample before it.
+            fractions: For each point of the curve, the fraction of the interval to the next sample, 0 to 1.
         """
         columns = []
         for a, b, c, d in self.coordinates:
@@ -101,7 +105,10 @@ def _cubic(column: Sequence[float], lower: float, upper: float) -> Cubic:
 
 
 def _slopes(column: Sequence[float], chords: Sequence[float]) -> list[float]:
-    """Return the slopes of the spline at each sample: b0 + 4 b1 + b2 = 3 (y2 - y0), with estimates at the ends."""
+    """Return the slope of the spline at each sample; the slopes at both ends are estimates.
+
+    The slopes b and the values y of three successive samples satisfy ``b0 + 4 b1 + b2 = 3 (y2 - y0)``.
+    """
     if len(chords) < 3:
         bend = 0.5 * (chords[-1] - chords[0])
         return [chord - bend for chord in chords[:1]] + [chords[0] + bend] * (len(chords) - 1) + [chords[-1] + bend]
@@ -157,7 +164,7 @@ def _limited(slopes: list[float], chords: Sequence[float]) -> list[float]:
 def _keep_within(
     column: Sequence[float], slopes: list[float], chords: Sequence[float], lower: float, upper: float
 ) -> None:
-    """Limit the slopes of intervals that could leave a range, so that the curve stays between its points there."""
+    """Limit the slopes of intervals in which the curve could leave a range; it then stays between its points there."""
     steepest = _HIGHEST * 2 * max(map(abs, slopes))
     if min(column) - steepest >= lower and max(column) + steepest <= upper:
         return

@@ -5,16 +5,16 @@ Reachability Analysis", IEEE Transactions on Robotics 34(3), 2018.
 
 The path parameter is s, the number of the sample; its rate ds/dt is limited to 1 sample per period. The state is
 z = (ds/dt)^2, and the control is u = d2s/dt2. All constraints are linear in z and u: with the derivatives q' and q'' of
-a coordinate, ``|q' u + q'' z| <= acceleration`` and ``q'^2 z <= velocity^2``. The path is divided into cells with
-constant u.
+a coordinate q with respect to s, ``|q' u + q'' z| <= acceleration`` and ``q'^2 z <= velocity^2``. The path is divided
+into cells with constant u. The ends of the cells are the grid points.
 
 The backward pass, from the end to the start, computes the controllable set at each grid point: the interval of z from
-which some controls satisfy all following constraints. Only the upper end of the interval is required. It is computed by
+which the end can be reached within all constraints. Only the upper end of the interval is required. It is computed by
 Newton's method; a linear program is not required. The forward pass, from the start to the end, applies the greatest u
-that stays in the controllable sets.
+for which z stays in the controllable sets.
 
-A second difference of set-points is a mean of accelerations. Therefore the set-points satisfy every limit that the
-motion satisfies. Time is in periods, and accelerations are fractions of their limits.
+A second difference of set-points is a mean of the accelerations of the motion. Therefore the set-points satisfy every
+limit that the motion satisfies. Time is in periods, and accelerations are fractions of their limits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ from orinkit.arms.geometry import DEGREE
 from orinkit.streaming.trajectory.spline import Cubic
 
 Terms: TypeAlias = list[tuple[float, float]]
-"""Pairs of coefficients (of u, of z) of accelerations; the weighted sum of each pair must be from -1 to 1."""
+"""Constraints on accelerations: each pair (a, b) means ``-1 <= a * u + b * z <= 1``.
+
+u is d2s/dt2, and z is (ds/dt)^2; s is the number of the sample.
+"""
 
 _MOST_CELLS: Final = 64  # cells of an interval between samples
 _MARGIN: Final = (
@@ -52,9 +55,9 @@ class CurveConstraints(Protocol):
         """Return, for each interval between samples, True if a rate of 1 sample per period is within the limits."""
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+        """Return the constraints on accelerations at a point of an interval, and the greatest z = (ds/dt)^2 there.
 
-        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        s is the number of the sample. The velocity limits restrict its rate, which is at most 1 sample per period.
         """
 
 
@@ -63,8 +66,8 @@ class JointConstraints:
 
     Args:
         coordinates: Coordinates of the curve, one per joint.
-        velocity: Velocity limit of each joint, per period.
-        acceleration: Acceleration limit of each joint, per period squared.
+        velocity: Velocity limit of each joint, deg or mm per period.
+        acceleration: Acceleration limit of each joint, deg or mm per period squared.
     """
 
     __slots__ = ("_count", "_joints")
@@ -94,9 +97,9 @@ class JointConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+        """Return the constraints on accelerations at a point of an interval, and the greatest z = (ds/dt)^2 there.
 
-        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        s is the number of the sample. The velocity limits restrict its rate, which is at most 1 sample per period.
         """
         terms = []
         fastest = 1.0
@@ -144,9 +147,9 @@ class PathConstraints:
         return free
 
     def at(self, interval: int, fraction: float) -> tuple[Terms, float]:
-        """Return the terms of the accelerations at a point of the curve, and the greatest z there.
+        """Return the constraints on accelerations at a point of an interval, and the greatest z = (ds/dt)^2 there.
 
-        z is the square of the rate. The velocity limits restrict the rate, and it is at most 1 sample per period.
+        s is the number of the sample. The velocity limits restrict its rate, which is at most 1 sample per period.
         """
         rows = [_derivatives(cubic, interval, fraction) for cubic in self._place]
         slope, along, across = _along(rows)
@@ -162,9 +165,9 @@ class SpeedProfile(NamedTuple):
     """The time parameterization of a curve.
 
     Attributes:
-        squares: z at each grid point, beginning with the start of the curve.
-        cells: Number of cells of each interval.
-        periods: Duration, periods.
+        squares: Square of the rate in samples per period, at each end of a cell, beginning with the start of the curve.
+        cells: Number of cells of each interval between samples.
+        periods: Duration of the motion, in periods.
     """
 
     squares: Sequence[float]
@@ -172,9 +175,10 @@ class SpeedProfile(NamedTuple):
     periods: float
 
     def sampled(self) -> tuple[list[int], list[float]]:
-        """Return the places on the curve after each period, as samples and fractions, without the first and last place.
+        """Return the points of the curve that are reached after each period, except the first and the last one.
 
-        The motion is slowed down by a fraction of a period, so that it ends after a whole number of periods.
+        A point is the number of the sample before it, and the fraction of the interval to the next sample. The motion
+        is slowed down by a fraction of a period, so that it ends after a whole number of periods.
         """
         count = math.ceil(self.periods - 1e-6)
         pace = self.periods / count
@@ -203,7 +207,9 @@ class SpeedProfile(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The cells of a curve.
+    """The cells of a curve: the parts into which each interval between samples is divided.
+
+    In a cell, the acceleration in samples per period squared is constant.
 
     Attributes:
         feasible_at_full_rate: For each interval between samples, True if a rate of 1 sample per period is within the
@@ -269,14 +275,21 @@ def _count(constraints: CurveConstraints, interval: int, *, at_end: bool) -> int
 
 @lru_cache(maxsize=_MOST_CELLS)
 def _grid(count: int) -> tuple[float, ...]:
-    """Return the grid of an interval, from 0 to 1. Cells are short at its ends, because the arm may stand there."""
+    """Return the ends of the ``count`` cells of an interval, as fractions of the interval from 0 to 1.
+
+    The cells at both ends of the interval are short, because the arm may stand there.
+    """
     return (0.0, *(0.5 - 0.5 * math.cos(math.pi * number / count) for number in range(1, count)), 1.0)
 
 
 def _backward_pass(
     constraints: CurveConstraints, allowed: Sequence[float], cells: Sequence[int], free: Sequence[bool]
 ) -> list[float]:
-    """Backward pass: return the upper end of the controllable set at each grid point."""
+    """Backward pass: return the greatest controllable z at each end of a cell.
+
+    z is the square of the rate in samples per period. It is controllable if the motion can reach the end of the curve
+    from it within all constraints.
+    """
     controllable = [0.0]
     following = 0.0
     for interval in range(len(cells) - 1, -1, -1):
@@ -305,7 +318,10 @@ def _forward_pass(
     free: Sequence[bool],
     controllable: Sequence[float],
 ) -> list[float]:
-    """Forward pass: return z at each grid point, with the greatest admissible u in each cell."""
+    """Forward pass: return z, the square of the rate in samples per period, at each end of a cell.
+
+    In each cell, the acceleration is the greatest one for which z satisfies the constraints and remains controllable.
+    """
     z = 0.0
     squares = [z]
     place = 0
@@ -336,11 +352,14 @@ def _cap(cap: float, part: float) -> float:
 
 
 def _cell_constraints(begin: Terms, end: Terms, width: float, part: float, cap: float) -> tuple[Terms, float]:
-    """Return the constraints on u in a cell, ``-most - fall * z <= u <= most - fall * z``, and the greatest z.
+    """Return the constraints on u in a cell, and the greatest z at the beginning of the cell.
+
+    u is d2s/dt2, and z is (ds/dt)^2 at the beginning of the cell; s is the number of the sample. A constraint is a pair
+    (most, fall), which means ``-most - fall * z <= u <= most - fall * z``.
 
     Args:
-        begin: Terms at the beginning of the cell.
-        end: Terms at the end of the cell, at which z is ``z + width * u``.
+        begin: Constraints on accelerations at the beginning of the cell.
+        end: Constraints on accelerations at the end of the cell, at which z has become ``z + width * u``.
         width: Twice the length of the cell.
         part: Fraction of the limits that may be used.
         cap: Upper bound of z that results from the velocity limits.
@@ -363,12 +382,13 @@ def _cell_constraints(begin: Terms, end: Terms, width: float, part: float, cap: 
 
 
 def _max_controllable(rows: Terms, cap: float, following: float, least: float, width: float) -> float:
-    """Return the greatest controllable z, at most ``cap``.
+    """Return the greatest controllable z at the beginning of a cell, at most ``cap``.
 
-    z is controllable if a u exists that is within all limits and leads to a controllable z at the next grid point:
-    ``least <= z + width * u <= following``. ``least`` is slightly above 0, because an arm that stops before a place
-    that must be passed slowly could not continue. The width of the interval of permitted u is a concave function of z.
-    Therefore Newton's method converges from above to the z at which the width is 0, without undershooting.
+    z is (ds/dt)^2, and u is d2s/dt2; s is the number of the sample. z is controllable if a u exists that satisfies the
+    constraints ``rows`` (see :func:`_cell_constraints`) and leads to a controllable z at the end of the cell:
+    ``least <= z + width * u <= following``. ``least`` is slightly above 0: if the arm stopped before a point that it
+    must pass slowly, it could not continue. The length of the interval of permitted u is a concave function of z.
+    Therefore Newton's method converges from above to the z at which this length is 0, without undershooting.
     """
     z = cap
     for _ in range(_MAX_NEWTON_STEPS):
@@ -398,7 +418,7 @@ def _scaled(column: Sequence[float], unit: float) -> list[float]:
 
 
 def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, float, float]:
-    """Return the value of a coordinate, and its first and second derivatives."""
+    """Return a coordinate at a point of an interval, and its derivatives with respect to the number of the sample."""
     a, b, c, d = (column[interval] for column in cubic)
     return (
         a + fraction * (b + fraction * (c + fraction * d)),
@@ -408,7 +428,10 @@ def _derivatives(cubic: Cubic, interval: int, fraction: float) -> tuple[float, f
 
 
 def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Return the length of the first derivative, and the parts of the second derivative along and across the first."""
+    """Return the length of a first derivative, and the parts of the second derivative along and across the first.
+
+    Each row contains one coordinate, and its first and second derivatives.
+    """
     slope = math.hypot(*[row[1] for row in rows])
     bend = math.hypot(*[row[2] for row in rows])
     if slope < _NOTHING:
@@ -418,13 +441,16 @@ def _along(rows: Sequence[tuple[float, float, float]]) -> tuple[float, float, fl
 
 
 def _polygon_terms(slope: float, along: float, across: float, most: float) -> Terms:
-    """Return the terms that limit the magnitude of an acceleration, by a twelve-sided polygon within the circle."""
+    """Return constraints that keep an acceleration within a twelve-sided polygon in the circle of radius ``most``."""
     size = _INSCRIBED / most
     return [(slope * cosine * size, (along * cosine + across * sine) * size) for cosine, sine in _DIRECTIONS]
 
 
 def _on_sphere(rows: Sequence[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    """Return the derivatives of the normalized quaternion, tangential to the unit sphere, in degrees."""
+    """Return the rows of the normalized quaternion; derivatives are tangential to the unit sphere, degrees of rotation.
+
+    Each row contains one coordinate of a quaternion, and its first and second derivatives.
+    """
     length = math.hypot(*[row[0] for row in rows])
     unit = [row[0] / length for row in rows]
     out = sum([a * row[1] for a, row in zip(unit, rows, strict=True)])

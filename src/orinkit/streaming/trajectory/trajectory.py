@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from orinkit.streaming.planning.limits import Limits, PathLimits
 
 LARGEST: Final = 1e6
-"""The largest magnitude of a value, mm or deg."""
+"""The largest magnitude of a value of a set-point, mm or deg."""
 TOLERANCE: Final = 5e-7
-"""Relative tolerance of the limits of a joint, for rounding errors. It is small: a controller may permit no more."""
+"""Relative tolerance of the limits of a joint, for rounding errors. A controller may not permit a larger excess."""
 
 _NUMERIC: Final = frozenset({float, int})
 _SIZES: Final[dict[str, int]] = {kind: COUNTS[kind][1] for kind in ("J", "P", "T")}
@@ -49,10 +49,10 @@ def read_trajectory(
     """Read a trajectory and return its set-points.
 
     Args:
-        source: One pose per row: a numpy array (samples, values), a sequence of sequences or of P, J or T, or the path
-            of a CSV file (:func:`orinkit.streaming.trajectory.csv_file.load_csv`).
-        kind: Pose type of the values: J 6 to 8 joints, deg (mm for linear axes); P 6 or 7 values; T 9 or 10.
-        axes: Number of joints of the arm; further values must be 0.
+        source: The poses: a numpy array of the shape (samples, values); a sequence whose elements are sequences of
+            numbers, P, J or T; or the path of a CSV file (:func:`orinkit.streaming.trajectory.csv_file.load_csv`).
+        kind: Pose type. A J has ``axes`` to 8 values, deg (mm for linear axes), a P has 6 or 7, a T has 9 or 10.
+        axes: Number of joints of the arm; further values of a J must be 0.
         period: Time between two set-points, s; a file with times of another period is resampled. ``None``: the rows are
             not resampled.
 
@@ -62,7 +62,7 @@ def read_trajectory(
     Raises:
         TrajectoryError: If the trajectory is empty or too long, or a value is not valid; the exception contains sample
             and axis.
-        InvalidValue: If the file cannot be used; the message contains its name and the line.
+        InvalidValue: If the file cannot be used; the message contains the name of the file, and the line.
     """
     _check_kind(kind, axes)
     if isinstance(source, str | Path):
@@ -93,10 +93,10 @@ def read_point(value: object, kind: PoseKind, axes: int = 6, sample: int | None 
         value: A sequence of numbers, a numpy array (values,), a P, J or T.
         kind: Pose type of the values.
         axes: Number of joints of the arm.
-        sample: Number of the sample from 0, for the message.
+        sample: Number of the sample from 0, for the message; ``None`` if the set-point is not part of a trajectory.
 
     Raises:
-        TrajectoryError: If the value is not a set-point of this type.
+        TrajectoryError: If the value is not a set-point of the pose type.
     """
     _check_kind(kind, axes)
     numbers = _numbers(value, kind, axes, sample)
@@ -255,7 +255,8 @@ def check_trajectory(
         tolerance: Relative tolerance of the velocity and acceleration limits.
 
     Raises:
-        TrajectoryError: If a limit is violated; the message contains the first such sample, the values, and a remedy.
+        TrajectoryError: If a limit is violated; the message contains the first sample that violates a limit, the
+            values, and a remedy.
     """
     check_period(period)
     axes = len(limits.lower)
@@ -280,7 +281,7 @@ def check_range(points: Points, limits: Limits, period: float) -> None:
     """Check that no joint leaves its range, regardless of velocities.
 
     Raises:
-        TrajectoryError: If a joint leaves its range; the message contains the first such sample.
+        TrajectoryError: If a joint leaves its range; the message contains the first sample at which this happens.
     """
     found = limit_violations.out_of_range(_columns(points, len(limits.lower)), limits)
     if found:
@@ -342,7 +343,7 @@ def _columns(points: Points, size: int) -> list[tuple[float, ...]]:
 
 
 def _start(start: Sequence[float], axes: int) -> tuple[float, ...]:
-    """Return as many joints as there are limits, because a controller reports eight joints even for an arm with six."""
+    """Return the first ``axes`` joints, because a controller reports eight joints even for an arm with six."""
     if not axes <= len(start) <= _MOST_JOINTS:
         raise TrajectoryError(tr("start is {start}, but {axes} joints are required", start=brief(start), axes=axes))
     return tuple(_number(value, "J", None, place) for place, value in enumerate(start[:axes]))
@@ -357,7 +358,11 @@ def _raise_first(
     away: Callable[[], str],
     out: Callable[[LimitViolation], str] | None = None,
 ) -> None:
-    """Raise the error for the first limit violation, if there is one."""
+    """Raise the error for the first limit violation, if there is one.
+
+    ``away`` returns the message for an arm that is not at the beginning of the trajectory. ``out`` returns the message
+    for a joint that is out of its range; it is ``None`` if ranges were not checked.
+    """
     if not found:
         return
     breach = min(found)
@@ -371,7 +376,7 @@ def _raise_first(
 
 
 def _first_unusable(points: Points, error: InvalidValue) -> TrajectoryError:
-    """Return the error for the first T whose vectors do not determine its orientation."""
+    """Return the error for the first T whose vectors do not determine its orientation; ``error`` if there is none."""
     for sample, point in enumerate(points):
         try:
             _check_orientation(point, sample)

@@ -74,8 +74,8 @@ class AsyncHttpLink(HttpLinkBase):
 
         Returns:
             The complete reply; a line feed if the server reports that the call is executing; ``b""`` if the server has
-            closed the connection without a reply; ``None`` if the time has passed. The request then remains in
-            progress.
+            closed the connection without a reply; ``None`` if the time has passed. In the last case the request
+            remains in progress.
 
         Raises:
             ConnectFailed: If the server cannot be reached, or rejects this client.
@@ -147,7 +147,7 @@ class AsyncHttpLink(HttpLinkBase):
         return body.whole()
 
     async def _shown(self, response: httpx2.Response, seconds: float) -> bytes:
-        """Return the part of the body of an error response that arrives in time."""
+        """Return the part of the body of an error response that arrives within ``seconds``."""
         shown = b""
         try:
             async with asyncio.timeout(seconds), aclosing(response.aiter_raw()) as pieces:
@@ -181,7 +181,8 @@ class _PendingRequest:
 
     Attributes:
         data: The body of the request.
-        task: The task that runs the request and returns the reply, or ``b""`` if there was no reply.
+        task: The task that posts the request and returns the reply, or ``b""`` if there was no reply; ``None`` if the
+            task has not been started.
         done: True if the task has ended.
     """
 
@@ -271,7 +272,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
 
     @property
     def has_news(self) -> bool:
-        """True if the idle connection is stale: data was received, it was closed, or bytes are still unsent."""
+        """True if the idle connection is stale: it was closed, has received data, or still has unsent bytes."""
         link = self._transport
         if link is None or self._ended or self._received or link.is_closing() or link.get_write_buffer_size():
             return True
@@ -317,7 +318,7 @@ class _Stream(StreamBuffers, httpcore2.AsyncNetworkStream):
         self._wire.close()
 
     def get_extra_info(self, info: str) -> Any:
-        """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
+        """Return, for ``is_readable``, True if the idle connection is stale; return ``None`` for any other ``info``."""
         return self._wire.has_news if info == "is_readable" else None
 
 

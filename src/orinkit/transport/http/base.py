@@ -25,7 +25,7 @@ class HttpLinkBase(ProcessBound, ABC):
         address: The address of the server.
         access: The client's credentials.
         most: The largest number of bytes of a reply.
-        known: Properties of the server that are already known; ``None`` if there are none.
+        known: Properties of the server, shared with the other links of the session; ``None`` for the first link.
         dead_after: Time in s after which a connection is considered lost if the server's machine does not respond.
 
     Raises:

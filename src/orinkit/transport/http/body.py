@@ -15,8 +15,8 @@ class Body:
         most: The largest number of bytes.
         too_long: Callback that returns the exception for a longer body.
         strange: Callback that returns the exception for an invalid reply; its argument is a description of the reply.
-        detail: Description of an error from a header of the reply; it is appended to the return code, as if the server
-            had sent it in the body.
+        detail: Description of the call's error, which a header of the reply contained. It is appended to the return
+            code, as if the server had sent it in the body. ``b""`` if there is none.
     """
 
     def __init__(

@@ -93,7 +93,7 @@ class _Stream(StreamBuffers, httpcore2.NetworkStream):
         self._transport.close_socket(self._socket)
 
     def get_extra_info(self, info: str) -> Any:
-        """Return True for ``is_readable`` if an idle connection is stale: readable, or closed by the server."""
+        """Return, for ``is_readable``, True if the idle connection is stale; return ``None`` for any other ``info``."""
         if info == "is_readable":
             return self._torn or bool(self._sending) or has_news(self._socket.fileno())
         return None
@@ -105,7 +105,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
     Attributes:
         deadline: The deadline of every wait.
         closed: True if the connection is closed permanently.
-        interrupted: True if the thread that uses the connection must stop.
+        interrupted: True if the thread that uses the connection must stop waiting.
     """
 
     def __init__(self, known: KnownServer, url: httpx2.URL) -> None:
@@ -159,13 +159,13 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         self.interrupt()
 
     def interrupt(self) -> None:
-        """Make the thread that uses the connection stop; called from another thread."""
+        """Make the thread that uses the connection stop waiting; called from another thread."""
         self.interrupted = True
         with self._changing:
             self._end()
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Mark the connection as permanently closed in a forked child, and return the descriptor."""
+        """Mark the connection as permanently closed in a forked child; return its descriptor, if it has one."""
         self.closed = self.interrupted = True
         self._changing = threading.RLock()
         left, self._socket = self._socket, None  # a shutdown in the child would end the parent's connection
@@ -173,7 +173,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
         return () if left is None else (left.fileno(),)
 
     def close_idle(self) -> None:
-        """Close the descriptor; the connection must be idle."""
+        """Close the socket of the connection, if there is one; no thread may be using the connection."""
         if self._socket is not None:
             self.close_socket(self._socket)
 
@@ -183,7 +183,7 @@ class HttpConnection(SingleConnection[httpcore2.HTTP11Connection, _Stream], http
             connection.close()
 
     def abort(self) -> None:
-        """Shut the connection down, so that a thread that uses it stops, and close it."""
+        """Shut the connection down, so that a thread that waits for it ends the wait; then close the connection."""
         self._connection = None
         with self._changing:
             self._end()

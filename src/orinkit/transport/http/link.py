@@ -51,12 +51,12 @@ class HttpLink(HttpLinkBase):
     def send(self, data: bytes, seconds: float) -> None:
         """Store the body of a request, which :meth:`receive` posts.
 
-        An earlier request without a reply is cancelled, and its connection closed. Another thread may still wait for
-        that reply. This happens only if this thread is closing the link. The :meth:`receive` of the other thread then
-        ends as if the link were closed.
+        An earlier request without a reply is cancelled, and its connection closed. If the calling thread is closing the
+        link, another thread may still wait for the earlier reply. The :meth:`receive` of the other thread then ends as
+        if the link were closed.
 
         Raises:
-            ConnectionClosed: If the link is closed, or the other thread did not end in time.
+            ConnectionClosed: If the link is closed, or the other thread still waits after ``seconds``.
         """
         if not self._open:
             raise self._unusable()
@@ -149,7 +149,7 @@ class HttpLink(HttpLinkBase):
         self._pieces = response.iter_raw()
 
     def _shown(self, response: httpx2.Response) -> bytes:
-        """Return the part of the body of an error response that arrives in time."""
+        """Return the part of the body of an error response that arrives within 1 s and before the call's deadline."""
         self._transport.deadline = Deadline(min(self._transport.deadline.left, SHOWING))
         shown = b""
         try:
@@ -182,7 +182,8 @@ class HttpLink(HttpLinkBase):
     def _close_idle(self) -> None:
         """Close the descriptor of the connection, unless a thread is in :meth:`receive`.
 
-        In that case the descriptor stays open, because its number could be reused before that thread has returned.
+        In that case the descriptor stays open: if it were closed, its number could be reused before that thread has
+        returned.
         """
         if self._busy.acquire(blocking=False):
             try:

@@ -41,7 +41,7 @@ from orinkit.transport.link_errors import lost
 from orinkit.values.codec import DEFAULT_LIMITS
 
 MOST: Final = DEFAULT_LIMITS.packet + 65536
-"""The default limit on a reply, bytes."""
+"""The largest number of bytes of a reply, by default."""
 BEGIN: Final = 5
 """Number of bytes at the beginning of a reply that are checked."""
 PATIENCE: Final = 180.0
@@ -173,7 +173,11 @@ class HttpServerInfo:
         return fields
 
     def wait(self, request: bytes, seconds: float) -> float:
-        """Return the time in s to wait for a reply; ``seconds`` is the time-out of the client."""
+        """Return the time to wait for the reply to a request, s.
+
+        It is ``seconds``, the time-out of the client. If the server does not report that a call is executing, the time
+        is extended to :attr:`patience`.
+        """
         if self.reports_executing is False and not _QUICK.match(request):
             return max(seconds, self.patience)
         return seconds
@@ -285,7 +289,7 @@ class HttpServerInfo:
 
 
 def first_line(body: bytes) -> str:
-    """Return the first line of a text from a server, or the title of a page, shortened and printable."""
+    """Return the first line of a text from a server, or the title of an HTML page, shortened and printable."""
     text = body.decode("utf-8", "replace").lstrip("\ufeff \t\r\n")
     if text.startswith("<"):
         title = _TITLE.search(text)

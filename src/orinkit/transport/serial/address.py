@@ -45,7 +45,7 @@ class SerialAddress:
 
 @dataclass(frozen=True, slots=True)
 class PtyAddress:
-    """A pair of pseudo-terminals that a server opens: a serial line without hardware."""
+    """The address of a pair of pseudo-terminals that a server opens: a serial line without hardware."""
 
     scheme: ClassVar[str] = "pty"
 

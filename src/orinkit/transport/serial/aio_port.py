@@ -20,7 +20,7 @@ from orinkit.transport.serial.settings import CHUNK, gone, open_file
 from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 1024 * 1024
-"""Maximum number of bytes that earlier calls of ``send`` left unsent; if there are more, a call drops its bytes."""
+"""Maximum number of bytes that earlier calls of ``send`` left unsent; if there are more, a call drops its data."""
 
 
 class AsyncSerialLink(ProcessBound):
@@ -56,7 +56,7 @@ class AsyncSerialLink(ProcessBound):
             raise
 
     def send(self, data: bytes) -> None:
-        """Queue all bytes for sending.
+        """Queue all bytes for sending; drop them if the port has not accepted 1 MiB of earlier bytes yet.
 
         Raises:
             ConnectionLost: If the port was removed or failed.

@@ -1,4 +1,4 @@
-"""Opening serial ports: by descriptor on POSIX systems, through serialx on Windows."""
+"""Opening serial ports; the links read and write by descriptor on POSIX systems, and through serialx on Windows."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _UNSENT: Final = 16 * 1024 * 1024
 
 
 class AsyncStreamLink(ProcessBound, ABC):
-    """A byte stream in asyncio: the common part of the asyncio Protocol classes, and the methods that clients use."""
+    """Base class of byte-stream links: the common methods of the asyncio Protocol classes, and the methods of a link."""
 
     def __init__(self) -> None:
         self._transport: asyncio.Transport | None = None

@@ -17,7 +17,7 @@ class AsyncTcpLink(AsyncSocketLink, asyncio.BufferedProtocol):
     """A TCP connection in asyncio; created by :meth:`connect`.
 
     This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each piece of
-    received data. This would take longer than the rest of a call.
+    received data. The allocation would take longer than the rest of a call.
     """
 
     def __init__(self, dead_after: float = DEAD_AFTER) -> None:

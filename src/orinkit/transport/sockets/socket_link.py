@@ -50,7 +50,7 @@ class SocketLink(ProcessBound):
         """Send all bytes; if that fails, close the link, because the stream would contain a truncated packet.
 
         An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that packets that notify
-        the peer of the end can still be sent.
+        the peer of the end of the connection can still be sent.
 
         Raises:
             ConnectionLost: If the connection failed, or the peer did not accept the bytes in time.
@@ -90,7 +90,7 @@ class SocketLink(ProcessBound):
         self._sendall = sendall
 
     def send_concurrently(self, data: bytes) -> None:
-        """Send a few bytes while another thread waits in :meth:`receive`; do nothing during a send.
+        """Send a few bytes while another thread waits in :meth:`receive`; do nothing if another thread is sending.
 
         If there is an error, :meth:`receive` raises an exception in that thread.
         """
@@ -131,7 +131,7 @@ class SocketLink(ProcessBound):
             self._seconds = seconds
 
     def _broken(self, error: OSError) -> TransportError:
-        """Return the exception for an error of the system."""
+        """Return the exception for an error that the operating system reported."""
         return lost(error)
 
     def after_fork_in_child(self) -> Iterable[int]:

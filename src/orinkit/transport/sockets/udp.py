@@ -83,7 +83,7 @@ def connected(places: Iterable[tuple[Any, ...]]) -> socket.socket:
     """Return a UDP socket connected to the first address to which there is a route.
 
     Args:
-        places: At least one result of ``getaddrinfo``.
+        places: At least one of the tuples that ``getaddrinfo`` returns.
 
     Raises:
         OSError: If there is no route to any of the addresses.
@@ -112,12 +112,12 @@ def peer_of(connection: socket.socket) -> Address:
 
 
 def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
-    """Return the exception for a system error of a socket.
+    """Return the exception for an error that the operating system reported for a socket.
 
     Args:
         address: The address of the peer.
-        error: The error: "connection refused" (on Windows, "connection reset") if the peer's machine has replied that
-            no program listens at the address.
+        error: The error. It is "connection refused" (on Windows, "connection reset") if the peer's machine has replied
+            that no program listens at the address.
         heard: True if something was received from the peer before.
     """
     refused = isinstance(error, ConnectionRefusedError | ConnectionResetError)
