@@ -19,7 +19,7 @@ _UNSENT: Final = 16 * 1024 * 1024
 
 
 class AsyncStreamLink(ProcessBound, ABC):
-    """Base class of byte-stream links: the common methods of the asyncio Protocol classes, and the methods of a link."""
+    """Base class of byte-stream links: common methods of the asyncio Protocol classes, and the methods of a link."""
 
     def __init__(self) -> None:
         self._transport: asyncio.Transport | None = None
