@@ -300,7 +300,13 @@ class Client(Closing):
         self._pulse = KeepAlive(self._send_sign, self._sign_interval)
 
     def _send_sign(self) -> None:
-        """Send a sign of life: a call if no other call is executing, otherwise a message during that call."""
+        """Send a sign of life.
+
+        If no call of this client is executing and the program has made none recently, the sign of life is a call. While
+        a call is executing, the sign of life is a message on this link or, if the link cannot send during a call, a
+        call over a second link. On UDP and serial lines, nothing is sent during a call, because repeated requests are
+        the signs of life.
+        """
         if try_acquire(self._lock):
             try:
                 if self._idle.passed and not self._finished:
@@ -418,7 +424,11 @@ class Client(Closing):
         return self._conversation.stray_replies
 
     def after_fork_in_child(self) -> Iterable[int]:
-        """Disable the client in a forked child process; the thread that may hold the lock does not exist there."""
+        """Disable the client in a forked child process.
+
+        The lock is replaced, because the thread that may hold it does not exist in the child process. The result is
+        empty: the link returns its own file descriptors.
+        """
         self._lock = threading.RLock()
         self._finished, self._pulse = True, None
         return ()

@@ -139,15 +139,24 @@ class File(ObjectContainer):
         return self._call(f.file_run, option)
 
     def get_date_created(self) -> Any:
-        """Return the time of creation, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of creation as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(self._call(f.file_get_date_created))
 
     def get_date_last_accessed(self) -> Any:
-        """Return the time of the last access, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last access as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(self._call(f.file_get_date_last_accessed))
 
     def get_date_last_modified(self) -> Any:
-        """Return the time of the last modification, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last modification as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return parse_date(self._call(f.file_get_date_last_modified))
 
     def get_names(self) -> list[str]:
@@ -201,17 +210,26 @@ class File(ObjectContainer):
 
     @property
     def date_created(self) -> Any:
-        """Return the time of creation, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of creation as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return self.get_date_created()
 
     @property
     def date_last_accessed(self) -> Any:
-        """Return the time of the last access, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last access as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return self.get_date_last_accessed()
 
     @property
     def date_last_modified(self) -> Any:
-        """Return the time of the last modification, as a local ``datetime`` if the controller's value can be parsed."""
+        """Return the time of the last modification as a ``datetime`` in the controller's local time.
+
+        A value that is not a date is returned unchanged.
+        """
         return self.get_date_last_modified()
 
     @property
@@ -285,11 +303,11 @@ class Command(NamedObject):
         self._call(f.command_cancel)
 
     def get_timeout(self) -> int:
-        """Return the time-out in ms."""
+        """Return the time-out of an execution of the command in ms."""
         return self._call(f.command_get_timeout)
 
     def put_timeout(self, timeout: int) -> None:
-        """Set the time-out in ms."""
+        """Set the time-out of an execution of the command in ms."""
         self._call(f.command_put_timeout, timeout)
 
     def get_state(self) -> int:
@@ -310,7 +328,7 @@ class Command(NamedObject):
 
     @property
     def timeout(self) -> int:
-        """Return the time-out in ms."""
+        """Return the time-out of an execution of the command in ms."""
         return self.get_timeout()
 
     @timeout.setter

@@ -116,7 +116,7 @@ class Lease(ABC):
         return max(client.timeout, *client.dialect.command_timeouts.values(), 0.0)
 
     def _is_busy(self, problem: OrinError) -> bool:
-        """Return True if an error in a step means that the controller is still executing an earlier call."""
+        """Return True if an error in the clean-up means that the controller is still executing an earlier call."""
         busy = self._robot.client.dialect.busy_code
         return isinstance(problem, BusyError) or (isinstance(problem, CallError) and problem.code == busy != 0)
 

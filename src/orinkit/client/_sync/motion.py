@@ -28,14 +28,14 @@ class MotionTracker:
 
     Attributes:
         newest: Number of the newest motion that was commanded.
-        replied: Number of the newest motion to which the controller replied at its end. All earlier motions are then
-            over, too.
+        replied: Number of the newest motion for which the controller replied at the end of the motion. This motion and
+            all earlier ones are over.
         halted: Number of the newest motion that this program has halted.
         running: Newest motion whose call did not wait for its end; ``None`` if there is none, or if it is known to be
             over.
         passing: True if the controller replied to the newest motion at its pass mark, so that the arm may still move.
-        sure: True if all motions of the arm are known. False after a call without a reply, or after a command that may
-            have moved the arm.
+        sure: True if this object has recorded all motions that the arm may execute. False after a call without a reply,
+            or after a command that may have moved the arm.
         paused: True if this program has paused the motion.
         at_rest: True if the arm is certainly at standstill, because it was halted and no motion has been commanded
             since.
@@ -77,8 +77,8 @@ class ArmBase(ObjectContainer):
             function: Function that starts the motion.
             arguments: Arguments of the call, without the handle.
             wait: True if the controller replies at the end of the motion.
-            segment: Segment to fill with the start and end of the motion. Without a segment, the controller is not
-                queried for them.
+            segment: Object in which the start and the end of the motion are recorded; ``None`` if they are not
+                required. The controller is queried for them only if ``wait`` is False.
         """
         track = self._track
         before = None if wait or segment is None else self._previous(track)
@@ -107,7 +107,10 @@ class ArmBase(ObjectContainer):
         return motion
 
     def _previous(self, track: MotionTracker) -> tuple[common.MotionSegment, bool] | None:
-        """Return the segment of the previous motion, and True if this motion is over; ``None`` if both are unknown."""
+        """Return the segment of the previous motion, and True if that motion is over; ``None`` if they are unknown.
+
+        The segment contains the start and the end of the previous motion.
+        """
         running = track.running
         replied = track.sure and running is None and track.newest == track.replied
         try:

@@ -160,7 +160,7 @@ class NamedObject(ObjectBase):
         self._call(self.functions.put_tag, tag)
 
     def get_id(self) -> Any:
-        """Return the ID; for a variable ``I*``, the ID is the number of the variable."""
+        """Return the ID. For the object ``I*``, which represents all variables I0, I1 ..., it is the selected index."""
         assert self.functions.get_id is not None
         return self._call(self.functions.get_id)
 
@@ -195,7 +195,7 @@ class NamedObject(ObjectBase):
 
     @property
     def id(self) -> Any:
-        """Return the ID; for a variable ``I*``, the ID is the number of the variable."""
+        """Return the ID. For the object ``I*``, which represents all variables I0, I1 ..., it is the selected index."""
         return self.get_id()
 
     @id.setter

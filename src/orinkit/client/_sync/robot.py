@@ -198,7 +198,7 @@ class Robot(ArmBase):
         line: bool = False,
         **options: Unpack[MoveOptions],
     ) -> Motion:
-        """Move to the point that is ``distance`` mm before a pose, against the tool's Z axis.
+        """Move to the point that is ``distance`` mm away from a pose, in the -Z direction of the tool at that pose.
 
         The motion is point to point; with ``line``, the tool moves in a straight line.
         """

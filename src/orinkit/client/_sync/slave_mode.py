@@ -116,9 +116,10 @@ class SlaveMode:
         )  # fmt: skip
 
     def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Wait for standstill; return the pose of the arm.
+        """Wait for standstill; return the pose of the arm as two groups of numbers.
 
-        If the pose type is J, the joints for which no limits are known are returned separately, as the second value.
+        If the pose type is J, the second value consists of the joints for which no limits are known, and the first
+        value of the other joints. Otherwise, the first value is the complete pose, and the second value is empty.
         """
         robot = self._robot
         deadline = Deadline(common.SETTLE if self._robot.client.dialect.slave_formats else 0.0)
@@ -246,7 +247,7 @@ class SlaveMode:
 
 
 def _stop_streaming(streaming: StreamerProcess) -> None:
-    """Order the streaming process to stop the arm first, because this process is closing the connection."""
+    """Order the streaming process to stop the arm, before this process closes the connection."""
     if not streaming.shared.closed:
         streaming.shared.clear_queue()
         streaming.shared.order(StreamCommand.GOODBYE)

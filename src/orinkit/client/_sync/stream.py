@@ -158,7 +158,7 @@ class Stream(SlaveMode):
             yield point
 
     def _shadow(self, start: Sequence[float]) -> Planner:
-        """Return a planner that checks set-points in advance, like the planner of the streaming process."""
+        """Return a planner that checks set-points in advance, by the same rules as the streaming process."""
         assert self.limits is not None
         return planner_for(self.limits, self._options.period, start, self._pose_type)
 
@@ -217,7 +217,11 @@ class Stream(SlaveMode):
 
     @property
     def target(self) -> J | P | T | None:
-        """The live target of the arm. May be set at any time and at any rate; the arm follows it within the limits."""
+        """The live target of the arm; ``None`` if none has been set.
+
+        The target may be set at any time and at any rate; the arm follows it within the limits. A call of :meth:`stop`
+        removes the target.
+        """
         return self._target
 
     @target.setter

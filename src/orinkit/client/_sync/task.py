@@ -119,7 +119,7 @@ class Task(ObjectContainer):
                 raise program_error(info, self._label)
 
     def _logged(self, code: int) -> str:
-        """Return the message of the newest record in the error log, if the record has this code."""
+        """Return the message of the newest record in the error log, if the record has this code; otherwise ``""``."""
         if not isinstance(self._parent, ObjectContainer):
             return ""
         try:

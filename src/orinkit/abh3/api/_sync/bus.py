@@ -35,7 +35,7 @@ class MotorBus(SharedBus):
         """Return the object for a driver on this bus; no frame is sent.
 
         Args:
-            dialect: ``"v1"`` for the dialect in the document, ``"v2"`` for drivers of 2023 and later.
+            dialect: ``"v1"`` for the dialect in the ABH3 document, ``"v2"`` for drivers of 2023 and later.
             **settings: See :class:`HostSettings`.
 
         Raises:
@@ -55,12 +55,13 @@ class MotorBus(SharedBus):
 
 
 def open_bus(at: str | can.BusABC | None = None, **settings: Unpack[BusSettings]) -> MotorBus:
-    """Open a CAN bus for several drivers (4.1, abh3_can_port_init).
+    """Open a CAN bus for several drivers (section 4.1 of the ABH3 document, abh3_can_port_init).
 
     Args:
-        at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus. orinkit does not close a python-can
-            bus. While orinkit uses a python-can bus, no other code may receive from it.
-        **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given.
+        at: URL of the bus, such as ``can://socketcan/can0``, or a python-can bus; ``None`` if the settings identify the
+            bus. orinkit does not close a python-can bus. While orinkit uses a python-can bus, no other code may receive
+            from it.
+        **settings: ``interface``, ``channel`` and ``bitrate``, only if ``at`` is omitted; see :class:`BusSettings`.
 
     Raises:
         InvalidAddress: If the arguments do not identify a CAN bus.
@@ -100,17 +101,19 @@ def connect(
     init: bool = True,
     **settings: Unpack[Settings],
 ) -> Driver[Any, Any]:
-    """Open a CAN bus with one driver, and set the driver's commands and inputs to 0 (4.1, abh3_can_init).
+    """Open a CAN bus with one driver, and set the driver's commands and inputs to 0.
+
+    This function corresponds to abh3_can_init (section 4.1 of the ABH3 document).
 
     Closing the driver also closes the bus, unless ``at`` is a python-can bus.
 
     Args:
-        at: URL of the bus, or a python-can bus; see :func:`open_bus`.
-        dialect: ``"v1"`` for the dialect in the document, ``"v2"`` for drivers of 2023 and later. The dialect of a
+        at: URL of the bus, or a python-can bus; ``None`` if the settings identify the bus. See :func:`open_bus`.
+        dialect: ``"v1"`` for the dialect in the ABH3 document, ``"v2"`` for drivers of 2023 and later. The dialect of a
             driver cannot be detected from its frames.
-        init: ``False`` to send no frame, like abh3_can_port_init.
-        **settings: ``interface``, ``channel`` and ``bitrate``, if no URL is given; ``address``, ``host``, ``group``,
-            ``timeout``, ``priority`` and ``load_unit``, see :class:`HostSettings`.
+        init: ``False`` to open the bus only, without sending a frame, like abh3_can_port_init.
+        **settings: ``interface``, ``channel`` and ``bitrate``, only if ``at`` is omitted, see :class:`BusSettings`;
+            ``address``, ``host``, ``group``, ``timeout``, ``priority`` and ``load_unit``, see :class:`HostSettings`.
 
     Raises:
         InvalidAddress: If the arguments do not identify a CAN bus.

@@ -29,7 +29,7 @@ F = TypeVar("F", bound=Feedback)
 S = TypeVar("S", bound=States)
 R = TypeVar("R")
 _GOODBYE: Final = 0.1
-"""Seconds to wait for the reply to a stop before the bus is closed."""
+"""Seconds to wait for the reply to the stop that is sent when a driver is closed or its keep-alive ends."""
 
 
 class Driver(Closing, Generic[F, S]):
@@ -39,17 +39,20 @@ class Driver(Closing, Generic[F, S]):
     and waits for the driver's reply; several threads may use one driver. Commands and inputs that a call omits keep the
     values that were sent last.
 
-    If a reply is late or the bus is lost, the commands are set to 0 and the input start is switched off. The program
-    must then send its commands again. If orinkit opened the bus, the next call reopens it.
+    If the reply to a command is missing or the bus is lost, the next frame with commands sets both of them to 0 and
+    switches the input start off. The program must then send its commands again. If orinkit opened the bus, the next
+    call reopens it.
+
+    Numbers in parentheses after a description, such as 4.1, are sections of the ABH3 document.
 
     Args:
         bus: The bus that the driver is on.
-        host: The host of this driver, with its settings and the commands sent last.
+        host: The state of the driver as its host has recorded it: the settings, and the commands and inputs sent last.
         owner: True if closing the driver also closes the bus.
 
     Attributes:
         bus: The bus that the driver is on.
-        host: The host of this driver, with its settings and the commands sent last.
+        host: The state of the driver as its host has recorded it: the settings, and the commands and inputs sent last.
     """
 
     def __init__(self, bus: SharedBus, host: Host[F], *, owner: bool = False) -> None:
@@ -79,7 +82,7 @@ class Driver(Closing, Generic[F, S]):
 
     @property
     def commands(self) -> tuple[float, float]:
-        """The A/Y and B/X commands that were sent last, in min^-1, or in % if the axis is in torque mode."""
+        """The A/Y and B/X commands that were sent last, each in min^-1, or in % if its axis is in torque mode."""
         return self.host.commands
 
     # --- commands and inputs (4.1 to 4.5) -----------------------------------------------------------------------------
@@ -110,7 +113,7 @@ class Driver(Closing, Generic[F, S]):
         return self._run(self.host.command(ay, bx))
 
     def set_inputs(self, data: int, mask: int = 0xFFFFFFFF) -> F:
-        """Set the inputs whose mask bit is 1, and return the feedback (4.4, abh3_can_inSet).
+        """Set the inputs whose bit in ``mask`` is 1 to the bits of ``data``; return the feedback (4.4, abh3_can_inSet).
 
         Raises:
             InvalidValue: If data or mask is not a 32-bit word; nothing was sent.
@@ -128,7 +131,7 @@ class Driver(Closing, Generic[F, S]):
             value: 0, 1, ``False`` or ``True``.
 
         Raises:
-            InvalidValue: If the input or the value does not exist; nothing was sent.
+            InvalidValue: If there is no such input, or the value is not 0 or 1; nothing was sent.
             DriverTimeout: If the driver does not reply.
             TransportError: If the bus is broken or closed.
         """
@@ -150,8 +153,8 @@ class Driver(Closing, Generic[F, S]):
             seconds: Maximum time until standstill, in s.
 
         Raises:
-            InvalidValue: If seconds is out of range.
-            DriverTimeout: If the driver does not reply, or if the motors still turn after this time.
+            InvalidValue: If ``seconds`` is not positive or exceeds one hour.
+            DriverTimeout: If the driver does not reply, or if the motors still turn after ``seconds``.
             TransportError: If the bus is broken or closed.
         """
         return self._run(self.host.stop_and_wait(check_seconds("seconds", seconds)), causes_motion=False)
@@ -159,8 +162,8 @@ class Driver(Closing, Generic[F, S]):
     def reset_errors(self, tries: int = 5) -> BR0:
         """Clear errors and warnings; afterwards the commands are 0, and servo and start are off.
 
-        A driver that has received no command for one second reports an error until the error is reset. Therefore call
-        this method first.
+        A driver that has received no command for one second reports an error until the error is reset. Therefore a
+        program calls this method first, before it switches the servo on.
 
         Args:
             tries: Maximum number of attempts, 0 to 100; with 0, one attempt is made.
@@ -203,8 +206,8 @@ class Driver(Closing, Generic[F, S]):
         """Request a broadcast and return it (4.7, abh3_can_reqBRD; with ``everyone`` abh3_can_reqBRDBRD).
 
         Args:
-            number: 0 to 6 for a broadcast of the driver's group. A value of 8 or more is group * 8 + number, as in the
-                document.
+            number: Number of the broadcast in the driver's group, 0 to 6; or, as in the document, this number plus 8
+                times the group, which must be the driver's.
             everyone: True to send the request to all drivers. Only the reply of this driver is returned.
 
         Raises:
@@ -221,13 +224,13 @@ class Driver(Closing, Generic[F, S]):
     def request_single(self, dp: int) -> F | DP1R: ...
 
     def request_single(self, dp: int = 0) -> Any:
-        """Request a single packet without commanding anything (abh3_can_reqSNG).
+        """Request a single packet and return it, without sending commands (abh3_can_reqSNG).
 
         A request does not restart the driver's command time-out; only commands do.
 
         Args:
             dp: 0 for the feedback, 1 for the pulse counts (2.2). The document withholds the frame of the pulse counts,
-                and many drivers do not send it: use :meth:`pulses` instead.
+                and many drivers do not send it; :meth:`pulses` requests the same counts by a broadcast.
 
         Raises:
             InvalidValue: If ``dp`` is not 0 or 1.
@@ -302,8 +305,8 @@ class Driver(Closing, Generic[F, S]):
 
         Args:
             address: As for :meth:`read_parameter`.
-            value: The value in the parameter's unit.
-            raw: True if the value is the 32-bit word itself.
+            value: The value in the parameter's unit; with ``raw``, the 32-bit word that represents it.
+            raw: True if ``value`` is the 32-bit word.
 
         Raises:
             InvalidValue: If the value or the address is not valid; nothing was sent.
@@ -336,11 +339,12 @@ class Driver(Closing, Generic[F, S]):
     # --- keep-alive ---------------------------------------------------------------------------------------------------
 
     def keep_alive(self, period: float = 0.1, *, patience: float = 0.5, idle: float | None = None) -> None:
-        """Repeat commands and inputs in the background, so that the driver's command time-out does not expire.
+        """Repeat the last commands and inputs in the background, so that the driver's command time-out does not expire.
 
         The keep-alive ends if the driver does not reply for ``patience`` seconds, if the program makes no call for
-        ``idle`` seconds, or if the program ends. The commands are then 0. If the driver did not reply, the next call
-        raises DriverTimeout.
+        ``idle`` seconds, or if the program ends. The commands are then 0. If the driver did not reply, the next command
+        or request raises DriverTimeout; only :meth:`init`, :meth:`stop`, :meth:`stop_and_wait` and :meth:`reset_errors`
+        are executed instead.
 
         Args:
             period: Seconds between commands, 0.001 or more. It should be well below the driver's time-out of 500 ms.
@@ -349,8 +353,8 @@ class Driver(Closing, Generic[F, S]):
                 a program that hangs may keep the motor turning.
 
         Raises:
-            InvalidValue: If an argument is not positive or exceeds one hour, if the period is below 1 ms, or if it is
-                not below ``patience``.
+            InvalidValue: If an argument is not positive or exceeds one hour, or if ``period`` is below 1 ms or is not
+                below ``patience``.
         """
         timer = KeepAliveTimer(period, patience, idle, monotonic())
         self._check_open()
@@ -375,7 +379,7 @@ class Driver(Closing, Generic[F, S]):
         return periodic_call
 
     def _keep_alive_lost(self) -> None:
-        """Reset the commands; called after the thread or task of the keep-alive has ended unexpectedly."""
+        """Set the commands to 0; called after the thread or task of the keep-alive has ended unexpectedly."""
         if self._keep_alive_timer is not None:
             self._keep_alive_timer = None
             self.host.reset_commands()
@@ -386,7 +390,10 @@ class Driver(Closing, Generic[F, S]):
         return self._keep_alive_timer is not None
 
     def _send_if_due(self) -> float | None:
-        """Repeat the command if it is due. Return the seconds until the next call, ``None`` if the keep-alive ended."""
+        """Repeat the command if it is due.
+
+        Return the seconds after which this method must be called again, ``None`` if the keep-alive ended.
+        """
         with self._lock:
             timer = self._keep_alive_timer
             if timer is None:
@@ -457,7 +464,8 @@ class Driver(Closing, Generic[F, S]):
     def relinquish(self) -> None:
         """End the keep-alive, and set commands and inputs to 0 without sending them.
 
-        The driver is now commanded by another host.
+        This method is called when another host, or another client of the same server, begins to command the driver. A
+        stop by this object would then interrupt that host or client.
         """
         self._stop_keep_alive()
         self.host.relinquish()
@@ -472,18 +480,18 @@ class Driver(Closing, Generic[F, S]):
             raise closed()
 
     def restart_idle_time(self) -> None:
-        """Restart the idle time of the keep-alive, as every call does."""
+        """Restart the idle time of :meth:`keep_alive`, as every call of the program does."""
         timer = self._keep_alive_timer
         if timer is not None:
             timer.called(monotonic())
 
     def _run(self, operation: CanOperation[R], *, causes_motion: bool = True) -> R:
-        """Run an operation.
+        """Run an operation of the host and return its result; operations of one driver run one after the other.
 
         Args:
             operation: The operation.
-            causes_motion: True if the operation may start a motion. Otherwise it runs even if the keep-alive has ended
-                with a DriverTimeout that no call has raised yet.
+            causes_motion: True to raise the DriverTimeout with which the keep-alive has ended, if no call has raised it
+                yet. False for operations that cannot start a motion: they run, and this error is discarded.
         """
         with self._lock:
             ended, self._ended = self._ended, None

@@ -36,7 +36,7 @@ _SLICE: Final = 3600.0
 
 
 class BusMember(Protocol):
-    """The members of a driver object that its bus uses."""
+    """The attributes and methods of a driver object that its bus uses."""
 
     host: Host[Any]
 
@@ -68,7 +68,8 @@ class SharedBus(Closing):
         line: The shared CAN bus that transfers the frames.
 
     Attributes:
-        url: URL of the bus. For a python-can bus that was passed in, it is python-can's description of that bus.
+        url: URL of the bus. If the program passed a python-can bus to :meth:`open`, it is python-can's description of
+            that bus.
     """
 
     def __init__(self, line: SharedCanBus) -> None:
@@ -101,12 +102,16 @@ class SharedBus(Closing):
         dialect: str | Dialect = "v1",
         load_unit: float = 1.0,
     ) -> dict[int, AnyRecord]:
-        """Request a broadcast from all drivers of a group, and return their replies by address (4.7).
+        """Request a broadcast from all drivers of a group, and return their replies by address.
+
+        This method is described in section 4.7 of the ABH3 document (abh3_can_reqBRDBRD).
 
         Args:
-            number: 0 to 6. A value of 8 or more is group * 8 + number, as in the document.
+            number: Number of the broadcast in the group, 0 to 6; or, as in the document, this number plus 8 times
+                ``group``.
             seconds: Seconds to wait for replies.
-            count: Number of drivers, 0 to 254. The wait ends early when this many drivers have replied.
+            count: Number of drivers, 0 to 254. The wait ends early when this many drivers have replied; ``None`` to
+                wait for ``seconds`` in any case.
             group: Broadcast group of the drivers.
             host: Address of this host.
             dialect: Dialect of the drivers.
@@ -135,7 +140,7 @@ class SharedBus(Closing):
     ) -> Iterator[DecodedFrame]:
         """Decode and yield every frame on the bus, except frames that are sent through this object.
 
-        Some interfaces (udp_multicast) also return the frames that are sent through this object.
+        With some interfaces (udp_multicast), frames that are sent through this object are also yielded.
 
         Args:
             seconds: Seconds after which to stop; ``None`` for never.
@@ -164,7 +169,7 @@ class SharedBus(Closing):
     def close(self) -> None:
         """Stop every driver that may be moving, then close the bus. May be called again.
 
-        A python-can bus that was passed in stays open.
+        A python-can bus that the program passed to :meth:`open` stays open.
         """
         try:
             for member in list(self._members):
@@ -182,11 +187,11 @@ class SharedBus(Closing):
         return port
 
     def port_for(self, host: Host[Any]) -> CanReceiver:
-        """Return a receiver for the frames of one driver."""
+        """Return a receiver for the frames that the driver of a host sends to this host or to all nodes."""
         return self._line.receiver(host.accepts)
 
     def has(self, host: Host[Any]) -> bool:
-        """Return True if there is already an object for the same driver and host."""
+        """Return True if this bus has an open driver object with the same addresses of driver and host as ``host``."""
         wanted = host.address, host.host
         return any((member.host.address, member.host.host) == wanted and not member.closed for member in self._members)
 
@@ -222,7 +227,7 @@ class SharedBus(Closing):
         """Send a multi-packet message to a driver and return its reply. Only one exchange with a driver runs at a time.
 
         Raises:
-            InvalidValue: If the message is too long.
+            InvalidValue: If the message is empty, too long, or not bytes.
             ProtocolError, DriverTimeout: As for :func:`orinkit.abh3.session.multipacket.exchange`.
             TransportError: As for :meth:`run`.
         """
@@ -240,7 +245,7 @@ class SharedBus(Closing):
             return reply
 
     def _reset_commands(self) -> None:
-        """Reset the commands of all drivers."""
+        """Set the commands of all drivers to 0 and start to off, without sending them."""
         for member in list(self._members):
             member.host.reset_commands()
 
