@@ -403,6 +403,48 @@ def test_what_slave_mode_needs_is_said(both: Both, arm: Arm) -> None:
     both.run(rc8.close())
 
 
+def test_outputs_of_queued_set_points_are_not_sent_early(session: Session, arm: Arm) -> None:
+    *points, last = sine(1.0)
+
+    def body(stream: Any) -> None:
+        stream.outputs(mini=0b10)
+        stream.outputs(hand=0b10)  # does not undo the change before it
+        until(lambda: stream.latest.mini >> 16 & 0xFF == stream.latest.hand >> 8 == 0b10)
+        with gathered():
+            for point in points:
+                session.both.run(stream.push(point))
+            session.both.run(stream.push(last, mini=0b1))
+            stream.outputs(hand=0b1)  # does not anticipate the outputs of the last set-point
+            until(lambda: stream.latest.hand >> 8 == 0b1)
+            assert stream.latest.mini >> 16 & 0xFF == 0b10
+        session.both.run(stream.push(last))
+        session.both.run(stream.wait())
+        assert stream.latest.mini >> 16 & 0xFF == 0b1
+        stream.outputs(mini=0b100)
+        until(lambda: stream.latest.mini >> 16 & 0xFF == 0b100)
+
+    session.stream(body, mini=0, hand=0, recv=("mini", "hand"), queue=len(points) + 2)
+
+
+def test_recovery_sends_only_outputs_that_have_been_sent(session: Session, arm: Arm) -> None:
+    *points, last = sine(1.0)
+
+    def body(stream: Any) -> None:
+        run = session.both.run
+        stream.outputs(mini=0b10)
+        with gathered():
+            for point in points:
+                run(stream.push(point))
+            run(stream.push(last, mini=0b1))
+            until(lambda: stream.latest.mini >> 16 & 0xFF == 0b10)
+        arm.device.state.raise_error(hresult.COMMAND_DELAY)
+        until(lambda: stream.error is not None)
+        run(stream.recover())
+        assert stream.latest.mini >> 16 & 0xFF == 0b10
+
+    session.stream(body, mini=0, recv=("mini",), queue=len(points) + 2)
+
+
 def test_outputs_go_with_the_set_points(session: Session, arm: Arm) -> None:
     io = arm.device.state.variables
 

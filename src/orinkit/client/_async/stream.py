@@ -209,7 +209,6 @@ class AsyncStream(AsyncSlaveMode):
         shadow.check(values)
         shadow.track(values)
         self._pushed = shadow
-        self._outputs = self._outputs.updated(outputs)
         shared.put(values, outputs)
         shared.select_queue()
 
@@ -279,8 +278,7 @@ class AsyncStream(AsyncSlaveMode):
     ) -> None:
         """Change outputs that were enabled in ``slave_mode``, from the next cycle on (RC8 table 4-2)."""
         streaming = self._alive()
-        self._outputs = self._outputs.updated(self._changed(mini=mini, hand=hand, user=user))
-        streaming.shared.set_outputs(self._outputs)
+        streaming.shared.set_outputs(self._changed(mini=mini, hand=hand, user=user))
 
     def _changed(self, **given: int | tuple[int, bytes] | None) -> Outputs:
         outputs = read_outputs(**given)

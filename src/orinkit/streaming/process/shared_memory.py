@@ -88,13 +88,16 @@ class _Word(IntEnum):
     LATE = 37
     LATE_LONGEST = 38
     LATE_TOTAL = 39
-    OUTPUTS = 40
+    OUTPUTS_READ = 40
+    SENT_OUTPUTS_FLAGS = 41
+    OUTPUTS = 42
 
 
 _VALUES: Final = [Struct(f"{count}d") for count in range(_MOST_VALUES + 1)]
 _SENT: Final = RecordLayout(OUTPUTS, sent=True)
 _GOT: Final = RecordLayout(RECEIVED)
-_HEAD: Final = _Word.OUTPUTS + _SENT.size
+_SENT_OUTPUTS_AT: Final = _Word.OUTPUTS + _SENT.size
+_HEAD: Final = _SENT_OUTPUTS_AT + _SENT.size
 _POINT_OUTPUTS: Final = 2 + _MOST_VALUES  # layout of a set-point: number, flags and count, values, outputs
 _POINT: Final = _POINT_OUTPUTS + _SENT.size
 _SAMPLE_VALUES: Final = 6  # layout of a sample: number, sent, code, flags and count, delay, replied, command, fields
@@ -176,6 +179,7 @@ class StreamMemory:
         self._view = memoryview(self._memory)
         self._words = self._view.cast("q")
         self._numbers = self._view.cast("d")
+        self._unread_outputs = _NO_OUTPUTS
 
     @classmethod
     def make(cls) -> StreamMemory:
@@ -268,13 +272,24 @@ class StreamMemory:
             words[_Word.SOURCE] = SetPointSource.TARGET
 
     def set_outputs(self, outputs: Outputs) -> None:
-        """Set outputs; slvMove sends them from the next cycle on, until other outputs replace them."""
+        """Change outputs; slvMove sends them from the next cycle on, until they are changed again.
+
+        Outputs that are ``None`` do not change. The changes that the streaming process has not yet read are kept.
+        """
         with self._lock:
             words = self._words
+            if words[_Word.OUTPUTS_READ] != words[_Word.OUTPUTS_DONE]:
+                outputs = self._unread_outputs.updated(outputs)
+            self._unread_outputs = outputs
             count = words[_Word.OUTPUTS_BEGUN] + 1
             words[_Word.OUTPUTS_BEGUN] = count
             words[_Word.OUTPUTS_FLAGS] = _SENT.write(self._view, _Word.OUTPUTS, outputs.items())
             words[_Word.OUTPUTS_DONE] = count
+
+    @property
+    def sent_outputs(self) -> Outputs:
+        """The outputs that the streaming process last sent, or was about to send when it ended."""
+        return Outputs(**_SENT.read(self._view, _SENT_OUTPUTS_AT, self._words[_Word.SENT_OUTPUTS_FLAGS]))
 
     def hold(self) -> None:
         """Remove the source of set-points: the arm stops and is held."""
@@ -398,7 +413,14 @@ class StreamMemory:
         if done == seen:
             return None
         outputs = Outputs(**_SENT.read(self._view, _Word.OUTPUTS, words[_Word.OUTPUTS_FLAGS]))
-        return (done, outputs) if words[_Word.OUTPUTS_BEGUN] == done else None
+        if words[_Word.OUTPUTS_BEGUN] != done:
+            return None
+        words[_Word.OUTPUTS_READ] = done
+        return done, outputs
+
+    def report_outputs(self, outputs: Outputs) -> None:
+        """Report the outputs that are sent from the next cycle on."""
+        self._words[_Word.SENT_OUTPUTS_FLAGS] = _SENT.write(self._view, _SENT_OUTPUTS_AT, outputs.items())
 
     def report_counts(self, *, sent: int, dry: int, rests: int) -> None:
         """Report three counts to the program.

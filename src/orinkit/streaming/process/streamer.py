@@ -416,6 +416,7 @@ class Streamer:
 
     def _note_outputs(self) -> None:
         self._beside = self._outputs.present_items()
+        self._shared.report_outputs(self._outputs)
         if self._setup.window is not None:
             self._beside["window"] = self._setup.window
 
