@@ -474,7 +474,7 @@ def test_a_motion_takes_the_time_it_is_given(plan):
 @pytest.mark.parametrize("wrong", [0, -0.1, 1.01, math.nan, math.inf])
 @pytest.mark.parametrize("name", ["speed", "accel", "decel"])
 def test_rates_are_fractions(name, wrong):
-    with pytest.raises(ValueError, match="rate"):
+    with pytest.raises(ValueError, match="speed, accel and decel"):
         Rates(**{name: wrong})
 
 

@@ -43,6 +43,6 @@ def test_only_advance_moves_a_manual_clock():
     clock.advance(0)
     assert (clock.now(), clock.wall()) == (1.5, datetime(2030, 1, 2, 0, 0, 1, 500_000))
     for step in (-0.1, float("nan")):
-        with pytest.raises(ValueError, match="from 0"):
+        with pytest.raises(ValueError, match="0 or more"):
             clock.advance(step)
     assert clock.now() == 1.5

@@ -115,7 +115,7 @@ BAD = {
     "あ" * 86: "255 bytes",
     "a" * 4096: "1024 characters",
     "a\\" * 4096: "1024 characters",
-    "\\".join(["d"] * 17): "16 parts",
+    "\\".join(["d"] * 17): "16 levels",
     "\ud800": "surrogate",
     "a\udc80.pcs": "surrogate",
     ".orinkit-tmp-0": "temporary files",
