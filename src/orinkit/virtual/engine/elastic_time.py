@@ -119,7 +119,10 @@ class _Cases:
         self._all = Lateness(count + 1, max(longest, seconds), total + seconds)
 
     def lateness(self, skip_first: int) -> Lateness:
-        """Return the lateness, without the first ``skip_first`` late set-points."""
+        """Return the lateness, without the first ``skip_first`` late set-points.
+
+        If ``skip_first`` is not 0, the longest and the total delay are those of the last 10,000 late set-points at most.
+        """
         if skip_first == 0:
             return self._all
         count = max(0, self._all.count - skip_first)
