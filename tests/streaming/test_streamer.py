@@ -339,3 +339,28 @@ def test_a_controller_that_stops_reporting_late_set_points(
     last = shared.sample(shared.samples - 1)
     assert last is not None
     assert last.command[0] == pytest.approx(20.0)
+
+
+# --- outputs ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_change_of_outputs_does_not_replace_one_that_was_not_read(shared: StreamMemory) -> None:
+    shared.set_outputs(Outputs(mini=1, hand=2))
+    shared.set_outputs(Outputs(hand=3))
+    assert shared.newer_outputs(0) == (2, Outputs(mini=1, hand=3))
+
+
+def test_a_change_of_outputs_does_not_repeat_one_that_was_read(shared: StreamMemory) -> None:
+    shared.set_outputs(Outputs(mini=1))
+    assert shared.newer_outputs(0) == (1, Outputs(mini=1))
+    shared.set_outputs(Outputs(hand=3))
+    assert shared.newer_outputs(1) == (2, Outputs(hand=3))
+    assert shared.newer_outputs(2) is None
+
+
+def test_the_last_outputs_are_those_sent_and_the_changes_that_were_not_read(shared: StreamMemory) -> None:
+    assert shared.last_outputs == Outputs()
+    shared.report_outputs(Outputs(mini=1, hand=2))
+    assert shared.last_outputs == Outputs(mini=1, hand=2)
+    shared.set_outputs(Outputs(hand=3))
+    assert shared.last_outputs == Outputs(mini=1, hand=3)

@@ -68,9 +68,7 @@ def datagrams(answer: Callable[[packet.Packet, int], bytes | None]) -> Iterator[
 # --- time-outs and tries --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("tries", "sent"), [(-5, 1), (0, 1), (1, 1), (2, 2), (5, 5), (7, 7), (8, 7), (10**30, 7), (True, 1)]
-)
+@pytest.mark.parametrize(("tries", "sent"), [(-5, 1), (0, 1), (1, 1), (2, 2), (5, 5), (7, 7), (8, 7), (10**30, 7)])
 def test_how_often_a_request_is_sent(both: Both, tries: int, sent: int) -> None:
     with datagrams(lambda request, count: None) as (url, came):
         client = both.client(url, timeout=0.01, tries=tries)
@@ -83,7 +81,7 @@ def test_how_often_a_request_is_sent(both: Both, tries: int, sent: int) -> None:
     assert {request.reserved for request in came} == {1}
 
 
-@pytest.mark.parametrize("tries", [2.0, "5", None, float("nan"), [1], [10**5000]], ids=brief)
+@pytest.mark.parametrize("tries", [2.0, "5", None, True, float("nan"), [1], [10**5000]], ids=brief)
 def test_tries_that_are_no_number(both: Both, tries: Any) -> None:
     for url in ("udp://127.0.0.1:1", "tcp://127.0.0.1:1"):
         with pytest.raises(InvalidValue, match="tries must be an integer"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from datetime import datetime
-from operator import index
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -15,7 +14,7 @@ from orinkit.cao.transport_profile import TransportProfile
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, ProtocolError, error_for
 from orinkit.core.i18n import tr
-from orinkit.core.validation import brief, check_range, check_seconds
+from orinkit.core.validation import brief, check_range, check_seconds, whole
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import Value, Variant, VarType
 
@@ -270,9 +269,8 @@ def check_tries(number: int) -> int:
     Raises:
         InvalidValue: If the value is not an integer.
     """
-    try:
-        tries = index(number)
-    except TypeError:
+    tries = whole(number)
+    if tries is None:
         raise InvalidValue(
             tr(
                 "tries must be an integer from {least} to {most}, not {number}",
@@ -280,7 +278,7 @@ def check_tries(number: int) -> int:
                 most=MOST_TRIES,
                 number=brief(number),
             )
-        ) from None
+        )
     return min(max(tries, LEAST_TRIES), MOST_TRIES)
 
 

@@ -169,7 +169,7 @@ class SlaveMode:
             if streaming.reason in ("stopped", "terminated"):
                 self._failure = common.ended_because(streaming.reason, self._options.idle)
         if streaming.began:  # recover() sends the outputs again
-            self._outputs = self._outputs.updated(streaming.shared.sent_outputs)
+            self._outputs = self._outputs.updated(streaming.shared.last_outputs)
         streaming.close()
         if not streaming.began:
             return

@@ -287,9 +287,12 @@ class StreamMemory:
             words[_Word.OUTPUTS_DONE] = count
 
     @property
-    def sent_outputs(self) -> Outputs:
-        """The outputs that the streaming process last sent, or was about to send when it ended."""
-        return Outputs(**_SENT.read(self._view, _SENT_OUTPUTS_AT, self._words[_Word.SENT_OUTPUTS_FLAGS]))
+    def last_outputs(self) -> Outputs:
+        """The outputs that the streaming process last sent, with the changes by :meth:`set_outputs` that it did not read."""
+        words = self._words
+        sent = Outputs(**_SENT.read(self._view, _SENT_OUTPUTS_AT, words[_Word.SENT_OUTPUTS_FLAGS]))
+        read = words[_Word.OUTPUTS_READ] == words[_Word.OUTPUTS_DONE]
+        return sent if read else sent.updated(self._unread_outputs)
 
     def hold(self) -> None:
         """Remove the source of set-points: the arm stops and is held."""

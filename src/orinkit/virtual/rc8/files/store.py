@@ -29,14 +29,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 from orinkit.core.i18n import tr
-from orinkit.virtual.rc8.files import disk, errors
+from orinkit.virtual.rc8.files import disk, errors, location
 from orinkit.virtual.rc8.files.errors import map_os_errors
+from orinkit.virtual.rc8.files.location import MOST_BYTES, Location, Parts
 from orinkit.virtual.rc8.files.names import (
-    MOST_CHARACTERS,
-    MOST_PARTS,
     SEPARATOR,
     FileName,
     extension,
@@ -48,16 +47,12 @@ from orinkit.virtual.rc8.variables.database import StateError
 
 logger = logging.getLogger("orinkit.virtual.rc8")
 
-MOST_BYTES: Final = 16 * 1024 * 1024
-"""Largest size of one file, bytes."""
-
 MOST_ENTRIES: Final = 10_000
 """Largest number of files and folders of a store."""
 
 PROGRAM: Final = "pcs"
 """Extension of programs, in lower case."""
 
-_Parts: TypeAlias = tuple[str, ...]
 _ROOT: Final = FileName((), folder=True)
 
 
@@ -88,19 +83,6 @@ class Staged:
         disk.discard(self.path)
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """The path of a name on the disk; ``status`` describes the file or folder, or is ``None`` if it does not exist."""
-
-    name: FileName
-    path: Path
-    status: os.stat_result | None
-
-    @property
-    def is_folder(self) -> bool:
-        return self.status is not None and disk.is_folder(self.status)
-
-
 class FileStore:
     """The files of one controller. The return codes are described in this module.
 
@@ -120,7 +102,7 @@ class FileStore:
     def __init__(self, root: Path, now: Callable[[], datetime]) -> None:
         self.changed: list[Callable[[str], None]] = []
         self._now = now
-        self._created: dict[_Parts, datetime] = {}
+        self._created: dict[Parts, datetime] = {}
         try:
             root.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.root = root.resolve()
@@ -185,7 +167,7 @@ class FileStore:
             CallError: E_FAIL.
         """
         with map_os_errors(_ROOT):
-            names = map(join, _files(_Place(_ROOT, self.root, None)))
+            names = map(join, location.files_below(Location(_ROOT, self.root, None)))
             return [name[: -len(PROGRAM) - 1] for name in names if extension(name) == PROGRAM]
 
     def size(self, name: str) -> int:
@@ -216,7 +198,7 @@ class FileStore:
         """
         place = self._content(read_name(name))
         assert place.status is not None
-        data = _read(place)
+        data = location.read(place)
         with suppress(OSError):  # the access time of a read-only file may not be changeable
             disk.stamp(place.path, self._now(), place.status.st_mtime_ns)
         return data
@@ -256,7 +238,7 @@ class FileStore:
                 place = self._locate(wanted, change=True)
                 if place.is_folder:
                     raise errors.no_content(wanted)
-                self._put(_for_file(place), data)
+                self._put(location.check_can_be_file(place), data)
         self._notify([str(place.name)])
 
     def create(self, name: str) -> None:
@@ -266,7 +248,7 @@ class FileStore:
             CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND if its folder does not exist;
                 E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
-        place = _for_file(self._free(read_name(name)))
+        place = location.check_can_be_file(self._free(read_name(name)))
         with map_os_errors(place.name):
             self._put(place, b"")
         self._notify([str(place.name)])
@@ -295,7 +277,7 @@ class FileStore:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED for the root or a folder that is not empty; E_FAIL.
         """
         place = self._existing(read_name(name))
-        _check_not_root(place)
+        location.check_not_root(place)
         with map_os_errors(place.name):
             if not place.is_folder:
                 place.path.unlink()
@@ -303,12 +285,12 @@ class FileStore:
             elif recursive:
                 self._delete_tree(place)
             else:
-                _delete_empty(place)
+                location.delete_empty(place)
                 self._entries -= 1
             self._stamp_folder_of(place)
         if place.is_folder:
             old = place.name.key
-            self._created = {key: moment for key, moment in self._created.items() if not _within(key, old)}
+            self._created = {key: moment for key, moment in self._created.items() if not location.is_within(key, old)}
         else:
             self._created.pop(place.name.key, None)
             self._notify([str(place.name)])
@@ -327,8 +309,8 @@ class FileStore:
         """
         with _consumed(data):
             source = self._content(read_name(name))
-            place = _for_file(self._free(read_name(new)))
-            content = _read(source) if data is None else data
+            place = location.check_can_be_file(self._free(read_name(new)))
+            content = location.read(source) if data is None else data
             with map_os_errors(place.name):
                 self._put(place, content)
         self._notify([str(place.name)])
@@ -343,11 +325,15 @@ class FileStore:
                 folder of the new name, does not exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
         """
         place, target = self._existing(read_name(name)), read_name(new)
-        _check_not_root(place)
+        location.check_not_root(place)
         with map_os_errors(place.name):
-            entries = list(_below(place.path, place.name.parts)) if place.is_folder else [(place.name.parts, False)]
+            entries = (
+                list(location.entries_below(place.path, place.name.parts))
+                if place.is_folder
+                else [(place.name.parts, False)]
+            )
         goal = self._goal(place, target)
-        goal = goal if place.is_folder else _for_file(goal)
+        goal = goal if place.is_folder else location.check_can_be_file(goal)
         depth, moved = len(place.name.parts), list[str]()
         for parts, is_folder in entries:
             moved_to = join((*goal.name.parts, *parts[depth:]))
@@ -360,14 +346,14 @@ class FileStore:
 
     # --- locating -------------------------------------------------------------------------------------------------
 
-    def _locate(self, wanted: FileName, *, change: bool = False) -> _Place:
+    def _locate(self, wanted: FileName, *, change: bool = False) -> Location:
         """Return the place of a name; with ``change``, raise an error if no file can be changed or created there."""
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
                 if change:
                     raise errors.not_found(FileName(tuple(parts)))
-                return _Place(wanted, path, None)
+                return Location(wanted, path, None)
             path /= disk.spelling(path, part)
             parts.append(name_on_disk(path.name) or part)
             status = disk.status_of(path)
@@ -380,36 +366,36 @@ class FileStore:
             if change:
                 raise errors.taken(name)
             status = None
-        return _Place(name, path, status)
+        return Location(name, path, status)
 
-    def _existing(self, wanted: FileName) -> _Place:
+    def _existing(self, wanted: FileName) -> Location:
         with map_os_errors(wanted):
             place = self._locate(wanted)
         if place.status is None:
             raise errors.not_found(wanted)
         return place
 
-    def _content(self, wanted: FileName) -> _Place:
+    def _content(self, wanted: FileName) -> Location:
         place = self._existing(wanted)
         if place.is_folder:
             raise errors.no_content(wanted)
         return place
 
-    def _free(self, wanted: FileName) -> _Place:
+    def _free(self, wanted: FileName) -> Location:
         with map_os_errors(wanted):
             place = self._locate(wanted, change=True)
         if place.status is not None:
             raise errors.taken(wanted)
         return place
 
-    def _goal(self, place: _Place, target: FileName) -> _Place:
+    def _goal(self, place: Location, target: FileName) -> Location:
         """Return the destination of a move: a name that does not exist, or the same name in another spelling."""
         if target.key != place.name.key:
-            if place.is_folder and _within(target.key, place.name.key):
+            if place.is_folder and location.is_within(target.key, place.name.key):
                 raise errors.into_itself(place.name)
             return self._free(target)
         last = target.parts[-1]
-        goal = _Place(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
+        goal = Location(FileName((*place.name.parts[:-1], last), target.folder), place.path.with_name(last), None)
         with map_os_errors(target):
             existing = disk.status_of(goal.path)
         if existing is not None and place.status is not None and not os.path.samestat(existing, place.status):
@@ -418,7 +404,7 @@ class FileStore:
 
     # --- changing -------------------------------------------------------------------------------------------------
 
-    def _put(self, place: _Place, data: bytes | Staged) -> None:
+    def _put(self, place: Location, data: bytes | Staged) -> None:
         if isinstance(data, bytes) and len(data) > MOST_BYTES:
             raise errors.too_large(place.name, MOST_BYTES)
         if place.status is None:
@@ -430,32 +416,33 @@ class FileStore:
         if place.status is None:
             self._note_new(place)
 
-    def _delete_tree(self, place: _Place) -> None:
-        entries = _files(place)
+    def _delete_tree(self, place: Location) -> None:
+        entries = location.files_below(place)
         try:
             shutil.rmtree(place.path)  # follows no link
         finally:  # if it fails, some of the entries may be deleted
             self._notify(map(join, entries))
             self._entries = disk.count_entries(self.root)
 
-    def _note_new(self, place: _Place) -> None:
+    def _note_new(self, place: Location) -> None:
         self._entries += 1
         self._created[place.name.key] = self._now()
         self._stamp_folder_of(place)
 
-    def _note_moved(self, place: _Place, goal: _Place) -> None:
+    def _note_moved(self, place: Location, goal: Location) -> None:
         old, new = place.name.key, goal.name.key
         self._created = {
-            new + key[len(old) :] if _within(key, old) else key: moment for key, moment in self._created.items()
+            new + key[len(old) :] if location.is_within(key, old) else key: moment
+            for key, moment in self._created.items()
         }
         self._stamp_folder_of(place)
         self._stamp_folder_of(goal)
 
-    def _stamp_folder_of(self, place: _Place) -> None:
+    def _stamp_folder_of(self, place: Location) -> None:
         with suppress(OSError):  # the dates of the folder are not important enough for an error
             disk.stamp(place.path.parent, self._now())
 
-    def _creation(self, place: _Place) -> datetime:
+    def _creation(self, place: Location) -> datetime:
         assert place.status is not None
         known = self._created.get(place.name.key)
         return disk.moment_of(disk.born_ns(place.status)) if known is None else known
@@ -475,25 +462,6 @@ class FileStore:
                     logger.exception("%s has changed", name)
 
 
-def _below(folder: Path, parts: _Parts) -> Iterator[tuple[_Parts, bool]]:
-    """Yield the entries of a folder and of all folders below it, sorted: the parts of a name, and True for a folder.
-
-    ``parts`` are the parts of the name of the folder itself.
-    """
-    if len(parts) >= MOST_PARTS:
-        return
-    for name, is_folder, spelling in disk.listing(folder):
-        below = (*parts, name)
-        if len(join(below)) <= MOST_CHARACTERS:
-            yield below, is_folder
-            if is_folder:
-                yield from _below(folder / spelling, below)
-
-
-def _files(place: _Place) -> list[_Parts]:
-    return [parts for parts, is_folder in _below(place.path, place.name.parts) if not is_folder]
-
-
 @contextmanager
 def _consumed(data: bytes | Staged | None) -> Iterator[None]:
     try:
@@ -501,33 +469,3 @@ def _consumed(data: bytes | Staged | None) -> Iterator[None]:
     finally:
         if isinstance(data, Staged):
             data.discard()
-
-
-def _read(place: _Place) -> bytes:
-    with map_os_errors(place.name):
-        data = disk.read_file(place.path, MOST_BYTES)
-    if len(data) > MOST_BYTES:
-        raise errors.too_large(place.name, MOST_BYTES)
-    return data
-
-
-def _delete_empty(place: _Place) -> None:
-    with os.scandir(place.path) as entries:
-        if next(entries, None) is not None:
-            raise errors.not_empty(place.name)
-    place.path.rmdir()
-
-
-def _within(key: _Parts, folder: _Parts) -> bool:
-    return key[: len(folder)] == folder
-
-
-def _for_file(place: _Place) -> _Place:
-    if place.name.folder:
-        raise errors.only_a_folder(place.name)
-    return place
-
-
-def _check_not_root(place: _Place) -> None:
-    if not place.name.parts:
-        raise errors.root_stays()
