@@ -213,7 +213,7 @@ def pulled() -> tuple[float | None, float]:
 def row(text: str, result: tuple[float | None, float]) -> None:
     """Print a row of the table."""
     seconds, degrees = result
-    standstill = "never: all motions are completed" if seconds is None else f"{seconds:.2f} s"
+    standstill = "not stopped: all motions are completed" if seconds is None else f"{seconds:.2f} s"
     print(f"| {text} | {standstill} | {degrees:.1f} |", flush=True)
 
 

@@ -133,7 +133,7 @@ def test_priority_does_not_matter(priority):
         (
             0x00EC0201,
             "110301ffff 00ef00",
-            "TP.CM 1 -> 2: control = CTS, packets to send = 3, next packet = 1, PGN = 0x00EF00",
+            "TP.CM 1 -> 2: control = CTS, packets that may be sent = 3, next packet = 1, PGN = 0x00EF00",
         ),
         (
             0x00EC0102,

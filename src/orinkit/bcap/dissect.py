@@ -50,7 +50,7 @@ class PacketField:
 
     Attributes:
         offset: position of the field, counted from the first byte of the packet.
-        raw: bytes of the field; empty for an error between two bytes.
+        raw: bytes of the field; empty for an error that has no bytes, for example missing bytes.
         name: name of the field, in the current language.
         meaning: meaning of the field; for a value its VARIANT notation, for an error its description.
         error: True if the field is an error.

@@ -339,7 +339,7 @@ class ServerConversation:
         Args:
             call: the call that has been executed.
             code: return code.
-            result: the result, ``None`` if there is none; use :meth:`encode` for a large one.
+            result: the result, ``None`` if there is none; for a large result, the return value of :meth:`encode`.
         """
         if call is not self._current:
             return b""

@@ -117,7 +117,7 @@ def to_text(given: Variant) -> str:
 
 
 def to_values(given: Variant) -> list[Any]:
-    """Return a list of plain values: the elements of an array, none for VT_EMPTY and VT_NULL, otherwise one value."""
+    """Return a list of plain values: the elements of an array, or one value; ``[]`` for VT_EMPTY and VT_NULL."""
     if given.type in EMPTIES:
         return []
     plain = given.plain

@@ -291,7 +291,7 @@ class ReturnCode:
 
     @property
     def family(self) -> CodeFamily:
-        """The source of the code."""
+        """The part of the system that the return code comes from, for example the servo."""
         return family(self.value)
 
     @property

@@ -107,8 +107,9 @@ def load_installed(beside: Sequence[Provider] = (), *, exclude: Collection[str] 
     """Load the providers of all installed packages; log each provider that cannot be loaded, with the reason.
 
     Args:
-        beside: Other providers of the same server. A provider that is one of them is omitted from the result; a
-            provider that cannot be combined with them, for example because of its dialect, is not loaded.
+        beside: Other providers of the same server. If an installed provider is the same object as one of them, it is
+            omitted from the result. If it cannot be combined with them, for example because of its dialect, it is
+            omitted too, and this is logged.
         exclude: Names of entry points to omit.
     """
     unwanted = {name.strip().lower() for name in exclude}

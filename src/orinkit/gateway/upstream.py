@@ -273,7 +273,8 @@ class UpstreamConnection:
     def release(self, release: Function[[int], None], handle: int, generation: int) -> None:
         """Release an object of the controller in the background; further calls are sent after the release.
 
-        Nothing is sent while another object has the same handle, or if the handle belongs to an earlier generation.
+        The release is not sent while another object has the same handle, or if the handle belongs to an earlier
+        generation.
         """
         if self._closed or self._client is None or generation != self.generation:
             return

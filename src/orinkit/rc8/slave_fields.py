@@ -63,7 +63,10 @@ class FieldType(Enum):
 
 
 class ReceiveBits(IntFlag):
-    """The bits of slvRecvFormat that select fields of the result; the bits of POSE_MASK are a number for the poses."""
+    """The flags of slvRecvFormat, which select fields of the result.
+
+    The bits of POSE_MASK are not flags; together they are a number that selects the poses.
+    """
 
     TIME = 0x10
     HAND = 0x20

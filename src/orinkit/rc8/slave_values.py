@@ -67,8 +67,9 @@ def read_pose(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float, ..
     """Return the complete pose, with default values for omitted numbers, and its extended joints.
 
     Raises:
-        CallError: E_INVALIDARG if the count is wrong, flags are not valid or do not match the values after them, or a
-            number is not finite or above LARGEST.
+        CallError: E_INVALIDARG if the count is wrong, if the flags of the extended joints are not valid or do not match
+            the number of values after them, if a number is not finite or its magnitude is above LARGEST, or if the
+            figure is not a whole number.
     """
     pose, extra = (tuple(numbers), ()) if len(numbers) == POSE_SIZES[kind] else _read_unusual(kind, numbers)
     if fault := _fault(kind, pose, extra):

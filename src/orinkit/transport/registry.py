@@ -105,8 +105,9 @@ class Transport(NamedTuple):
         parse: ``(SplitAddress) -> AnyAddress``. Raises InvalidAddress.
         example: An example address, for messages.
         profile: A :class:`~orinkit.bcap.profiles.BcapProfile` for b-CAP, another
-            :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The name of the profile is the scheme of
-            a row; the ``adopt`` function of that row creates the link of the streaming process.
+            :class:`~orinkit.cao.transport_profile.TransportProfile` for e-CAP. The
+            ``name`` of the profile must be the scheme of a row of the table: to take over a connection, the streaming
+            process calls the ``adopt`` function of this row.
         link: ``(address, LinkOptions) -> Link``, for a client.
         aio_link: ``async (address, LinkOptions) -> AsyncLink``.
         adopt: ``(descriptor) -> Link``, in the streaming process.

@@ -179,7 +179,7 @@ def _read_values(scanner: Scanner, kind: str) -> tuple[float, ...]:
     counts = counted(kind)
     if len(values) < least:
         raise scanner.expected(
-            tr('"," and the next of the {counts} values of {kind}(...)', counts=counts, kind=kind),
+            tr('"," and another value ({kind}(...) has {counts} values)', counts=counts, kind=kind),
         )
     if len(values) < most:
         raise scanner.expected(tr('"," or ")"'))

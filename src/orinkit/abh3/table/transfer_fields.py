@@ -59,7 +59,7 @@ PARTS: Final = (
     ControlField("size", N_("message"), "byte", 1, 2, (RTS, END, BAM)),
     ControlField("packets", N_("packets"), "", 3, 1, (RTS, END, BAM)),
     ControlField("most_at_once", N_("maximum packets per CTS"), "", 4, 1, (RTS,)),
-    ControlField("allowed", N_("packets to send"), "", 1, 1, (CTS,)),
+    ControlField("allowed", N_("packets that may be sent"), "", 1, 1, (CTS,)),
     ControlField("next", N_("next packet"), "", 2, 1, (CTS,)),
     ControlField("reason", N_("reason"), "", 1, 1, (ABORT,)),
 )

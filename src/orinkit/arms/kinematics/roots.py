@@ -72,7 +72,7 @@ class _Brackets:
 
 
 def all_roots(function: Function, samples: Samples, steepness: float) -> tuple[Lines, Array]:
-    """Return the roots of all functions as two arrays, (M,): the index of the function, and the angle, of each root.
+    """Return the roots of all functions as two arrays (M,): for each root, the index of its function, and its angle.
 
     A root may occur more than once.
 

@@ -38,7 +38,8 @@ class AsyncStream(AsyncSlaveMode):
     program. The set-points come from :meth:`run`, :attr:`target` or :meth:`push`.
 
     If there are no more set-points, the streaming process stops the arm within the limits and repeats the last pose. If
-    this program raises an exception, or is stopped or killed, the streaming process then also leaves slave mode.
+    this program raises an exception, is killed or (on Linux) is stopped, the streaming process stops the arm in the
+    same way, and leaves slave mode.
 
     Attributes:
         limits: Limits of all motions.

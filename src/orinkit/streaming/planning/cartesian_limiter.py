@@ -82,8 +82,7 @@ class CartesianLimiter:
 
     Attributes:
         step: The last step.
-        near: Largest distance between the last command and the last set-point at which the command counts as having
-            caught up.
+        near: The command counts as having caught up if it is at most this far from the last set-point.
 
     Raises:
         InvalidValue: If the period is so short that the largest step would be lost in rounding.

@@ -27,7 +27,7 @@ _BEYOND: Final = 1e-6  # deg: tolerance of a range, for rounding
 
 
 class JerkLimitedMotion:
-    """A smooth motion of several axes, computed one period ahead.
+    """A smooth motion of several axes; each :meth:`step` computes the state one period later.
 
     Args:
         count: Number of axes.

@@ -61,7 +61,10 @@ class StreamerProcess:
         load_ruckig()  # the process will import ruckig; if it is missing, the program receives the error here
         if os.name != "posix" or not sys.executable or hasattr(sys, "frozen"):
             raise StreamError(
-                tr("streaming in slave mode requires a POSIX system such as Linux, and a Python executable")
+                tr(
+                    "streaming in slave mode requires a POSIX system such as Linux, and a Python interpreter that "
+                    "can be started (not a frozen program)"
+                )
             )
         self.shared = StreamMemory.make()
         self.real_time: RealTime | None = None

@@ -90,8 +90,9 @@ class _Move:
 class Hand:
     """The electric hand; the control loop calls :meth:`step` in every cycle.
 
-    Callers must hold the lock ``cycles``; only :meth:`put` acquires it itself. A new movement replaces the current one,
-    which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a movement; a gripped workpiece stays gripped.
+    Callers must hold the control loop ``cycles``, which is also a lock; only :meth:`put` acquires it itself. A new
+    movement replaces the current one, which fails with STOPPED_DURING_PC_MOTION. An emergency stop ends a movement; a
+    gripped workpiece stays gripped.
 
     Args:
         cycles: The control loop of the controller.

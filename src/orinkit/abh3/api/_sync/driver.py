@@ -39,8 +39,8 @@ class Driver(Closing, Generic[F, S]):
     and waits for the driver's reply; several threads may use one driver. Commands and inputs that a call omits keep the
     values that were sent last.
 
-    If the reply to a command is missing or the bus is lost, the next frame with commands sets both of them to 0 and
-    switches the input start off. The program must then send its commands again. If orinkit opened the bus, the next
+    If the reply to a command is missing or the bus is lost, the next frame with commands sets both commands to 0 and
+    switches the input ``start`` off. The program must then send its commands again. If orinkit opened the bus, the next
     call reopens it.
 
     Numbers in parentheses after a description, such as 4.1, are sections of the ABH3 document.
