@@ -26,7 +26,7 @@ collect: setup-dev
 lint: setup-dev ## style, layers, generated code / スタイル、層、生成コードの検査
 	$(RUN) ruff check .
 	$(RUN) ruff format --check .
-	.venv/bin/lint-imports
+	.venv/bin/lint-imports --no-logo
 	.venv/bin/python tools/make_sync.py --check
 	.venv/bin/python tools/messages.py --check
 	.venv/bin/python tools/make_error_page.py --check

@@ -1,7 +1,7 @@
 """Measure when the arm of a virtual RC8 stops after a client is lost: the table of docs/howto/lost-clients.md.
 
-A client starts six long motions without waiting for them, and is then lost. The time is measured from the loss to
-standstill. The unplugged cable is simulated with network namespaces, which requires root.
+A client starts six long motions without waiting for them, or one that it waits for, and is then lost. The time is
+measured from the loss to standstill. The unplugged cable is simulated with network namespaces, which requires root.
 """
 
 from __future__ import annotations
@@ -37,6 +37,16 @@ if len(sys.argv) > 3 and os.fork() == 0:
     time.sleep(300)
 print("moving", flush=True)
 time.sleep(300)
+"""
+WAITING = """
+import orinkit, sys
+options = eval(sys.argv[2])
+controller = orinkit.connect(sys.argv[1], **options)
+robot = controller.robot("Arm")
+robot.execute("TakeArm", [0, 0])
+robot.execute("ExtSpeed", [5.0])
+print("moving", flush=True)
+robot.move("J(140, 45, 90, 0, 45, 0)")
 """
 CURL = """
 import subprocess, sys, time
@@ -99,9 +109,15 @@ LOSSES = [
     Loss("TCP: process killed, a forked child lives on", TCP, kill, more=("fork",)),
     Loss("TCP: process stopped", TCP, stop),
     Loss("TCP: process stopped, `alive=1.0`", TCP, stop, '{"alive": 1.0}'),
-    Loss("UDP: process killed or stopped", UDP, kill),
-    Loss("serial line: process killed or stopped", "pty://", kill),
+    Loss("UDP, no call in progress: process killed or stopped", UDP, kill),
+    Loss("UDP, in a call that waits for a motion: process killed or stopped", UDP, kill, program=WAITING),
+    Loss("the same, `alive=1.0`", UDP, kill, '{"alive": 1.0}', program=WAITING),
+    Loss("serial line, no call in progress: process killed or stopped", "pty://", kill),
+    Loss("serial line, in a call that waits for a motion: process killed or stopped", "pty://", kill, program=WAITING),
+    Loss("the same, `alive=1.0`", "pty://", kill, '{"alive": 1.0}', program=WAITING),
     Loss("HTTP with a cookie: process killed", HTTP, kill),
+    Loss("HTTP with a cookie: process stopped", HTTP, stop),
+    Loss("the same, `alive=1.0`", HTTP, stop, '{"alive": 1.0}'),
     Loss("HTTP without a cookie (curl, PLC): no further request", HTTP, nothing, program=CURL),
     Loss("TCP behind a gateway: process killed", TCP, kill, gateway=True),
     Loss("UDP behind a gateway: process killed or stopped", UDP, kill, gateway=True),
@@ -213,7 +229,7 @@ def pulled() -> tuple[float | None, float]:
 def row(text: str, result: tuple[float | None, float]) -> None:
     """Print a row of the table."""
     seconds, degrees = result
-    standstill = "not stopped: all motions are completed" if seconds is None else f"{seconds:.2f} s"
+    standstill = "not stopped: the motions are completed" if seconds is None else f"{seconds:.2f} s"
     print(f"| {text} | {standstill} | {degrees:.1f} |", flush=True)
 
 

@@ -87,7 +87,7 @@ def main(arguments: list[str]) -> int:
     if "--check" not in arguments:
         PAGE.write_text(text, encoding="utf-8")
     elif not PAGE.exists() or PAGE.read_text(encoding="utf-8") != text:
-        print(f"{PAGE.relative_to(ROOT)} is out of date. Try: python tools/make_error_page.py")
+        print(f"{PAGE.relative_to(ROOT)} is out of date. Try: make codes")
         return 1
     return 0
 

@@ -133,7 +133,7 @@ def main() -> int:
         print(f"make_sync: {unused} no longer occur; remove them from the table", file=sys.stderr)
         return 1
     if stale and "--check" in sys.argv[1:]:
-        print(f"{', '.join(stale)}: out of date; run python tools/make_sync.py", file=sys.stderr)
+        print(f"{', '.join(stale)}: out of date. Try: make sync", file=sys.stderr)
         return 1
     return 0
 

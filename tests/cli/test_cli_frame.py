@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -13,6 +14,7 @@ import sys
 import pytest
 
 import orinkit
+from orinkit.cli._shared.help import wrapped
 from orinkit.cli.app import build
 from orinkit.core import i18n
 
@@ -119,6 +121,77 @@ def test_every_help_text_changes_with_the_language():
     english = texts()
     i18n.use("ja")
     assert not english & texts()
+
+
+PAGES = [
+    *COMMANDS, "serve rc8", "serve ve026a", "serve abh3", "serve device", "abh3 monitor", "abh3 decode", "abh3 dbc", "abh3 drive",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, dict[str, str]]:
+    """The help pages by language and command; a process shows those of its language."""
+    script = """
+from contextlib import redirect_stdout
+from io import StringIO
+from orinkit.cli.app import main
+import json, sys
+pages = {}
+for command in sys.argv[1:]:
+    with redirect_stdout(StringIO()) as out:
+        main([*command.split(), "--help"])
+    pages[command] = out.getvalue()
+print(json.dumps(pages))
+"""
+    return {
+        language: json.loads(
+            subprocess.run(
+                [sys.executable, "-c", script, *PAGES], capture_output=True, encoding="utf-8", check=True,
+                env={**os.environ, "ORINKIT_LANG": language, "COLUMNS": "100"},
+            ).stdout
+        )
+        for language in ("en", "ja")
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("language", ["en", "ja"])
+@pytest.mark.parametrize("command", PAGES)
+def test_the_usage_names_the_arguments_as_the_page_does(pages, command, language):
+    usage, _, page = pages[language][command].partition("\n")
+    arguments = set(re.findall(r"(?<!-)\b[A-Z]+\b", usage)) - {"S", "N"}  # --seconds S, --ay N
+    assert arguments <= set(re.findall(r"\b[A-Z]+\b", page)) | {"COMMAND", "OPTIONS"}
+    assert not re.search(r"--\w+ \[OPTIONS\]", usage)  # an option without its value
+
+
+@pytest.mark.parametrize("command", PAGES)
+def test_the_sections_of_a_page_have_the_same_order_in_both_languages(pages, command):
+    english, japanese = (re.findall(r"^╭─ (.+?) ─", pages[each][command], re.MULTILINE) for each in ("en", "ja"))
+    assert japanese == [i18n.translate("ja", title) for title in english]
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("あいうえおかきく", ["あいうえお", "かきく"]),
+        ("あいうえお、かきく", ["あいうえ", "お、かきく"]),  # no punctuation mark at the beginning of a line
+        ("あいうえ「おかき」く", ["あいうえ", "「おかき」", "く"]),
+        ("あい robot うえお", ["あい robot", "うえお"]),
+        ("あいうrobot えお", ["あいう", "robot えお"]),  # a word is not divided
+        ("あいうえ (おかき)、く", ["あいうえ", "(おかき)、", "く"]),
+        ("あいう [値: x]", ["あいう", "[値: x]"]),  # neither is a note
+        ("あいう\nえ", ["あいう", "え"]),
+        ("", [""]),
+    ],
+)
+def test_the_lines_of_japanese_text(text, lines):
+    assert wrapped(text, 10) == lines
+
+
+def test_lines_of_a_japanese_page_are_full(pages):
+    """Rich alone breaks lines at spaces only, which leaves most of them half empty."""
+    page = pages["ja"]["serve rc8"]
+    assert "--control-secret-file  --control のシークレットのファイル。なければ新しいシークレットで生成し、" in page
+    assert "[選択肢: rc8, ve026a]" in pages["ja"]["demo"]
 
 
 def test_help_does_not_load_modules_of_commands(program):

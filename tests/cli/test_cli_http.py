@@ -11,7 +11,7 @@ import orinkit
 from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.serving import ServerListenAddresses, ServerOptions, _urls, _warnings
 from orinkit.core import i18n
-from orinkit.core.errors import ConnectFailed, InvalidAddress, ProtocolError
+from orinkit.core.errors import ConnectFailed, InvalidAddress, InvalidValue, ProtocolError
 from orinkit.gateway import RemoteProvider
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
@@ -67,10 +67,48 @@ def test_a_token_file_that_others_can_read(tmp_path):
     for mode in (0o644, 0o640, 0o602):
         file.chmod(mode)
         (warning,) = _warnings(listening)
-        assert f"--token-file {file}: other accounts can read or change the file. Try: chmod 600" in warning
+        text = f"--token-file {file}: other accounts can access the file (mode {mode:o}). Try: chmod 600 {file}"
+        assert warning == f"orinkit: warning: {text}"
     i18n.use("ja")
     (warning,) = _warnings(listening)
-    assert "他のアカウントから読み書きできるファイルです" in warning
+    assert "他のアカウントがアクセスできるファイルです (モード 602)" in warning
+
+
+def test_a_private_key_that_others_can_read(tmp_path):
+    key, cert, both = (tmp_path / name for name in ("key.pem", "cert.pem", "both.pem"))
+    key.write_bytes(KEY.read_bytes())
+    cert.write_bytes(CERTIFICATE.read_bytes())
+    both.write_bytes(CERTIFICATE.read_bytes() + KEY.read_bytes())
+
+    def warnings(**files: str) -> list[str]:
+        return list(_warnings(ServerOptions(ServerListenAddresses(http=("8080",)), HttpServerOptions(**files))))
+
+    for file in (key, cert, both):
+        file.chmod(0o644)
+    (warning,) = warnings(cert=str(cert), key=str(key))  # anyone may read the certificate
+    assert warning.startswith(f"orinkit: warning: --key {key}: other accounts can access the file (mode 644)")
+    (warning,) = warnings(cert=str(both))
+    assert warning.startswith(f"orinkit: warning: --cert {both}: other accounts can access the file (mode 644)")
+    for file in (key, both):
+        file.chmod(0o600)
+    assert warnings(cert=str(cert), key=str(key)) == warnings(cert=str(both)) == []
+
+
+def test_clients_warn_about_a_token_file_that_others_can_read(run, refused, rc8, url, tmp_path):
+    file = tmp_path / "token"
+    file.write_text("0123456789abcdef")
+    with orinkit.serve(rc8, "http://127.0.0.1:0", http=HttpOptions(token=file.read_text())) as server:
+        file.chmod(0o600)
+        assert run("get", server.url, "I1", "--token-file", str(file)).err == ""
+        file.chmod(0o644)
+        done = run("get", server.url, "I1", "--token-file", str(file))
+    assert (done.code, done.out) == (0, "0\n")
+    assert done.err.startswith(f"orinkit: warning: --token-file {file}: other accounts can access the file (mode 644)")
+    done = run("gateway", "--upstream", url, "--tcp", "192.0.2.1:1", "--upstream-token-file", str(file))
+    assert f"orinkit: warning: --upstream-token-file {file}: other accounts" in done.err
+    file.write_text("")
+    message = refused("gateway", "--upstream", url, "--upstream-token-file", str(file), code=2)
+    assert message == f"--upstream-token-file {file}: the file does not contain a token"
 
 
 def test_a_token_does_not_protect_b_cap():
@@ -145,6 +183,22 @@ def test_certificates_that_cannot_be_used(rc8, tmp_path):
         assert "--key" in str(caught.value)
 
 
+def test_http_to_a_server_with_tls(rc8, refused):
+    options = HttpOptions(cert=str(CERTIFICATE), key=str(KEY))
+    with orinkit.serve(rc8, "https://127.0.0.1:0", http=options) as server:
+        plain = server.url.replace("https:", "http:")
+        message = refused("get", plain, "I1")
+    assert (
+        message
+        == f"{plain}: the server closed the connection without a reply. Try: {server.url}, if the server uses TLS"
+    )
+
+
+def test_a_token_with_the_line_feed_of_its_file():
+    with pytest.raises(InvalidValue, match=r"no line feed at the end\. Try: Path\(\.\.\.\)\.read_text\(\)\.strip\(\)"):
+        HttpOptions(token="0123456789abcdef\n")
+
+
 def test_a_certificate_without_its_key(refused):
     message = refused("serve", "rc8", "--http", "0", "--cert", str(CERTIFICATE))
     assert message.startswith(f"cannot listen on https://127.0.0.1:0: {CERTIFICATE} contains no private key")
@@ -159,6 +213,10 @@ def test_hints_name_the_options_too(name):
     i18n.use(name)
     refusal = HttpServerInfo(ADDRESS, Credentials(), 1000).refusal(401, [], b"", 10)
     assert "token= (--token-file)" in str(refusal)
+    with_token = HttpServerInfo(ADDRESS, Credentials("0123456789abcdef"), 1000)
+    wrong = with_token.refusal(401, [], b"a token is required (Authorization: Bearer ...)", 10)
+    assert "a token is required" not in str(wrong)  # that applies to clients without a token
+    assert "token= (--token-file)" in str(wrong)
     assert "cafile= (--cafile)" in str(tls_failed(ADDRESS, OSError("x")))
     assert "--cafile" in str(no_certificates("x.pem", OSError("x")))
 

@@ -109,7 +109,8 @@ def test_a_record(run, rc8, url, tmp_path):
         (["here"], "column 1"),
         (["P1", "--mark", "E"], 'a pass mark ("@P", "@E"'),
         (["@E P1", "--mark", "@E"], "pass mark"),
-        (["P1", "--speed", "0"], "speed"),
+        (["P1", "--speed", "0"], "--speed must be above 0 and at most 100, not 0.0"),
+        (["P1", "--timeout", "0"], "--timeout must be a number of seconds above 0"),
         (["P1", "--speed", "nan"], "speed"),
         (["P1", "--speed", "fast"], "'fast'"),
         (["P1", "--record", "/no/such/directory/x.csv"], "the directory /no/such/directory does not exist"),
@@ -241,6 +242,17 @@ def test_the_server_is_asked_to_watch_the_command(run, url, argv, sent):
     trace = run("move", url, POSE, "--trace", *argv).err
     assert "Service_Start(" in trace
     assert re.findall(r"Service_Start\(.*Alive=(\d+)", trace) == sent
+
+
+@pytest.mark.parametrize("seconds", ["-1", "0.2", "3601", "nan"])
+def test_seconds_without_signs_of_life_that_cannot_be_used(refused, url, seconds):
+    line = refused("move", url, POSE, "--alive", seconds, code=2)
+    assert line == f"--alive must be 0 or 0.3 to 3600 s, not {float(seconds)}"
+
+
+def test_the_help_states_the_range_of_alive(run):
+    page = " ".join(run("move", "--help").out.replace("│", " ").split())
+    assert "0.3 to 3600, or 0:" in page
 
 
 def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -203,17 +204,19 @@ def test_actions_that_the_controller_refuses(refused, control):
 
 
 @pytest.mark.parametrize(
-    ("words", "form"),
+    ("words", "form", "reason"),
     [
-        (["token", "me"], "token any|tp|io|ethernet[:ADDRESS]"),
-        (["error", "NO_SUCH_ERROR"], "error NAME|0xCODE [MESSAGE]"),
-        (["workpiece", "31"], "workpiece WIDTH|none"),
-        (["jog", "7", "1"], "jog AXIS DISTANCE [--wait]"),
+        (["token", "me"], "token any|tp|io|ethernet[:ADDRESS]", "unknown executable token 'me'"),
+        (["error", "NO_SUCH_ERROR"], "error NAME|0xCODE [MESSAGE]", "NO_SUCH_ERROR"),
+        (["workpiece", "31"], "workpiece WIDTH|none", "31"),
+        (["jog", "7", "1"], "jog AXIS DISTANCE [--wait]", "7"),
     ],
 )
-def test_arguments_that_the_controller_refuses(words, form, refused, control):
+def test_arguments_that_the_controller_refuses(words, form, reason, refused, control):
     message = refused("pendant", control, *words)
-    assert "0x80070057 E_INVALIDARG: " in message
+    before, _, detail = message.partition("0x80070057 E_INVALIDARG: ")
+    assert before
+    assert re.search(rf"\[[^]]*{reason}[^]]*\]\. Try: ", detail)  # the server's reason, requested after the error
     assert message.endswith(f"usage: {form}")
 
 
@@ -330,10 +333,13 @@ def test_files_that_cannot_be_used(refused, tmp_path, control):
     file.chmod(0o644)
     for command in (("pendant", control, "status"), ("serve", "rc8", "--control", "127.0.0.1:0")):
         message = refused(*command, "--control-secret-file", str(file), code=2)
-        assert (
-            message
-            == f"--control-secret-file {file}: other accounts can read or change the file. Try: chmod 600 {file}"
-        )
+        expected = f"--control-secret-file {file}: other accounts can access the file (mode 644). Try: chmod 600 {file}"
+        assert message == expected
+    if os.getuid() == 0:
+        file.chmod(0o600)
+        os.chown(file, 65534, 65534)
+        message = refused("pendant", control, "status", "--control-secret-file", str(file), code=2)
+        assert message.startswith(f"--control-secret-file {file}: the file belongs to another account")
     message = refused("serve", "rc8", "--control-secret-file", str(file), code=2)
     assert message == "--control-secret-file requires --control HOST:PORT"
 
@@ -465,6 +471,8 @@ def test_a_control_port_that_is_taken(refused):
         (["--joints", "0 nan 90"], "not of the form"),
         (["--joints", ""], "not of the form"),
         (["--joints", "0,0,0,0,0,0,0"], "is not valid for VS-050"),
+        (["--joints", "1,2"], "joint position 1, 2 is not valid for VS-050. Try: 6 joints within their limits"),
+        (["--joints", "J(1, 2)"], "joint position 1, 2 is not valid for VS-050. Try: 6 joints within their limits"),
         (["--joints", "1e300,0,0,0,0,0"], "is not valid for VS-050"),
         (["--time-scale", "0"], "the time scale must be positive"),
         (["--time-scale", "nan"], "the time scale must be positive"),

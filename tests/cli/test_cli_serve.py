@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
@@ -140,26 +141,47 @@ def test_variables_are_stored_in_the_state_directory(serve, tmp_path, refused):
         assert controller.variable("S1").value == "kept"
 
 
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("en", "other accounts can access the directory (mode 755). Try: chmod 700 {state}"),
+        ("ja", "他のアカウントがアクセスできるディレクトリです (モード 755)。対処: chmod 700 {state}"),
+    ],
+)
+def test_a_state_directory_that_others_can_access(serve, tmp_path, monkeypatch, language, words):
+    """The warning is a record of the log, with its time, in the language of the user."""
+    state = tmp_path / "state"
+    state.mkdir()
+    state.chmod(0o755)
+    monkeypatch.setenv("ORINKIT_LANG", language)
+    process, _ = serve("--state", str(state))
+    _, errors = stop(process, signal.SIGTERM)[1:]
+    (line,) = [line for line in errors.splitlines() if "755" in line]
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d [\d:,]+ WARNING orinkit\.\S+: .*", line)
+    assert line.endswith(f": {state}: {words.format(state=state)}")
+
+
 def test_a_port_that_is_taken(refused):
     with orinkit.serve(orinkit.Provider(), "tcp://127.0.0.1:0") as server:
         message = refused("serve", "rc8", "--tcp", server.url)
     assert message.startswith(f"cannot listen on {server.url}: ")
+    assert message.endswith(". Try: use another port, or port 0 for a free one")
 
 
-def test_a_warning_if_other_machines_can_connect(run):
-    done = run("serve", "rc8", "--tcp", "192.0.2.1:5007")  # an address that does not exist
-    assert done.code == 1
-    warning, error = done.err.splitlines()
-    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 is reachable from other machines")
-    assert error.startswith("orinkit: cannot listen on tcp://192.0.2.1:5007")
+@pytest.mark.parametrize("option", ["--tcp", "--udp"])
+def test_a_warning_if_other_machines_can_connect(serve, option):
+    process, _ = serve(where=(option, "0.0.0.0:0"))
+    _, errors = stop(process, signal.SIGTERM)[1:]
+    assert "orinkit: warning: 0.0.0.0:0 is reachable from other machines, and b-CAP has no authentication" in errors
 
 
-def test_the_warning_is_for_udp_too(run):
-    done = run("serve", "rc8", "--udp", "192.0.2.1:5007")
-    assert done.code == 1
-    warning, error = done.err.splitlines()
-    assert warning.startswith("orinkit: warning: 192.0.2.1:5007 is reachable from other machines")
-    assert error.startswith("orinkit: cannot listen on udp://192.0.2.1:5007")
+@pytest.mark.parametrize("option", ["--tcp", "--udp"])
+@pytest.mark.parametrize("host", ["192.0.2.1", "nowhere.invalid"])
+def test_an_address_of_another_machine(refused, option, host):
+    """Nobody can reach it, so there is no warning."""
+    message = refused("serve", "rc8", option, f"{host}:5007")
+    assert message.startswith(f"cannot listen on {option[2:]}://{host}:5007: ")
+    assert message.endswith(". Try: HOST:PORT with an address of this machine")
 
 
 def test_a_serial_port_that_does_not_exist(refused):
@@ -195,6 +217,7 @@ def test_is_loopback(host, expected):
         (["--clients", "0"], "--clients must be 1 or more, not 0"),
         (["--objects", "0"], "--objects must be 1 or more, not 0"),
         (["--alive", "0.1"], "--alive must be 0.5 to 3600 s, not 0.1"),
+        (["--http", "0", "--http-idle", "0"], "--http-idle must be 0.1 to 86400 s, not 0.0"),
         (["--dead-after", "1"], "--dead-after must be 2 to 7200 s, not 1.0"),
     ],
 )

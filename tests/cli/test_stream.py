@@ -7,6 +7,7 @@ import json
 import math
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -26,7 +27,8 @@ from orinkit.streaming.recording.samples import Sample
 from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
-from support.waiting import until
+from support.stopping import stopped
+from support.waiting import PATIENCE, until
 
 PERIOD = 0.008
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
@@ -220,7 +222,7 @@ def test_an_error_during_the_stream(refused, rc8, url, when, tmp_path):
         (["wave.csv", "--mode", "1.5"], "'1.5'"),
         (["wave.csv", "--pose", "X"], "J, P or T"),
         (["wave.csv", "--pose", "p"], "type J, expected P"),
-        (["wave.csv", "--speed", "0"], "speed"),
+        (["wave.csv", "--speed", "0"], "--speed must be 0.1 to 100, not 0.0"),
         (["wave.csv", "--speed", "nan"], "speed"),
         (["wave.csv", "--model", "VS-999"], "no such robot model"),
         (["wave.csv", "--record", "run.txt"], ".csv or .mcap"),
@@ -238,6 +240,44 @@ def test_a_command_line_that_cannot_be_used(refused, rc8, url, tmp_path, monkeyp
     assert status(rc8, "arm_holder", "moving") == ["", False]
 
 
+def test_http_is_refused_before_anything_moves(refused, run, tmp_path):
+    """``--move`` would have moved the arm, and only then slave mode would have been refused."""
+    device = VirtualRC8(language="en")
+    file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
+    with orinkit.serve(device, "http://127.0.0.1:0") as server:
+        line = refused("stream", server.url, file, "--move", code=2)
+        expected = f"slave mode requires b-CAP; {server.url} uses e-CAP. Try: tcp://, udp://, serial://"
+        assert line.rstrip("/") == expected.rstrip("/")
+        assert status(device, "motor", "arm_holder") == ["off", ""]
+        assert joints(device) == pytest.approx(HOME)
+    page = run("stream", "--help").out
+    assert "tcp://" in page
+    assert "http" not in page.partition("TRAJECTORY")[0].partition("URL")[2]
+    device.close()
+
+
+def test_a_command_that_is_suspended(program, tmp_path):
+    """The message names an option of the command, not a method of the library."""
+    device = VirtualRC8(motor=True, language="en")
+    file = write(tmp_path / "long.csv", wave(20.0, 60.0))
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        process = subprocess.Popen([*program, "stream", server.url, file], stderr=subprocess.PIPE, text=True)
+        try:
+            until(lambda: joints(device)[0] > 1)
+            with stopped(process.pid):
+                until(lambda: status(device, "slave_mode", "moving") == [0, False])
+            _, errors = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.wait()
+    assert process.returncode == 1
+    assert errors == (
+        "orinkit: this program was stopped (SIGSTOP), so the arm was stopped and slave mode was ended. "
+        "Try: run the command again, with --move\n"
+    )
+    device.close()
+
+
 def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):
     file = write(tmp_path / "away.csv", wave(home=(3.0, *HOME[1:])))
     monkeypatch.setenv("FORCE_COLOR", "1")
@@ -252,6 +292,7 @@ def test_a_terminal_shows_a_progress_bar(run, rc8, url, monkeypatch, tmp_path):
 def test_in_japanese(run, refused, url, file, tmp_path):
     i18n.use("ja")
     out = run("stream", url, file).out
+    assert "; " not in out  # a separator of English lists
     for words in ("目標値", "送信間隔", "バッファ枯渇", "最大偏差", "51 個"):
         assert words in out
     assert "--move" in refused("stream", url, write(tmp_path / "a.csv", wave(home=(3.0, *HOME[1:]))), code=2)

@@ -245,8 +245,8 @@ def test_a_stream_of_set_points_needs_b_cap() -> None:
         controller.robot() as robot,
         robot.arm(),
     ):
-        with pytest.raises(StreamError, match="tcp://"), robot.slave_mode():
-            pass
+        with pytest.raises(StreamError, match=r"requires b-CAP; http:// uses e-CAP\. Try: tcp://"):
+            robot.slave_mode()  # before anything is sent
         assert robot.joints  # the connection stays usable
 
 

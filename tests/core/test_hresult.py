@@ -474,3 +474,9 @@ def test_numbers_of_the_older_controller():
 def test_a_user_defined_code_needs_no_hint():
     code = ReturnCode(0x80040201, "MY_ERROR", "Out of paper", "用紙切れ")
     assert (code.hint, code.rc7, code.family, code.level, code.failed) == ("", "", CodeFamily.USER, 0, True)
+
+
+def test_the_remedy_of_a_missing_arm_also_suits_the_call_that_takes_it() -> None:
+    info = lookup(0x83501024)  # returned by TakeArm if another client holds the arm
+    assert info.hint_en.startswith("If another client or program holds the arm semaphore, ")
+    assert info.hint_ja.startswith("他のクライアントやプログラムがアームセマフォを取得している場合")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 
@@ -100,7 +101,7 @@ def test_single_precision():
         (lambda: check_amount("x", 0, 3600000), "x must be above 0 and at most 3600000, not 0"),
         (lambda: check_seconds("x", 0), "x must be a number of seconds above 0 and up to 3600, not 0"),
         (lambda: check_seconds("x", 11, 10), "x must be a number of seconds above 0 and up to 10, not 11"),
-        (lambda: check_range("x", 1, 2.0, 7200.0, "s"), "x must be 2 to 7200 s, not 1"),
+        (lambda: check_range("x", 1, 2.0, 7200.0, seconds=True), "x must be 2 to 7200 s, not 1"),
         (lambda: check_range("x", 1.5, 0, 1), "x must be 0 to 1, not 1.5"),
         (lambda: check_whole("x", 2**32, 2**32 - 1), "x must be 0 to 4294967295, not 4294967296"),
         (lambda: check_whole("x", 0, 7, 1), "x must be 1 to 7, not 0"),
@@ -114,6 +115,14 @@ def test_messages(check, message):
     with pytest.raises(InvalidValue) as caught:
         check()
     assert str(caught.value) not in (message, "")
+
+
+def test_ranges_in_japanese():
+    i18n.use("ja")
+    with pytest.raises(InvalidValue, match=re.escape("alive は 0.3～3600 秒の範囲で指定してください (指定値: 0.1)")):
+        check_range("alive", 0.1, 0.3, 3600, seconds=True)
+    with pytest.raises(InvalidValue, match=re.escape("speed は 0.1～100 の範囲で指定してください (指定値: 0)")):
+        check_range("speed", 0, 0.1, 100)
 
 
 def test_a_value_in_a_message():

@@ -14,6 +14,7 @@ from support import paths
 
 pytest.importorskip("babel", reason="the tools need the development packages")
 
+PO = "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
 MESSAGE = (
     'from orinkit.core.i18n import tr\n\n\ndef refusal(name: str) -> str:\n    """Return a message."""\n    return {}\n'
 )
@@ -30,17 +31,34 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("repository")
     for folder in ("src", "tools"):
         shutil.copytree(paths.ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(paths.ROOT / "pyproject.toml", root)  # the settings of ruff
     return root
 
 
 @pytest.fixture
 def planted(copy: Path) -> Path:
     """A module for faults; the catalogue is restored afterwards."""
-    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
-    before = catalogue.read_text(encoding="utf-8")
+    catalogue = copy / PO
+    before = {path: path.read_bytes() for path in (catalogue, catalogue.with_suffix(".mo"))}
     yield copy / "src/orinkit/core/planted.py"
     (copy / "src/orinkit/core/planted.py").unlink(missing_ok=True)
-    catalogue.write_text(before, encoding="utf-8")
+    for path, content in before.items():
+        path.write_bytes(content)
+
+
+def update_messages(copy: Path, *, code: int = 0) -> str:
+    result = run("messages.py", copy)
+    assert (result.returncode, result.stderr) == (code, "")
+    return result.stdout
+
+
+def translate(copy: Path, message: str, translation: str) -> None:
+    """Write the translation of a message into the catalogue, as a translator does."""
+    catalogue = copy / PO
+    text = catalogue.read_text(encoding="utf-8")
+    changed = re.sub(rf'(msgid "{re.escape(message)}"\n)msgstr ".*"', rf'\1msgstr "{translation}"', text)
+    assert changed != text
+    catalogue.write_text(changed, encoding="utf-8")
 
 
 def check_messages(copy: Path) -> str:
@@ -59,19 +77,69 @@ def test_an_untranslated_message(copy: Path, planted: Path) -> None:
     assert "the gripper {name} is not calibrated" in check_messages(copy)
 
 
+def test_the_way_of_a_message(copy: Path, planted: Path) -> None:
+    """Each step names the next one; no translation is lost silently."""
+    message, japanese = "the gripper {name} is not calibrated", "グリッパ {name} は校正されていません"
+    catalogue, compiled = copy / PO, (copy / PO).with_suffix(".mo")
+    planted.write_text(MESSAGE.format(f'tr("{message}", name=name)'), encoding="utf-8")
+    assert f"Try: make messages; then write the msgstr in {PO}; then make messages" in check_messages(copy)
+    assert f"untranslated: '{message}' (src/orinkit/core/planted.py). Try: write the msgstr" in update_messages(copy)
+
+    before = compiled.read_bytes()
+    translate(copy, message, "グリッパ {nmae} は校正されていません")
+    listed = update_messages(copy, code=1)
+    assert listed.startswith(f"placeholders differ: '{message}' (src/orinkit/core/planted.py)")
+    assert f"Try: correct the msgstr in {PO}; then make messages" in listed
+    assert compiled.read_bytes() == before
+    translate(copy, message, japanese)
+    assert update_messages(copy) == ""
+    assert compiled.read_bytes() != before
+
+    changed = message.replace("gripper", "hand")
+    planted.write_text(MESSAGE.format(f'tr("{changed}", name=name)'), encoding="utf-8")
+    listed = update_messages(copy)
+    assert listed.startswith(f"to be revised, because the English text was changed: '{changed}'")
+    assert japanese in listed
+    assert listed.strip() in check_messages(copy)
+    text = catalogue.read_text(encoding="utf-8")
+    assert f"# the English text was: {message}\n" in text
+    catalogue.write_text(text.replace("#, fuzzy\n", ""), encoding="utf-8")
+    translate(copy, changed, "ハンド {name} は校正されていません")
+    assert update_messages(copy) == ""
+    assert "the English text was" not in catalogue.read_text(encoding="utf-8")
+
+    planted.unlink()
+    assert update_messages(copy) == f"translation removed: '{changed}' -> 'ハンド {{name}} は校正されていません'\n"
+    assert check_messages(copy) == ""
+
+
 def test_a_stale_message(copy: Path, planted: Path) -> None:
-    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
+    catalogue = copy / PO
     with catalogue.open("a", encoding="utf-8") as file:
         file.write('\nmsgid "nobody says this any longer"\nmsgstr "もう使われていません"\n')
-    assert "nobody says this any longer" in check_messages(copy)
+    assert "stale: 'nobody says this any longer'. Try: make messages" in check_messages(copy)
 
 
 def test_a_placeholder_mismatch(copy: Path, planted: Path) -> None:
-    catalogue = copy / "src/orinkit/locale/ja/LC_MESSAGES/orinkit.po"
+    catalogue = copy / PO
     planted.write_text(MESSAGE.format('tr("the gripper {name} is not calibrated", name=name)'), encoding="utf-8")
     with catalogue.open("a", encoding="utf-8") as file:
         file.write('\nmsgid "the gripper {name} is not calibrated"\nmsgstr "グリッパ {nmae} は校正されていません"\n')
     assert "the gripper {name} is not calibrated" in check_messages(copy)
+
+
+@pytest.mark.parametrize(
+    ("english", "japanese"),
+    [
+        ("the gripper is not calibrated. Try: calibrate it", "グリッパは校正されていません。校正してください"),
+        ("the gripper is not calibrated", "グリッパは校正されていません。対処: 校正してください"),
+    ],
+)
+def test_a_remedy_in_one_language(copy: Path, planted: Path, english: str, japanese: str) -> None:
+    planted.write_text(MESSAGE.format(f"tr({english!r})"), encoding="utf-8")
+    with (copy / PO).open("a", encoding="utf-8") as file:
+        file.write(f'\nmsgid "{english}"\nmsgstr "{japanese}"\n')
+    assert "without 対処:" in check_messages(copy)
 
 
 @pytest.mark.parametrize(
@@ -198,11 +266,23 @@ def test_a_stale_page_of_return_codes(copy: Path) -> None:
     before = rows.read_text(encoding="utf-8")
     try:
         rows.write_text(before.replace('"Not writable"', '"Read only"', 1), encoding="utf-8")
-        assert run("make_error_page.py", copy, "--check").returncode == 1
+        result = run("make_error_page.py", copy, "--check")
+        assert (result.returncode, result.stdout) == (1, "docs/error-codes.md is out of date. Try: make codes\n")
         assert run("make_error_page.py", copy).returncode == 0
     finally:
         rows.write_text(before, encoding="utf-8")
     assert "| `0x8000020A` | `E_CAO_NOT_WRITABLE` | Read only |" in page.read_text(encoding="utf-8")
+
+
+def test_a_stale_synchronous_client(copy: Path) -> None:
+    generated = copy / "src/orinkit/client/_sync/robot.py"
+    before = generated.read_text(encoding="utf-8")
+    generated.write_text(f"{before}# by hand\n", encoding="utf-8")
+    try:
+        result = run("make_sync.py", copy, "--check")
+    finally:
+        generated.write_text(before, encoding="utf-8")
+    assert (result.returncode, result.stderr) == (1, "robot.py: out of date. Try: make sync\n")
 
 
 def test_make_lint_runs_these_tools() -> None:

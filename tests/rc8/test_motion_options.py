@@ -115,7 +115,7 @@ def test_invalid_options(text, code, detail):
 def test_details_in_japanese():
     i18n.use("ja")
     for text, detail in [
-        ("FAST", f"'FAST' という動作オプションはありません。使えるのは {KNOWN} です"),
+        ("FAST", f"'FAST' という動作オプションはありません。対処: {KNOWN} のいずれかを指定してください"),
         ("SPEED=0", "SPEED=0: 0 は範囲外です (0 より大きく 100 以下)"),
     ]:
         with pytest.raises(CallError) as caught:

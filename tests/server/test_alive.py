@@ -148,6 +148,51 @@ def test_through_a_gateway() -> None:
             until(lambda: not arm.busy and arm.holder is None)
 
 
+def test_the_log_names_the_silent_client(caplog: pytest.LogCaptureFixture) -> None:
+    device = VirtualRC8(motor=True)
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server, program(server.url, "sync") as process:
+        until(lambda: device.state.arm.queue.joints[0] > 0.1)
+        name = _client(server).name
+        with stopped(process.pid):
+            until(lambda: not device.state.arm.busy)
+    assert f"{name}: silent for 1 s: its arm is stopped" in caplog.messages
+
+
+@pytest.mark.parametrize("monitored", [True, False])
+def test_silence_is_a_possible_cause_of_a_stop(both: Both, monitored: bool) -> None:
+    """A program that did not request ``alive`` is not told about it."""
+    device = VirtualRC8(motor=True)
+    arm = device.state.arm
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        rc8 = both.connect(server.url, alive=1.0 if monitored else None)
+        robot = both.run(rc8.robot("Arm"))
+        both.run(robot.execute("TakeArm", [0, 0]))
+        motion = both.run(robot.move(orinkit.J(150, 45, 90, 0, 45, 0), speed=1, wait=False))
+        until(lambda: arm.queue.joints[0] > 0.1)
+        if monitored:
+            both.run(_fall_silent(rc8.client, both))
+        else:
+            with device.guard:
+                arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+        until(lambda: not arm.busy)
+        with pytest.raises(CallError) as stop:
+            both.run(motion.wait())
+        assert "halted by another client or program" in stop.value.detail
+        assert ("by the server because this client was silent" in stop.value.detail) == monitored
+        assert "silence of the client" in str(stop.value)
+        both.run(rc8.close())
+
+
+def _fall_silent(client: Any, both: Both) -> Any:
+    """Stop the signs of life of a client, as if its program were suspended."""
+    client._pulse.end()
+    return _nothing() if both.loop is not None else None
+
+
+async def _nothing() -> None:
+    return None
+
+
 def _client(server: Server) -> Any:
     (client,) = server._server._context.open
     return client

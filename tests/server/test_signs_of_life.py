@@ -104,6 +104,24 @@ def test_a_program_is_killed(listen_at: str) -> None:
         until(arm.free)
 
 
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_killed_client_is_logged(listen_at: str, caplog: pytest.LogCaptureFixture, moving: bool) -> None:
+    """An operator learns from the log that an arm was stopped because its client was lost."""
+    caplog.set_level("INFO", "orinkit.server")
+    source = PROGRAM if moving else PROGRAM.replace("(150, -150) * 3", "()")
+    with cell(listen_at) as arm:
+        process = subprocess.Popen([sys.executable, "-c", source, arm.server.url], stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "moving\n"
+        process.kill()
+        process.communicate()
+        if moving:
+            until(arm.free)
+    logged = [(record.levelname, record.getMessage()) for record in caplog.records]
+    told = [level for level, text in logged if " disconnected while its arm moved" in text and "arm is stopped" in text]
+    assert told == (["WARNING"] if moving else [])
+
+
 @only("udp", "serial", because="over HTTP the connection ends")
 def test_silence_ends_a_client_whose_arm_moves(both: Both, listen_at: str) -> None:
     udp = listen_at.startswith("udp")

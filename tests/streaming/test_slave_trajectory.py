@@ -134,7 +134,7 @@ def test_a_set_point_that_is_none(row, kind, axis, words):
     i18n.use("ja")
     with pytest.raises(TrajectoryError) as japanese:
         read_trajectory([good, good, row], kind)
-    assert "サンプル 2 (0 から数えて)" in str(japanese.value)
+    assert "サンプル 2 (0 始まり)" in str(japanese.value)
 
 
 @pytest.mark.parametrize(

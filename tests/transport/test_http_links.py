@@ -308,12 +308,24 @@ def test_no_answer_at_all(ways: Ways, how: str) -> None:
 
     with HttpPeer(leaves) as peer:
         way = ways(peer)
-        if how == "close":
-            assert way.ask(b"x") == b""
-        else:
-            with pytest.raises(ConnectionLost):
-                way.ask(b"x")
+        with pytest.raises(ConnectionLost) as caught:
+            way.ask(b"x")
+        assert ("Try: https://" in str(caught.value)) == (how == "close")  # as a server with TLS does
         assert peer.bodies == [b"x"]
+
+
+def test_no_answer_after_another_one(ways: Ways) -> None:
+    """A server that has replied does not use TLS."""
+
+    def leaves(line: HttpLine) -> None:
+        line.send(reply(line.post().body))
+        line.post()
+        line.close()
+
+    with HttpPeer(leaves) as peer:
+        way = ways(peer)
+        assert way.ask(b"x") == b"x"
+        assert way.ask(b"y") == b""
 
 
 def test_a_connection_that_was_closed_while_idle_is_noticed(ways: Ways) -> None:
@@ -778,7 +790,8 @@ def test_a_status_that_is_an_error(ways: Ways, status: str, kind: type[OrinError
             way.ask(b"Func=1")
         assert type(caught.value) is kind
         assert str(caught.value).startswith(f"{peer.address} returned HTTP {status[:4]}")
-        assert ("(What the server says / 理由)" in str(caught.value)) is bool(body)
+        quoted = bool(body) and not status.startswith("401")  # the hint about the token describes the cause
+        assert ("(What the server says / 理由)" in str(caught.value)) is quoted
         assert "more" not in str(caught.value).replace("any more", "")
         i18n.use("ja")
         with pytest.raises(kind, match="の応答は HTTP"):

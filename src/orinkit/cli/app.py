@@ -74,19 +74,19 @@ def build() -> App:
         name="device",
         help=tr("Serve your own devices, written in Python."),
     )
-    app.command("orinkit.cli.demo.rc8:demo", name="demo", sort_key=1, help=tr("Run a client against a virtual RC8 or VE026A and explain every packet."))  # fmt: skip
+    app.command("orinkit.cli.demo.rc8:demo", name="demo", sort_key=1, usage="orinkit demo [OPTIONS] [DEVICE]", help=tr("Run a client against a virtual RC8 or VE026A and explain every packet."))  # fmt: skip
     app.command(serve)
     app.command(_command_of("get"), name="get", sort_key=3, help=tr("Read a variable of a controller."))  # fmt: skip
     app.command(_command_of("put"), name="put", sort_key=4, help=tr("Write a variable of a controller."))  # fmt: skip
     app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any of the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
     app.command(_command_of("info"), name="info", sort_key=6, help=tr("Show information about a controller and its state."))  # fmt: skip
     app.command(_command_of("decode"), name="decode", sort_key=7, help=tr("Explain b-CAP packets in hex, field by field."))  # fmt: skip
-    app.command(_command_of("functions"), name="functions", sort_key=8, help=tr("List the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
-    app.command(_command_of("pendant"), name="pendant", sort_key=9, help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
+    app.command(_command_of("functions"), name="functions", sort_key=8, usage="orinkit functions [OPTIONS] [FILTER]", help=tr("List the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
+    app.command(_command_of("pendant"), name="pendant", sort_key=9, usage="orinkit pendant [OPTIONS] URL ACTION [VALUE...]", help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
     app.command(_command_of("move"), name="move", sort_key=10, help=tr("Move a robot to a pose."))  # fmt: skip
     app.command(_command_of("stream"), name="stream", sort_key=11, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
     app.command(_command_of("plot"), name="plot", sort_key=12, help=tr("Plot a recorded motion."))  # fmt: skip
-    app.command(_command_of("gateway"), name="gateway", sort_key=13, help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
+    app.command(_command_of("gateway"), name="gateway", sort_key=13, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
     for each in (app, serve, abh3):

@@ -124,7 +124,16 @@ class ObjectReleased(OrinError):
 
 
 class StreamError(OrinError):
-    """Streaming in slave mode ended or could not start, for a reason other than an error of the controller."""
+    """Streaming in slave mode ended or could not start, for a reason other than an error of the controller.
+
+    Attributes:
+        reason: Why streaming ended: ``"stopped"`` (this program was stopped with SIGSTOP), ``"idle"`` (no set-points)
+            or ``"terminated"`` (the streaming process received SIGTERM); ``""`` for another reason.
+    """
+
+    def __init__(self, message: str = "", reason: str = "") -> None:
+        super().__init__(message)
+        self.reason = reason
 
 
 class CallTimeout(OrinError, TimeoutError):

@@ -149,7 +149,7 @@ def check_seconds(name: str, value: object, longest: float = 3600.0) -> float:
     return number
 
 
-def check_range(name: str, value: object, least: float, most: float, unit: str = "") -> float:
+def check_range(name: str, value: object, least: float, most: float, *, seconds: bool = False) -> float:
     """Return a number from ``least`` to ``most``.
 
     Args:
@@ -157,15 +157,25 @@ def check_range(name: str, value: object, least: float, most: float, unit: str =
         value: The number.
         least: The smallest allowed number.
         most: The largest allowed number.
-        unit: The unit, for the message.
+        seconds: True if the number is a time in s, for the message.
 
     Raises:
         InvalidValue: If the value is not a number in this range.
     """
     number = real(value)
-    if number is None or not least <= number <= most:
-        raise _out_of_range(name, value, f"{least:.10g}", f"{most:.10g} {unit}".rstrip())
-    return number
+    if number is not None and least <= number <= most:
+        return number
+    if seconds:
+        raise InvalidValue(
+            tr(
+                "{name} must be {least:.10g} to {most:.10g} s, not {value}",
+                name=name,
+                least=least,
+                most=most,
+                value=brief(value),
+            )
+        )
+    raise _out_of_range(name, value, f"{least:.10g}", f"{most:.10g}")
 
 
 def check_whole(name: str, value: object, most: int, least: int = 0) -> int:

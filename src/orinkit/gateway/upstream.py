@@ -122,10 +122,10 @@ class Upstream:
         access_to(address, self.token, self.cafile)
         resolve(row_of(address).aio_link)  # imports HTTP now, because the slow import would delay clients later
         dialect_of(self.dialect, self.url)
-        check_range("retry", self.retry, 0, _MAX_SECONDS, "s")
+        check_range("retry", self.retry, 0, _MAX_SECONDS, seconds=True)
         check_dead_after(self.dead_after)
         if self.keep_alive is not None:
-            check_range("keep_alive", self.keep_alive, 0, _MAX_SECONDS, "s")
+            check_range("keep_alive", self.keep_alive, 0, _MAX_SECONDS, seconds=True)
 
     @property
     def spoken(self) -> Dialect:

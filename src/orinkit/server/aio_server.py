@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from errno import EADDRNOTAVAIL
+from socket import gaierror
 from types import TracebackType
 from typing import Final, Self
 
@@ -160,6 +162,14 @@ async def _listen(address: AnyAddress, context: ServerContext, http: HttpOptions
 def _listen_failed(address: AnyAddress, error: Exception) -> ConnectFailed:
     if not hasattr(address, "port"):
         return ConnectFailed(tr("cannot listen on {address}: {error}", address=address, error=error))
+    if isinstance(error, gaierror | ValueError) or (isinstance(error, OSError) and error.errno == EADDRNOTAVAIL):
+        return ConnectFailed(
+            tr(
+                "cannot listen on {address}: {error}. Try: HOST:PORT with an address of this machine",
+                address=address,
+                error=error,
+            )
+        )
     return ConnectFailed(
         tr(
             "cannot listen on {address}: {error}. Try: use another port, or port 0 for a free one",

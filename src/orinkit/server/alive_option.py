@@ -22,4 +22,4 @@ def check_alive(seconds: float) -> float:
     Raises:
         InvalidValue: If the value is not a number from 0.5 to 3,600.
     """
-    return check_range("alive", seconds, _LEAST, _MOST, "s")
+    return check_range("alive", seconds, _LEAST, _MOST, seconds=True)

@@ -25,6 +25,10 @@ class MonitoredClient(Protocol):
     """A client that is monitored by a :class:`LivenessMonitor`."""
 
     @property
+    def name(self) -> str:
+        """The client's name in the log."""
+
+    @property
     def last_request_at(self) -> float:
         """The time of the last request or keep-alive, s."""
 
@@ -115,7 +119,7 @@ class LivenessMonitor:
             return until
         if not session.is_moving():
             return None
-        client.give_up(f"nothing received for {server_limit:g} s while its arm moves")
+        client.give_up(f"nothing received for {server_limit:g} s")
         return None
 
     def _check_client_limit(self, session: Session, now: float) -> float | None:
@@ -134,6 +138,21 @@ class LivenessMonitor:
             return None
         if self._stopped_at != heard and session.is_moving():
             self._stopped_at = heard
-            logger.warning("a client has been silent for %g s: its arm is stopped", client_limit)
+            logger.warning("%s: silent for %g s: its arm is stopped", client.name, client_limit)
             session.stop_moving()
         return min(now + client_limit, heard + max(GONE, client_limit))
+
+
+def log_disconnected(session: Session, name: str, reason: object = None) -> None:
+    """Log that a client has disconnected; a warning if its arm moves, because closing the session stops the arm.
+
+    Args:
+        session: the client's objects, which have not been released yet.
+        name: the client's name in the log.
+        reason: the reason for the disconnection, for the log.
+    """
+    because = f": {reason}" if reason else ""
+    if session.is_moving():
+        logger.warning("%s disconnected while its arm moved%s; the arm is stopped", name, because)
+    else:
+        logger.info("%s disconnected%s", name, because)

@@ -19,7 +19,7 @@ from orinkit.core import hresult
 from orinkit.server.call_runner import result_of
 from orinkit.server.context import ServerContext
 from orinkit.server.large_values import is_large
-from orinkit.server.liveness import LivenessMonitor
+from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
 from orinkit.values.variant import Variant
@@ -101,7 +101,7 @@ class Peer(ABC):
             task.cancel()
         if session is not None:
             before = CLIENT.set(self._host)  # the server may close the session from another context
-            logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
+            log_disconnected(session, self._name, reason)
             session.close()
             CLIENT.reset(before)
 
@@ -124,6 +124,11 @@ class Peer(ABC):
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
     default_silence_limit: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The client's name in the log."""
+        return self._name
 
     @property
     def last_request_at(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orinkit.core.errors import InvalidAddress, StreamError
 from orinkit.core.i18n import tr
-from orinkit.transport.registry import AnyAddress, LinkOptions, Transport, find, resolve, row_of
+from orinkit.transport.registry import AnyAddress, LinkOptions, Transport, find, resolve, row_of, rows
 from orinkit.transport.runner import Link
 
 
@@ -24,19 +24,34 @@ def open_link(address: AnyAddress, opening: LinkOptions) -> Link:
 
 
 def require_handover(kind: str) -> Transport:
-    """Return the transport of a link that another process is to take over.
+    """Return the transport of a link that another process, the streaming process, is to take over.
 
     Args:
         kind: The name of the link's profile: ``"tcp"``, ``"udp"``, ``"serial"``, or the name of a profile of another
             package.
 
     Raises:
-        StreamError: If another process cannot take over links of this transport.
+        StreamError: If another process cannot take over links of this transport, so that slave mode is not available.
     """
     row = find(kind)
     if row is None or not row.adopt:
-        raise StreamError(tr("a connection over {kind} cannot be handed over to another process", kind=kind))
+        raise StreamError(no_slave_mode(kind))
     return row
+
+
+def no_slave_mode(kind: str, address: str = "") -> str:
+    """Return the message for a transport that does not support slave mode.
+
+    Args:
+        kind: The scheme of the transport, or the name of its profile.
+        address: The address of the controller; by default the scheme.
+    """
+    row = find(kind)
+    others = ", ".join(f"{row.scheme}://" for row in rows() if row.adopt)
+    shown = address or f"{kind}://"
+    if row is not None and row.http:
+        return tr("slave mode requires b-CAP; {address} uses e-CAP. Try: {others}", address=shown, others=others)
+    return tr("slave mode is not available over {address}. Try: {others}", address=shown, others=others)
 
 
 def adopt(kind: str, descriptor: int) -> Link:

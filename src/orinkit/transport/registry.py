@@ -243,9 +243,13 @@ def aliases() -> tuple[str, ...]:
     return tuple(row.scheme for row in rows() if row.alias)
 
 
-def examples() -> str:
-    """Return an example address of each transport that a client can use, for messages."""
-    return ", ".join(row.example for row in rows() if row.link)
+def examples(*, slave_mode: bool = False) -> str:
+    """Return an example address of each transport that a client can use, for messages.
+
+    Args:
+        slave_mode: True to return only transports that support slave mode.
+    """
+    return ", ".join(row.example for row in rows() if row.link and (row.adopt or not slave_mode))
 
 
 def schemes() -> str:

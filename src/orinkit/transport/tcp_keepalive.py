@@ -38,7 +38,7 @@ def check_dead_after(seconds: float) -> float:
     Raises:
         InvalidValue: If the time is not a number from 2 to 7,200 s.
     """
-    return check_range("dead_after", seconds, _LEAST, _MOST, "s")
+    return check_range("dead_after", seconds, _LEAST, _MOST, seconds=True)
 
 
 def prepare(connection: Settable, dead_after: float) -> None:

@@ -334,7 +334,7 @@ def test_it_is_not_a_provider_of_the_controller(rc8, panel):
     assert session.invoke(3, names).code == hresult.E_CAO_PROV_INVALID
     names[1] = variant(PROVIDER_NAME.upper())
     assert session.invoke(3, names).code == 0
-    assert panel.get_command_names("") == list(CONTROL_NAMES)
+    assert panel.get_command_names("") == [*CONTROL_NAMES, "GetErrorDescription"]
 
 
 def test_over_the_wire(rc8):
@@ -345,7 +345,7 @@ def test_over_the_wire(rc8):
         assert json.loads(panel.execute("Status"))["emergency_stop"] is True
         with pytest.raises(orinkit.core.errors.InvalidArgument):
             panel.execute("Mode", 9)
-        assert panel.command_names() == list(CONTROL_NAMES)
+        assert panel.command_names() == [*CONTROL_NAMES, "GetErrorDescription"]
 
 
 def test_the_secret_over_the_wire(rc8):

@@ -149,7 +149,7 @@ def test_joints_that_the_arm_cannot_take(joints):
 
 
 def test_joints_of_the_start():
-    cell = Cell(joints=(10, 20, 80))
+    cell = Cell(joints=(10, 20, 80, 0, 45, 0))
     assert cell.arm.queue.joints == cell.arm.servo.encoder == (10, 20, 80, 0, 45, 0)
     cell.close()
 

@@ -15,9 +15,9 @@ from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
 from orinkit.cli._shared.errors import usage_error
-from orinkit.cli._shared.files import read_token
+from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
-from orinkit.client._shared.common import RC8, dialect_of
+from orinkit.client._shared.common import RC8, check_timeout, dialect_of
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
 from orinkit.core.i18n import printable, tr
@@ -35,6 +35,14 @@ OBJECT = Group(tr("Object"), sort_key=7)
 Url: TypeAlias = Annotated[
     str,
     Parameter(help=tr("Address of the controller: {examples}. A host name alone means TCP.", examples=examples())),
+]
+SlaveModeUrl: TypeAlias = Annotated[
+    str,
+    Parameter(
+        help=tr(
+            "Address of the controller: {examples}. A host name alone means TCP.", examples=examples(slave_mode=True)
+        )
+    ),
 ]
 Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document, with bytes in hex and dates in ISO 8601."))]  # fmt: skip
 
@@ -103,7 +111,7 @@ class ConnectionOptions:
             provider=self.provider,
             machine=self.machine,
             option=self.option or "",
-            timeout=self.timeout,
+            timeout=self._timeout(),
             tries=self.tries,
             trace=self._transcript(),
             dialect=self.dialect,
@@ -133,15 +141,22 @@ class ConnectionOptions:
         """Open the connection without calling Controller_Connect."""
         return orinkit.open_client(
             url,
-            timeout=self.timeout,
+            timeout=self._timeout(),
             tries=self.tries,
             trace=self._transcript(),
             token=self._token(),
             cafile=self.cafile or "",
         )
 
+    def _timeout(self) -> float | None:
+        return None if self.timeout is None else check_timeout(self.timeout, "--timeout")
+
     def _token(self) -> str:
-        return "" if self.token_file is None else read_token(self.token_file)
+        if self.token_file is None:
+            return ""
+        token = read_token(self.token_file)
+        warn_of_exposure("--token-file", self.token_file)
+        return token
 
     def _transcript(self) -> Transcript | None:
         return Transcript(_to_stderr) if self.trace else None

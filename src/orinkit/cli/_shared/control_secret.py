@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.cao.shared_secret import check_secret
-from orinkit.cli._shared.errors import CommandError
-from orinkit.cli._shared.files import is_private, read
+from orinkit.cli._shared.errors import CommandError, usage_error
+from orinkit.cli._shared.files import exposure, is_private, read
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
@@ -34,14 +34,10 @@ def read_secret(path: str) -> str:
     """
     text = read(OPTION, path)[:_LONGEST].decode("utf-8", "replace").strip()
     if not is_private(path):
-        raise CommandError(
-            tr(
-                "{option} {path}: other accounts can read or change the file. Try: chmod 600 {path}",
-                option=OPTION,
-                path=path,
-            ),
-            2,
+        belongs = tr(
+            "{option} {path}: the file belongs to another account. Try: a file of your own", option=OPTION, path=path
         )
+        raise usage_error(exposure(OPTION, path) or belongs)
     try:
         return check_secret(text)
     except InvalidValue as error:

@@ -1,7 +1,12 @@
-"""Help pages in both languages: cyclopts formats them, this module translates the few words that cyclopts adds."""
+"""Help pages in both languages: cyclopts formats them, this module translates the few words that cyclopts adds.
+
+Rich breaks lines at spaces only. Japanese text has hardly any, so this module breaks its lines between characters.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 from orinkit.core.i18n import current, tr
@@ -9,9 +14,12 @@ from orinkit.core.i18n import current, tr
 if TYPE_CHECKING:
     from cyclopts.help import HelpEntry, HelpPanel
     from cyclopts.help.formatters import DefaultFormatter
-    from rich.console import Console, ConsoleOptions
+    from rich.console import Console, ConsoleOptions, RenderResult
 
 _NO_DEFAULT: Final = ("False", "()")  # defaults that are not shown: an unset flag and an empty list
+_PIECES: Final = re.compile(r"\[[^][]*\]|\s+|[!-~]+|.")  # a note, spaces, a word of ASCII, or any other character
+_NOT_FIRST: Final = frozenset("、。，．・：；？！）］｝」』】〉》ー々ぁぃぅぇぉっゃゅょァィゥェォッャュョ)]},.;:!?～%")
+_NOT_LAST: Final = frozenset("（［｛「『【〈《([{")
 
 
 class HelpFormatter:
@@ -37,7 +45,11 @@ class HelpFormatter:
 
     def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:
         """Show the description of the command."""
-        _formatter().render_description(console, options, description)
+        if current() == "ja" and description:
+            console.print(JapaneseText(str(getattr(description, "primary_renderable", description))), soft_wrap=False)
+            console.print()
+        else:
+            _formatter().render_description(console, options, description)
 
 
 def _formatter() -> DefaultFormatter:
@@ -47,14 +59,64 @@ def _formatter() -> DefaultFormatter:
 
 
 def _translated(entry: HelpEntry) -> HelpEntry:
-    """Append a Japanese note, "required" or the default, to a description; the notes of cyclopts are in English."""
+    """Append the choices, and "required" or the default, to a description; the notes of cyclopts are in English."""
+    description = str(getattr(entry.description, "primary_renderable", entry.description or ""))
+    if entry.choices:
+        description += " " + tr("[choices: {values}]", values=", ".join(entry.choices))
     if entry.required:
-        note = tr("[required]")
+        description += " " + tr("[required]")
     elif entry.default:
-        note = tr("[default: {value}]", value=entry.default)
-    else:
-        return entry
-    from rich.text import Text
+        description += " " + tr("[default: {value}]", value=entry.default)
+    return entry.copy(description=JapaneseText(description), choices=(), default=None, required=False)
 
-    description = getattr(entry.description, "primary_renderable", entry.description)
-    return entry.copy(description=Text(f"{description} {note}"), default=None, required=False)
+
+class JapaneseText:
+    """A text whose lines rich breaks by the rules of Japanese typesetting.
+
+    Args:
+        text: The text.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        from rich.text import Text
+
+        yield Text("\n".join(wrapped(self.text, options.max_width)))
+
+
+def wrapped(text: str, most: int) -> list[str]:
+    """Return the lines of a Japanese text.
+
+    A line ends at a space or between two characters, but not within a word of ASCII characters or a note in square
+    brackets, not before a closing bracket or punctuation mark, and not after an opening bracket.
+
+    Args:
+        text: The text.
+        most: Largest width of a line in columns; a Japanese character takes two.
+    """
+    from rich.cells import cell_len
+
+    lines = []
+    for paragraph in text.split("\n"):
+        line = ""
+        for unit in _units(paragraph):
+            if line and cell_len(line + unit.rstrip()) > most:
+                lines.append(line.rstrip())
+                line = unit.lstrip()
+            else:
+                line += unit
+        lines.append(line.rstrip())
+    return lines
+
+
+def _units(text: str) -> Iterator[str]:
+    """Yield the parts of a text that must stay on one line."""
+    unit = ""
+    for piece in _PIECES.findall(text):
+        if unit and piece[0] not in _NOT_FIRST and unit[-1] not in _NOT_LAST:
+            yield unit
+            unit = ""
+        unit += piece
+    yield unit

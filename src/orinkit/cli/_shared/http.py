@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Final
 
 from cyclopts import Group, Parameter
 
 from orinkit.cli._shared.errors import CommandError, usage_error
-from orinkit.cli._shared.files import read, read_token
+from orinkit.cli._shared.files import contains_private_key, exposure, read, read_token
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
+from orinkit.core.validation import check_range
+from orinkit.server.http.options import DEFAULT_HTTP, LEAST_IDLE, MOST_IDLE, HttpOptions
 
 HTTP: Final = Group(tr("HTTP"), sort_key=9)
 
@@ -56,6 +58,13 @@ class HttpServerOptions:
         """True if the server has a certificate."""
         return self.cert is not None
 
+    def exposures(self) -> Iterator[str]:
+        """Yield a message for each file with a secret that other accounts can access."""
+        key = self.cert if self.cert is not None and contains_private_key(self.cert) else None
+        for option, path in (("--token-file", self.token_file), ("--cert", key), ("--key", self.key)):
+            if path is not None and (text := exposure(option, path)):
+                yield text
+
     def options(self, *, served: bool) -> HttpOptions:
         """Return the options of the HTTP server.
 
@@ -70,6 +79,7 @@ class HttpServerOptions:
             if path is not None:
                 read(option, path)
         token = "" if self.token_file is None else read_token(self.token_file)
+        check_range("--http-idle", self.http_idle, LEAST_IDLE, MOST_IDLE, seconds=True)
         try:
             return HttpOptions(token, self.cert or "", self.key or "", self.http_host, self.http_idle)
         except InvalidValue as error:

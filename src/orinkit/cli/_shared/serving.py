@@ -16,7 +16,6 @@ from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
-from orinkit.cli._shared.files import is_open_to_others
 from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.interrupts import termination_signals
 from orinkit.cli._shared.listen_addresses import LISTENING, ListenAddresses, listen_addresses_class
@@ -156,8 +155,6 @@ def run(
     control port ``ready control URL`` and the lines about its secret.
     """
     begin_log(listening)
-    for warning in _warnings(listening):
-        print(warning, file=sys.stderr)
     asyncio.run(_serve(providers, _urls(listening), listening, control, before))
     return 0
 
@@ -184,6 +181,8 @@ async def _serve(
                 http=_http_options(listening),
             )
             await servers.enter_async_context(server)
+            for warning in _warnings(listening):  # not earlier: an address that cannot be used is not reachable
+                print(warning, file=sys.stderr)
             ready = [*before, *(f"ready {url}" for url in server.urls)]
             if control is not None:
                 second = AsyncServer(
@@ -247,11 +246,8 @@ def _warnings(listening: ServerOptions) -> Iterator[str]:
             yield _warning(
                 address, tr("--token-file is not set") if transport.http else tr("b-CAP has no authentication")
             )
-    if access.token_file is not None and is_open_to_others(access.token_file):
-        yield tr(
-            "orinkit: warning: --token-file {path}: other accounts can read or change the file. Try: chmod 600 {path}",
-            path=access.token_file,
-        )
+    for text in access.exposures():
+        yield tr("orinkit: warning: {text}", text=text)
     beside = dict.fromkeys(f"--{transport.scheme}" for transport, _ in listening.listen.items() if not transport.http)
     if access.token_file is not None and beside:
         options = ", ".join(beside)

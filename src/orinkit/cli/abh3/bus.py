@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 INTERFACE: Final = "udp_multicast"
 CHANNEL: Final = "239.74.163.2"
-BUS: Final = Group(tr("Bus"), sort_key=8)
-FRAMES: Final = Group(tr("Frames"), sort_key=7)
+BUS: Final = Group(tr("Bus"), sort_key=7)
+FRAMES: Final = Group(tr("Frames"), sort_key=6)
 _EXAMPLE: Final = f"can://{INTERFACE}/{CHANNEL}"
 
 

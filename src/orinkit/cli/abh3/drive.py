@@ -30,9 +30,9 @@ _STOP_TIMEOUT: Final = 5.0  # s for the motors to stop
 _STANDSTILL: Final = 1.0  # min^-1
 _POLL: Final = 0.02  # s
 
-_DRIVER: Final = Group(tr("Driver"), sort_key=7)
+_DRIVER: Final = Group(tr("Driver"), sort_key=6)
 _VEHICLE: Final = Group(tr("Vehicle with two driven wheels, instead of --ay and --bx"),
-                        sort_key=6)  # fmt: skip
+                        sort_key=5)  # fmt: skip
 
 
 @Parameter(name="*", group=_DRIVER)

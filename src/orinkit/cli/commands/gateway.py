@@ -10,8 +10,9 @@ from cyclopts import Group, Parameter
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, usage_error
-from orinkit.cli._shared.files import read, read_token
+from orinkit.cli._shared.files import read, read_token, warn_of_exposure
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
+from orinkit.client._shared.common import check_timeout
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 from orinkit.gateway import AccessRules, RemoteProvider, RestrictedProvider, Upstream
@@ -21,6 +22,7 @@ from orinkit.transport.registry import examples, row_of
 _UPSTREAM: Final = Group(tr("Controllers"), sort_key=6)
 _RULES: Final = Group(tr("Access rules"), sort_key=7)
 _LISTENING: Final = ServerOptions()
+_TOKEN: Final = "--upstream-token-file"  # noqa: S105 - not a password
 _NAMED: Final = re.compile(r"([^=:/?&]+)=(.*)", re.DOTALL)
 
 
@@ -112,7 +114,9 @@ def gateway(
     check(listening)
     if upstream_cafile is not None:
         read("--upstream-cafile", upstream_cafile)
-    token = "" if upstream_token_file is None else read_token(upstream_token_file)
+    token = "" if upstream_token_file is None else read_token(upstream_token_file, _TOKEN)
+    if timeout is not None:
+        check_timeout(timeout, "--timeout")
     try:
         found = {
             name: Upstream(
@@ -130,6 +134,8 @@ def gateway(
         raise CommandError(str(error), 2) from None
     rules = AccessRules(read_only, allow_function, allow_variable, allow_command)
     begin_log(listening)
+    if upstream_token_file is not None:
+        warn_of_exposure(_TOKEN, upstream_token_file)
     return run([remote if rules == AccessRules() else RestrictedProvider(remote, rules)], listening)
 
 

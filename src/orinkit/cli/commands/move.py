@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
-from orinkit.cli._shared.errors import CommandError
+from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import (
     ProgressBar,
@@ -21,8 +21,10 @@ from orinkit.cli._shared.moving import (
     show_notes,
     without_unused,
 )
-from orinkit.client._shared.robot import MoveOptions, option_text
+from orinkit.client._shared.common import MAX_ALIVE, MIN_ALIVE
+from orinkit.client._shared.robot import MAX_PERCENT, MoveOptions, option_text
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_amount
 from orinkit.values.poses import parse_target, to_text
 
 if TYPE_CHECKING:
@@ -56,8 +58,8 @@ def move(
     alive: Annotated[
         float,
         Parameter(help=tr(
-"Seconds without signs of life of this command after which the server stops the arm. With 0 the option Alive of "
-"Service_Start is omitted, because controllers of other manufacturers may refuse this option.")),
+"Seconds without signs of life of this command after which the server stops the arm, 0.3 to 3600, or 0: the option Alive "
+"of Service_Start is then omitted, because controllers of other manufacturers may refuse this option.")),
     ] = 1.0,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
@@ -71,7 +73,10 @@ def move(
     options: MoveOptions = {"wait": False}
     if speed is not None:
         options["speed"] = speed
+    if speed is not None:
+        check_amount("--speed", speed, MAX_PERCENT)
     option_text(options)  # reports invalid options before anything moves
+    _check_alive(alive)
     mark = mark or ""
     parse_target(to_text(pose, mark))
     with (
@@ -94,6 +99,18 @@ def move(
         print_json({"joints": list(joints), "position": list(position), "record": record})
     else:
         print(f"{rounded(joints)}\n{rounded(position)}")
+
+
+def _check_alive(seconds: float) -> None:
+    if seconds and not MIN_ALIVE <= seconds <= MAX_ALIVE:
+        raise usage_error(
+            tr(
+                "--alive must be 0 or {least:g} to {most:g} s, not {value}",
+                least=MIN_ALIVE,
+                most=MAX_ALIVE,
+                value=seconds,
+            )
+        )
 
 
 def _require_motions(robot: orinkit.Robot) -> None:

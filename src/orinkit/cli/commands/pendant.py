@@ -249,22 +249,20 @@ def _press(url: str, connection: ConnectionOptions, action: PendantAction, given
     """Press a button and return the resulting status."""
     parameter = action.read(given)
     try:
-        controller = connection.open(url)
+        with connection.opened(url) as controller:
+            if action.command != "Status":
+                controller.execute(action.command, parameter)
+            return _status(controller.execute("Status"))
     except AccessDenied:
         raise _denied(url, known=connection.option is not None) from None
+    except InvalidArgument as error:
+        raise CommandError(f"{error} {given.wrong()}") from None
     except CallError as error:
         if error.code != E_CAO_PROV_INVALID:
             raise
         raise CommandError(
             tr("{url} is not a control port. Try: orinkit serve rc8 --control 127.0.0.1:5008", url=url)
         ) from None
-    with controller:
-        if action.command != "Status":
-            try:
-                controller.execute(action.command, parameter)
-            except InvalidArgument as error:  # the reply contains the return code only, not the reason
-                raise CommandError(f"{error} {given.wrong()}") from None
-        return _status(controller.execute("Status"))
 
 
 def _status(answer: object) -> dict[str, Any]:

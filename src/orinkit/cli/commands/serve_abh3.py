@@ -25,7 +25,7 @@ from orinkit.transport.address import CanAddress
 if TYPE_CHECKING:
     from orinkit.virtual.abh3 import VirtualABH3
 
-_DRIVER: Final = Group(tr("Driver"), sort_key=7)
+_DRIVER: Final = Group(tr("Driver"), sort_key=6)
 _MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
 _BROADCASTS: Final = 8
 _POLL: Final = 0.1  # s between two checks for a signal

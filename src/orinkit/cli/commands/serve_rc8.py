@@ -25,8 +25,8 @@ from orinkit.virtual.rc8 import Permission, VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
 
-_CONTROLLER: Final = Group(tr("Controller"), sort_key=7)
-ROBOT: Final = Group(tr("Robot"), sort_key=7)
+_CONTROLLER: Final = Group(tr("Controller"), sort_key=5)
+ROBOT: Final = Group(tr("Robot"), sort_key=6)
 JOINTS: Final = Parameter(group=ROBOT, allow_leading_hyphen=True)
 MotorOn: TypeAlias = Annotated[bool, Parameter(group=ROBOT, help=tr("Start with the motor on."))]
 _PROVIDERS: Final = Group(tr("Additional devices"), sort_key=7)
@@ -39,8 +39,8 @@ def serve_rc8(
         str | None,
         Parameter(
             group=_CONTROLLER,
-            help=tr("Directory in which to save the variables; without this option they are lost when the server "
-                "ends."),
+            help=tr("Directory in which to save the variables and files; without this option they are lost when the "
+                "server ends."),
         ),
     ] = None,
     permission: Annotated[
@@ -176,6 +176,7 @@ def serve_rc8(
     """Serve a virtual RC8; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
     secret = _read_control(control, control_secret_file)
+    begin_log(listening)  # a warning about the state directory is logged
     try:
         rc8 = VirtualRC8(
             counts=read_counts(count),
@@ -197,7 +198,6 @@ def serve_rc8(
     except ValueError as error:
         raise CommandError(str(error), 2) from None
     try:
-        begin_log(listening)
         served = load_targets(provider, [rc8])
         if not no_providers:
             served += load_installed(served, exclude=provider)

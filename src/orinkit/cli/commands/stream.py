@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 from cyclopts import Parameter
 
 import orinkit
-from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
+from orinkit.cli._shared.connection import ConnectionOptions, Json, SlaveModeUrl
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
 from orinkit.client._shared.motion import POLL
+from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.validation import check_range
+from orinkit.transport.address import parse_address
+from orinkit.transport.links import no_slave_mode
+from orinkit.transport.registry import row_of
 from orinkit.transport.runner import sleep
 
 if TYPE_CHECKING:
@@ -45,7 +50,7 @@ _UPDATE_EVERY: Final = 12  # set-points between two updates of the bar, about 0.
 
 
 def stream(
-    url: Url,
+    url: SlaveModeUrl,
     trajectory: Annotated[
         str,
         Parameter(help=tr("CSV file with a set-point for every 8 ms, or with a time column.")),
@@ -98,6 +103,7 @@ def stream(
 
     Nothing moves before the whole trajectory has been checked. Ctrl-C or SIGTERM stops the arm within its limits.
     """
+    _check_transport(url)
     job = _job(
         connection.known_dialect, trajectory, mode, pose, record, speed, model,
         retime=retime, move=move, motor=not no_motor,
@@ -111,6 +117,8 @@ def stream(
             if interrupt is job.interrupt:
                 raise _interrupted(job) from None
             raise
+        except StreamError as error:
+            raise _ended(error) from None
     if json:
         from orinkit.cli._shared.output import print_json
 
@@ -153,13 +161,14 @@ def _job(
     model: str | None, *, retime: bool, move: bool, motor: bool,
 ) -> _StreamRequest:  # fmt: skip
     """Return the request; errors of the command line are reported before connecting."""
-    from orinkit.client._shared.stream_options import PERIOD, read_options
+    from orinkit.client._shared.stream_options import MAX_SPEED, MIN_SPEED, PERIOD, read_options
     from orinkit.streaming.trajectory.csv_file import load_csv
 
     path = Path(trajectory)
     pose_type: PoseKind = load_csv(path)[0] if pose is None else _pose_type(pose)
     if record is not None:
         _check_record(Path(record))
+    check_range("--speed", speed, MIN_SPEED, MAX_SPEED)
     limits = None if model is None else _limits_of(model, pose_type)
 
     def read(dialect: Dialect) -> StreamOptions:
@@ -169,6 +178,13 @@ def _job(
         )  # fmt: skip
 
     return _StreamRequest(path, pose_type, read, read(dialect), speed, retime, move, motor)
+
+
+def _check_transport(url: str) -> None:
+    """Refuse an address over which slave mode is not available, before anything moves."""
+    address = parse_address(url)
+    if not row_of(address).adopt:
+        raise usage_error(no_slave_mode(address.scheme, str(address)))
 
 
 def _pose_type(pose: str) -> PoseKind:
@@ -361,4 +377,16 @@ def _interrupted(job: _StreamRequest) -> CommandError:
             total=total,
         ),
         INTERRUPTED,
+    )
+
+
+def _ended(error: StreamError) -> Exception:
+    """Return the exception for a stream that has ended; its remedy is an option of the command."""
+    if error.reason != "stopped":
+        return error
+    return CommandError(
+        tr(
+            "this program was stopped (SIGSTOP), so the arm was stopped and slave mode was ended. Try: run the command "
+            "again, with --move"
+        )
     )

@@ -78,6 +78,8 @@ class AsyncClient(AsyncClosing):
             restarts the time-out.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7.
         profile: Properties of the transport.
+        alive: Interval in s within which the server requires a sign of life of this client while its arm moves;
+            ``None`` if the client has not requested this.
         deadline: Maximum duration of a call in s, regardless of S_EXECUTING; ``None`` (the default) for no limit.
     """
 
@@ -102,6 +104,7 @@ class AsyncClient(AsyncClosing):
         self._deadline: float | None = None
         self._end: Deadline | None = None  # end of connecting or closing
         self.handles = HandleTable()
+        self.alive: float | None = None
         keep_from_children(self)
         self._pulse: AsyncKeepAlive | None = None
         self._idle = Deadline(0.0)  # passes if the program makes no call for half an interval
@@ -288,6 +291,7 @@ class AsyncClient(AsyncClosing):
             seconds: Interval in s that was passed to the server (``Alive=<ms>``).
             controller: Handle of the controller.
         """
+        self.alive = seconds
         self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)

@@ -215,7 +215,7 @@ class AsyncArmBase(AsyncObjectContainer):
         diagnosis = common.StopDiagnosis(
             *stops, await _value_or_none(owner, "@MODE"), await _value_or_none(self, "@SERVO_ON")
         )
-        return diagnosis.reason(error, halted=halted)
+        return diagnosis.reason(error, halted=halted, monitored=self.client.alive is not None)
 
     def _controller(self) -> AsyncObjectContainer:
         return self._parent if isinstance(self._parent, AsyncObjectContainer) else self

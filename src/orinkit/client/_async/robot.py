@@ -16,6 +16,7 @@ from orinkit.client._shared import robot as common
 from orinkit.client._shared.common import ObjectFunctions
 from orinkit.client._shared.motion import MotionSegment
 from orinkit.client._shared.robot import MoveOptions, pose_text
+from orinkit.transport.links import require_handover
 from orinkit.values.poses import J, P, PassMark, PoseLike, T
 from orinkit.values.variant import Value
 
@@ -113,10 +114,12 @@ class AsyncRobot(AsyncArmBase):
 
         Raises:
             InvalidValue: If an option is invalid.
+            StreamError: If the transport does not support slave mode (HTTP).
         """
         from orinkit.client._async.stream import AsyncStream  # slow import, not needed by most programs
         from orinkit.client._shared.stream_options import read_options
 
+        require_handover(self.client.profile.name)
         dialect = self.client.dialect
         options = read_options(
             dialect, dialect.slave_mode if mode is None else mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,

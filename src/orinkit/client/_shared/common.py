@@ -22,9 +22,12 @@ RC8: Final = "CaoProv.DENSO.VRC"
 """Provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
 
 DEFAULT_TIMEOUT: Final = STREAM.timeout
+MIN_ALIVE: Final = 0.3
+"""Smallest value of ``alive=`` in s."""
+MAX_ALIVE: Final = 3600.0
+"""Largest value of ``alive=`` in s."""
+
 T = TypeVar("T", str, bytes)
-_MIN_ALIVE: Final = 0.3  # s
-_MAX_ALIVE: Final = 3600.0  # s
 _MIN_WDT: Final = 0.08  # s
 _DEFAULT_WDT: Final = 0.4  # s
 _MAX_TIMEOUT: Final = 2e6  # s
@@ -163,7 +166,7 @@ def check_alive(seconds: float | None, option: str | None, dialect: Dialect) -> 
     """
     if seconds is None:
         return
-    check_range("alive", seconds, _MIN_ALIVE, _MAX_ALIVE, "s")
+    check_range("alive", seconds, MIN_ALIVE, MAX_ALIVE, seconds=True)
     if not dialect.takes_start_options:
         raise InvalidValue(
             tr("alive= is not supported by dialect {name}: its Service_Start has no options", name=dialect.name)

@@ -201,12 +201,13 @@ class StopDiagnosis(NamedTuple):
     mode: object
     motor_on: object
 
-    def reason(self, error: str, *, halted: bool) -> str:
+    def reason(self, error: str, *, halted: bool, monitored: bool = False) -> str:
         """Return the cause of a stop as text.
 
         Args:
             error: Oldest error that the controller reports, as text; ``""`` if it reports none.
             halted: True if this program halted the motion.
+            monitored: True if the server stops the arm if this client is silent (``alive=``).
         """
         parts = [
             self._state(),
@@ -216,6 +217,11 @@ class StopDiagnosis(NamedTuple):
             return text
         if halted:
             return tr("halted by this program")
+        if monitored:
+            return tr(
+                "halted by another client or program, or by the server because this client was silent for longer than "
+                "alive"
+            )
         return tr("halted by another client or program")
 
     def _state(self) -> str:

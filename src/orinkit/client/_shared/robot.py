@@ -28,7 +28,8 @@ HOLDING_COMMANDS: Final = frozenset(("takearm", "givearm", "motor"))
 _MISSING: Final = (hresult.E_NOTIMPL, hresult.E_INVALID_CMD_NAME, hresult.E_INVALIDARG, hresult.FUNCTION_NOT_DEFINED)
 _MAX_DEPTH: Final = 32  # levels of nested lists; a VARIANT may have fewer
 _PASSING: Final = re.compile(r"@\s*(?:[Pp]|[0-9.+]*[1-9])")
-_MAX_PERCENT: Final = 100.0
+MAX_PERCENT: Final = 100.0
+"""Largest value of ``speed``, ``accel`` and ``decel``."""
 _MAX_SECONDS: Final = 3600.0
 _JOINTS: Final = 6  # number of joints of most arms
 
@@ -99,7 +100,7 @@ def option_text(options: MoveOptions, mark: str = "") -> tuple[str, bool]:
         raise TypeError(tr("unknown motion option {name!r}. Try: {known}", name=min(unknown), known=known))
     parts = [mark] if mark else []
     parts += [
-        f"{name.upper()}={plain_decimal(check_amount(name, options.get(name), _MAX_PERCENT, 'move'))}"
+        f"{name.upper()}={plain_decimal(check_amount(name, options.get(name), MAX_PERCENT, 'move'))}"
         for name in ("speed", "accel", "decel")
         if name in options
     ]

@@ -127,7 +127,7 @@ class StreamResult:
             underflows=self.underflows,
             timing=self.timing,
         )
-        return f"{text}; {self.late}" if self.late.count else text
+        return tr("{first}; {second}", first=text, second=self.late) if self.late.count else text
 
 
 def timing_of(samples: Iterable[Sample]) -> Timing:
@@ -153,7 +153,8 @@ def ended_because(reason: str, idle: float | None) -> StreamError:
             "the streaming process was terminated (SIGTERM), so the arm was stopped and slave mode was ended"
         ),
     }
-    return StreamError(texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block"))
+    text = texts.get(reason) or tr("slave mode is off. Try: use the stream inside its with block")
+    return StreamError(text, reason)
 
 
 def split_by_limits(joints: tuple[float, ...], limits: Limits) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -38,6 +38,10 @@ OnRange: TypeAlias = Literal["clamp", "refuse"]
 
 PERIOD: Final = 0.008
 """Default cycle time of a controller in s (RC8 4.1)."""
+MIN_SPEED: Final = 0.1
+"""Smallest percentage of the limits."""
+MAX_SPEED: Final = 100.0
+"""Largest percentage of the limits."""
 
 _POSES: Final[dict[frozenset[str], int]] = {
     frozenset(POSES[kind].name for kind in kinds): number for number, kinds in POSE_PARTS.items()
@@ -49,7 +53,6 @@ _STAMP: Final = sum(row.receive for row in RECEIVED if row.form is FieldType.STA
 _WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is FieldType.WINDOW)
 _MAX_PERIOD: Final = 1.0  # s
 _MAX_IDLE: Final = 1e6  # s
-_FULL: Final = 100.0  # %
 _MAX_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at the same time
 _UNEVEN: Final = 0.6  # velocity scale that leaves room for two set-points in one cycle
 _PATH_SPEED: Final = 0.5  # default scale of the tool's velocity limits
@@ -101,7 +104,7 @@ def read_options(
         )
     options = StreamOptions(
         wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
-        check_range("speed", speed, 0.1, _FULL), check_range("period", period, 0.0005, _MAX_PERIOD),
+        check_range("speed", speed, MIN_SPEED, MAX_SPEED), check_range("period", period, 0.0005, _MAX_PERIOD),
         int(check_range("queue", queue, 1, _MAX_QUEUED)), None if idle is None else check_range("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),
     )  # fmt: skip
@@ -269,5 +272,5 @@ def limits_for(options: StreamOptions, type_name: object) -> Limits | PathLimits
             limits = Limits.of_model(model)
         else:  # in many poses, the tool's full acceleration exceeds the limits of the joints
             limits = PathLimits.of_model(model).scaled(_PATH_SPEED, _PATH_ACCELERATION, _PATH_ACCELERATION)
-    part = options.speed / _FULL
+    part = options.speed / MAX_SPEED
     return limits if part == 1.0 else limits.scaled(part, part, part)

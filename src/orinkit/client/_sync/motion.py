@@ -211,7 +211,7 @@ class ArmBase(ObjectContainer):
             error = ""
         stops = _value_or_none(owner, "@EMERGENCY_STOP"), _value_or_none(owner, "@PROTECTIVE_STOP")
         diagnosis = common.StopDiagnosis(*stops, _value_or_none(owner, "@MODE"), _value_or_none(self, "@SERVO_ON"))
-        return diagnosis.reason(error, halted=halted)
+        return diagnosis.reason(error, halted=halted, monitored=self.client.alive is not None)
 
     def _controller(self) -> ObjectContainer:
         return self._parent if isinstance(self._parent, ObjectContainer) else self

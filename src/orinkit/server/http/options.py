@@ -11,8 +11,10 @@ from orinkit.core.i18n import tr
 from orinkit.core.validation import check_range
 
 _HOST: Final = re.compile(r"[\w.-]+", re.ASCII)
-_LEAST_IDLE: Final = 0.1  # s
-_MOST_IDLE: Final = 86_400.0
+LEAST_IDLE: Final = 0.1
+"""Smallest idle time in s after which a session ends."""
+MOST_IDLE: Final = 86_400.0
+"""Largest idle time in s after which a session ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,12 @@ class HttpOptions:
 
     def __post_init__(self) -> None:
         if any(not "!" <= sign <= "~" for sign in self.token):
-            raise InvalidValue(tr("a token may contain only ASCII letters, digits and punctuation, no spaces"))
+            raise InvalidValue(
+                tr(
+                    "a token may contain only ASCII letters, digits and punctuation, no spaces, and no line feed at the "
+                    "end. Try: Path(...).read_text().strip()"
+                )
+            )
         given: object = self.hosts
         wrong = [given] if isinstance(given, str) else [name for name in self.hosts if not _HOST.fullmatch(name)]
         if wrong:
@@ -50,7 +57,7 @@ class HttpOptions:
                     wrong=wrong[0],
                 )
             )
-        check_range("idle", self.idle, _LEAST_IDLE, _MOST_IDLE, "s")
+        check_range("idle", self.idle, LEAST_IDLE, MOST_IDLE, seconds=True)
 
 
 DEFAULT_HTTP: Final = HttpOptions()

@@ -25,7 +25,7 @@ from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.server.call_runner import result_of
 from orinkit.server.context import ServerContext
-from orinkit.server.liveness import LivenessMonitor
+from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.transport.address import network_of
 
 logger = logging.getLogger("orinkit.server")
@@ -158,13 +158,18 @@ class HttpSession:
 
     def _check_reconnected(self) -> None:
         if not self.ended and not self._connections and not self.plain and self.session.is_moving():
-            self.end("its last connection was closed while its arm moves")
+            self.end("its last connection was closed")
 
     @property
     def _has_persistent(self) -> bool:
         return any(self._connections.values())
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The client's name in the log."""
+        return self._name
 
     @property
     def last_reply_at(self) -> float:
@@ -311,7 +316,7 @@ class HttpSession:
             call.give_up(CallReply(hresult.E_ABORT, detail=tr("the session has ended")))
             if call.cancellable:
                 call.task.cancel()
-        logger.info("%s disconnected%s", self._name, f": {reason}" if reason else "")
+        log_disconnected(self.session, self._name, reason)
         self.session.close()
         self._context.discard(self)
 

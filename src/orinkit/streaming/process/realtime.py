@@ -43,7 +43,7 @@ class RealTime:
         second = (
             tr("memory locked") if self.locked else tr("memory not locked (set memlock in /etc/security/limits.conf)")
         )
-        return f"{first}; {second}"
+        return tr("{first}; {second}", first=first, second=second)
 
 
 def obtain() -> RealTime:

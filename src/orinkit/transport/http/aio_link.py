@@ -126,6 +126,7 @@ class AsyncHttpLink(HttpLinkBase):
             return await self._post(asked, seconds)
         except httpcore2.ProtocolError as error:
             if self._transport.closed_without_reply:
+                self._contact.check_closed()
                 return b""
             raise self._contact.broken(error, ended=self._transport.ended) from error
         finally:

@@ -7,14 +7,13 @@ from collections.abc import Iterable
 from typing import Self
 
 from orinkit.core.errors import StreamError
-from orinkit.core.i18n import tr
 from orinkit.transport.address import HttpAddress
 from orinkit.transport.credentials import NOTHING, Credentials
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.http.connection import context_of, url_of
 from orinkit.transport.http.response import MOST, HttpServerInfo
 from orinkit.transport.http.single_connection import KnownServer
-from orinkit.transport.registry import rows
+from orinkit.transport.links import no_slave_mode
 from orinkit.transport.tcp_keepalive import DEAD_AFTER
 
 
@@ -73,7 +72,7 @@ class HttpLinkBase(ProcessBound, ABC):
         """
         if not self._open:
             raise self._unusable()
-        raise _cannot_hand_over()
+        raise StreamError(no_slave_mode("http"))
 
     def another(self) -> Self:
         """Return a new, idle link to the same server, in the same session.
@@ -97,13 +96,3 @@ class HttpLinkBase(ProcessBound, ABC):
     @abstractmethod
     def close(self) -> None:
         """Close the link; a pending receive ends immediately."""
-
-
-def _cannot_hand_over() -> StreamError:
-    """Return the exception for a connection that another process cannot take over."""
-    return StreamError(
-        tr(
-            "a connection over HTTP cannot be handed over to another process. Try: slave mode over {others}",
-            others=", ".join(f"{row.scheme}://" for row in rows() if row.adopt),
-        )
-    )

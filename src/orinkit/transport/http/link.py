@@ -116,6 +116,7 @@ class HttpLink(HttpLinkBase):
             if isinstance(error, OrinError):
                 raise
             if self._transport.closed_without_reply:
+                self._contact.check_closed()
                 return b""
             raise self._contact.broken(error, ended=self._transport.ended) from error
         if self._transport.closed:

@@ -232,7 +232,8 @@ class HttpServerInfo:
         where = next((tidy(value) for name, value in fields if name == "location"), "")
         line = first_line(body)
         name = f"{status} {_phrase(status)}".strip()
-        said = f"{name} ({line})" if line and line != name else name
+        quoted = line and line != name and status != HTTPStatus.UNAUTHORIZED  # the hint describes the cause
+        said = f"{name} ({line})" if quoted else name
         kind = ConnectFailed if 300 <= status < 400 else _EXCEPTIONS.get(status, ProtocolError)
         hint = self._hint(status, kind, where, asked)
         return kind(tr("{address} returned HTTP {said}. {hint}", address=self.address, said=said, hint=hint))
@@ -256,6 +257,22 @@ class HttpServerInfo:
             raise self._speaks_tls()
         if begin[:BEGIN] != _HTTP[: len(begin)]:
             raise self._strange(tr("it sent data that is not HTTP, {begin!r}", begin=begin[:BEGIN]))
+
+    def check_closed(self) -> None:
+        """Handle a connection that the server has closed without a reply.
+
+        Raises:
+            ConnectionLost: If the server has never replied; it may use TLS.
+        """
+        if self.reports_executing is None and self.address.scheme == "http":
+            secure = str(self.address._replace(scheme="https"))
+            raise ConnectionLost(
+                tr(
+                    "{address}: the server closed the connection without a reply. Try: {secure}, if the server uses TLS",
+                    address=self.address,
+                    secure=secure,
+                )
+            )
 
     def broken(self, reason: Exception, *, ended: bool) -> OrinError:
         """Return the exception for a response that violates HTTP.
@@ -372,7 +389,7 @@ def _session_ended() -> ConnectionLost:
 
 
 def _wrong_token() -> str:
-    return tr("The token is wrong")
+    return tr("The token is wrong. Try: pass the token of the server as token= (--token-file)")
 
 
 def _missing_token() -> str:

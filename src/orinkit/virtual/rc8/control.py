@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from orinkit.cao.error_description import DESCRIBE, get_error_description
 from orinkit.cao.options import Options
 from orinkit.cao.provider import BlockingCall, ClientInfo, ControllerObject, Deferred, Provider
 from orinkit.cao.shared_secret import SecretAttempts, check_secret
@@ -85,7 +86,7 @@ class ControlProvider(Provider):
         given = Options(option)
         if _SECRET_OPTION in given.repeated or not self._is_right(given.text_of(_SECRET_OPTION)):
             return self._refuse(given=_SECRET_OPTION in given)
-        return ControlPanel(self._rc8, name)
+        return ControlPanel(self._rc8, name, client.describe_error)
 
     def _is_right(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.secret.encode())
@@ -129,19 +130,29 @@ def _denied(*, given: bool) -> CallError:
 
 
 class ControlPanel(ControllerObject):
-    """The Controller object of one client of the control port; every button is a command of Controller_Execute."""
+    """The Controller object of one client of the control port; every button is a command of Controller_Execute.
 
-    def __init__(self, rc8: VirtualRC8, name: str) -> None:
+    Args:
+        rc8: The controller.
+        name: Name of the object.
+        describe_error: The client's :attr:`ClientInfo.describe_error`.
+    """
+
+    def __init__(self, rc8: VirtualRC8, name: str, describe_error: Callable[[int], str]) -> None:
         super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
         self._rc8 = rc8
+        self._describe_error = describe_error
 
     def execute(self, command: str, parameter: Variant) -> Any:
-        """Execute the command of a button (:data:`CONTROLS`).
+        """Execute the command of a button (:data:`CONTROLS`), or GetErrorDescription.
 
         Raises:
             CallError: E_INVALID_CMD_NAME; E_INVALIDARG; the error code with which the controller refuses the operation.
         """
-        run = CONTROLS.get(command.strip().lower())
+        name = command.strip().lower()
+        if name == DESCRIBE:
+            return get_error_description(self._describe_error, parameter)
+        run = CONTROLS.get(name)
         if run is None:
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
         try:
@@ -150,8 +161,8 @@ class ControlPanel(ControllerObject):
             raise error_for(hresult.E_INVALIDARG, f"{error}") from error
 
     def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Return the names of the buttons."""
-        return list(CONTROL_NAMES)
+        """Return the names of the buttons, and GetErrorDescription."""
+        return [*CONTROL_NAMES, "GetErrorDescription"]
 
 
 # --- the buttons ------------------------------------------------------------------------------------------------------

@@ -163,5 +163,12 @@ def _checked(arm: VE026AArm, joints: Sequence[float]) -> Joints:
         or arm.exceeded(completed)
     ):
         given = ", ".join(f"{value:g}" for value in joints)
-        raise ValueError(tr("joint position {given} is not valid for {name}", name=arm.model.name, given=given))
+        raise ValueError(
+            tr(
+                "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
+                name=arm.model.name,
+                joints=given,
+                count=f"{AXES - 1}-{AXES}",
+            )
+        )
     return completed

@@ -21,7 +21,7 @@ from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.motor import Motor
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
-from orinkit.virtual.rc8.robot.target import FrameContext
+from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext
 from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
@@ -277,16 +277,23 @@ class RC8Arm:
             self.queue.place(self.servo.encoder)
 
     def place(self, joints: Sequence[float]) -> None:
-        """Set the joint position without a motion, before the controller runs; omitted joints are at home.
+        """Set the joint position without a motion, before the controller runs; omitted extended joints are at home.
 
         Raises:
-            ValueError: If there are more joints than axes, or if a joint is outside its limits.
+            ValueError: If there are fewer joints than the arm has, or more than axes, or if a joint is outside its
+                limits.
         """
+        axes = len(self.model.axes)
         position = (*map(float, joints), *self.model.home[len(joints) :])
-        finite = len(position) == len(self.model.axes) and all(map(math.isfinite, position))
-        if not finite or self.space.kinematics.limits_exceeded(position):
+        complete = len(joints) >= ROBOT_AXES and len(position) == axes and all(map(math.isfinite, position))
+        if not complete or self.space.kinematics.limits_exceeded(position):
             raise ValueError(
-                tr("joint position {joints} is not valid for {name}", name=self.model.name, joints=tuple(joints))
+                tr(
+                    "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
+                    name=self.model.name,
+                    joints=", ".join(f"{value:g}" for value in joints),
+                    count=ROBOT_AXES if axes == ROBOT_AXES else f"{ROBOT_AXES}-{axes}",
+                )
             )
         self.queue.place(position)
         self.servo.place(position)

@@ -277,11 +277,10 @@ def _make_private(path: Path) -> None:
 
 
 def _warn_of_others(directory: Path) -> None:
-    if os.name == "posix" and directory.stat().st_mode & 0o077:
+    mode = stat.S_IMODE(directory.stat().st_mode)
+    if os.name == "posix" and mode & 0o077:
         logger.warning(
-            "%s is accessible to other users of this machine (mode %o). Try: chmod 700",
-            directory,
-            stat.S_IMODE(directory.stat().st_mode),
+            tr("%s: other accounts can access the directory (mode %o). Try: chmod 700 %s"), directory, mode, directory
         )
 
 
