@@ -187,9 +187,9 @@ def test_the_provider_has_no_other_methods():
         public = {name for name, _ in inspect.getmembers(served, inspect.isfunction) if not name.startswith("_")}
         allowed = by_interface[interface] - {"connect"}
         inherited = {name for name, _ in inspect.getmembers(provider.CaoObject, inspect.isfunction)}
-        signs_of_life = {"is_moving", "stop_moving"} if interface == "Controller" else set()  # called by the server
+        of_the_server = {"is_moving", "stop_moving", "connection_lost"} if interface == "Controller" else set()
         assert allowed <= public
-        assert public - allowed <= inherited | signs_of_life
+        assert public - allowed <= inherited | of_the_server
 
 
 def test_the_client_uses_every_entry():

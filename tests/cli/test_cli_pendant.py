@@ -395,6 +395,32 @@ def test_the_secret_of_a_killed_server_is_replaced(runtime):
     assert (runtime / "control-5008").read_text() == "1" * 16  # belongs to a server that was started later
 
 
+def test_the_secrets_of_killed_servers_are_removed(serve, run, runtime):
+    killed, lines = serve("--control", "127.0.0.1:0", lines=3)
+    (left,) = runtime.iterdir()
+    running, lines = serve("--control", "127.0.0.1:0", lines=3)
+    control = lines[1].removeprefix("ready control ")
+    assert len(list(runtime.iterdir())) == 2  # the first server still runs
+    killed.kill()
+    killed.communicate()
+    begun, beginning = (runtime / f".control-{port}-{'0' * 16}" for port in (1, 2))
+    for file in (begun, beginning):
+        file.touch(mode=0o600)
+    os.utime(begun, (0, 0))
+    others = [runtime / name for name in ("control-1.bak", "control-x", "control-2")]
+    others[0].touch()
+    others[1].touch()
+    others[2].symlink_to(others[0])
+    with stored_secret("0" * 16, 5008):
+        names = {file.name for file in runtime.iterdir()}
+        assert names == {
+            f"control-{port_of(control)}", "control-5008", beginning.name, *(each.name for each in others)
+        }  # fmt: skip
+        assert left.name not in names
+        assert run("pendant", control, "estop", "on").code == 0
+    assert running.poll() is None
+
+
 def test_the_secret_is_not_sent_to_other_machines(run, control, runtime, monkeypatch):
     seen = []
     monkeypatch.setattr(

@@ -75,6 +75,22 @@ def test_continuous_execution_until_it_is_stopped(both: Both, controller: Any) -
     assert both.run(task.wait(PATIENCE)) is TaskStatus.READY
 
 
+def test_a_program_continues_without_the_client_that_has_started_it(both: Both, listen_at: str) -> None:
+    """As on a real controller; docs/howto/lost-clients.md warns of it."""
+    device = VirtualRC8(clock=Clock(20), language="en")
+    with orinkit.serve(device, listen_at) as server:
+        lost = both.connect(server.url, timeout=PATIENCE)
+        both.run(task_of(both, lost, ENDLESS).start())
+        both.run(lost.client.close())
+        until(lambda: server.clients == 0)
+        assert device.state.tasks.running == 1
+        with device.state.cycles:
+            before = device.state.cycles.number
+        until(lambda: device.state.cycles.number > before + 100)
+        assert device.state.tasks.running == 1
+    device.close()
+
+
 def test_single_steps(both: Both, controller: Any) -> None:
     task = task_of(both, controller, "Sub Main\n  I[1] = 1\n  I[2] = 2\nEnd Sub\n")
     lines = []

@@ -12,6 +12,7 @@ import pytest
 import orinkit
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.core import hresult
+from orinkit.server.capacity import CallMemory, MemoryBudget
 from orinkit.server.http import app
 from orinkit.server.threaded import Server
 from orinkit.values.variant import ARRAY, VarType
@@ -126,7 +127,7 @@ def test_a_large_body_is_sent_in_pieces():
     async def send(message):
         sent.append(message.get("body", b""))
 
-    exchange = app.Exchange({"headers": [], "state": {"connection": None}}, None, send)
+    exchange = app.Exchange({"headers": [], "state": {"connection": None}}, None, send, CallMemory(MemoryBudget()))
     body = bytes(range(256)) * 20_000
     asyncio.run(exchange.answer(body, 0, ""))
     assert b"".join(sent) == body

@@ -213,17 +213,19 @@ class Web:
     Args:
         cookies: whether it stores cookies.
         kept: whether it keeps its connection open.
+        headers: further headers of every request.
     """
 
-    def __init__(self, url: str, *, cookies: bool, kept: bool) -> None:
+    def __init__(self, url: str, *, cookies: bool, kept: bool, headers: dict[str, str] | None = None) -> None:
         self._place = url.rpartition("/")[2]
+        self._headers = headers or {}
         self._cookies, self._kept = cookies, kept
         self._cookie = ""
         self._connection: http.client.HTTPConnection | None = None
 
     def ask(self, body: str) -> str:
         connection = self._connection or http.client.HTTPConnection(self._place)
-        headers = {"Cookie": self._cookie} if self._cookie else {}
+        headers = {**self._headers, **({"Cookie": self._cookie} if self._cookie else {})}
         connection.request("POST", "/", body, headers)
         answer = connection.getresponse()
         given = answer.getheader("Set-Cookie")
@@ -275,6 +277,46 @@ def test_http_with_cookie_and_kept_connection() -> None:
         web.close()
         until(arm.free)
         assert arm.server.clients == 0
+
+
+@pytest.mark.parametrize(
+    "header", ["Via: 1.1 proxy", "Forwarded: for=192.0.2.7", "X-Forwarded-For: 192.0.2.7", "x-forwarded-proto: https"]
+)
+def test_http_behind_a_proxy(header: str) -> None:
+    """The attack: a proxy keeps its connection to the server after its client has been killed."""
+    name, _, value = header.partition(": ")
+    with cell("http://127.0.0.1:0", alive=100.0, http=HttpOptions(idle=3600.0)) as arm:
+        web = Web(arm.server.url, cookies=True, kept=True, headers={name: value})
+        web.begin()
+        assert arm.after(40.0)
+        assert not arm.after(61.0)
+        until(arm.free)
+        web.close()
+
+
+def test_a_client_of_orinkit_behind_a_proxy_that_adds_no_header() -> None:
+    """Clients of orinkit send signs of life, so the server need not rely on the end of their connections."""
+    with cell("http://127.0.0.1:0", alive=100.0, http=HttpOptions(idle=3600.0)) as arm:
+        web = Web(arm.server.url, cookies=True, kept=True, headers={"Orinkit-Executing": "400"})
+        web.begin()
+        assert arm.after(40.0)
+        assert not arm.after(61.0)
+        until(arm.free)
+        web.close()
+
+
+def test_a_client_behind_a_proxy_may_change_its_connection() -> None:
+    """A proxy may close its connections at any time; only silence shows that a client is lost."""
+    with cell("http://127.0.0.1:0", alive=100.0) as arm:
+        web = Web(arm.server.url, cookies=True, kept=True, headers={"Via": "1.1 proxy"})
+        web.begin()
+        web.close()
+        assert arm.after(50.0)
+        web._connection = None
+        web.ask("Func=1,Arg1=")
+        assert arm.after(55.0)
+        assert not arm.after(50.0)
+        web.close()
 
 
 def test_http_whose_last_connection_ends_while_nothing_moves() -> None:

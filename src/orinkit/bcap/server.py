@@ -76,10 +76,14 @@ class Decode:
 
     Then pass this object and the result of ``read`` to :meth:`ServerConversation.decoded`. Until then, further calls of
     the client return E_BUSY_PROC.
+
+    Attributes:
+        size: number of bytes of the packet.
     """
 
     serial: int
     function_id: int
+    size: int
     read: Callable[[], list[Variant] | ProtocolError]
 
 
@@ -282,7 +286,7 @@ class ServerConversation:
         read = partial(self._read, frame, count, end)
         action: Action
         if len(frame) > LARGE:
-            self._current = action = Decode(serial, function_id, read)
+            self._current = action = Decode(serial, function_id, len(frame), read)
         else:
             action = self._call(serial, function_id, read())
         self.timed_out = False

@@ -383,6 +383,13 @@ class ControllerObject(OwnerObject):
         The server calls this method if there have been no signs of life from the client for too long.
         """
 
+    def connection_lost(self) -> None:
+        """Handle the loss of the client; the server releases its objects afterwards.
+
+        The server calls this method if the client ends without Controller_Disconnect and without Service_Stop, for
+        example because its program was killed. Motions that :meth:`release` stops need not be stopped here.
+        """
+
     def get_extension(self, name: str, option: str) -> Result[ExtensionObject]:
         """Connect to an extension board."""
         raise not_implemented()

@@ -251,6 +251,10 @@ class Session:
         """Return the reply to a pending call whose work has raised ``error``."""
         return self._failed(pending.function, error)
 
+    def refuse(self, function_id: int, error: CallError) -> CallReply:
+        """Return the reply to a call whose result cannot be sent, and store the description of the error."""
+        return self._failed(FUNCTIONS[function_id], error)
+
     def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
         entry = self._find(function, values[0])
         handle = entry.handle
@@ -444,6 +448,12 @@ class Session:
     def close(self) -> None:
         """Release all objects, newest first, after the client has disconnected; create no more objects."""
         self._closed = True
+        for entry in self._controllers():
+            try:
+                with entry.guard:
+                    cast("ControllerObject", entry.served).connection_lost()
+            except Exception:
+                logger.exception("%s: error after the loss of its client", entry.label)
         self._release_all()
 
     def _release_all(self) -> None:

@@ -24,7 +24,7 @@ HINTS: Final[dict[str, tuple[str, str]]] = {
     "index": ("Use an index that exists.", "存在する番号を指定してください。"),
     "licence": ("Register the licence of the option on the controller or the PC.", "コントローラまたはPCに、該当オプションのライセンスを登録してください。"),
     "machine": ("Check the computer name and whether the computer is reachable.", "コンピュータ名と、そのコンピュータに接続できるかを確認してください。"),
-    "memory": ("Release unused objects, or send less data per call.", "不要なオブジェクトを解放するか、一度に送るデータを減らしてください。"),
+    "memory": ("Release unused objects, send less data per call, or repeat the call later.", "不要なオブジェクトを解放するか、一度に送るデータを減らすか、後でやり直してください。"),
     "name": ("Check the name; the ...Names functions list the existing names.", "名前のつづりを確認してください。存在する名前は …Names 関数で一覧できます。"),
     "network": ("Check the cable, the address and the port, then connect again.", "ケーブル・アドレス・ポート番号を確認し、接続し直してください。"),
     "objects": ("Release unused objects.", "使っていないオブジェクトを解放してください。"),

@@ -218,6 +218,11 @@ class _RestrictedObject(CaoObject):
         if isinstance(self._served, ControllerObject):
             self._served.stop_moving()
 
+    def connection_lost(self) -> None:
+        """Pass on that the client has been lost. The access rules do not apply, because the server calls this method."""
+        if isinstance(self._served, ControllerObject):
+            self._served.connection_lost()
+
     def _call(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> Any:
         self._rules.check(function, arguments)
         result = getattr(self._served, function.method)(*arguments)

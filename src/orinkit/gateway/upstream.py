@@ -7,7 +7,8 @@ codes:
   because of a restart. The call was not executed.
 * E_NOT_CONNECTED (0x80000902): the connection was lost during the call. The call may or may not have been executed; it
   is never repeated.
-* E_TIMEOUT (0x80000900): the controller did not reply in time. The call may or may not have been executed.
+* E_TIMEOUT (0x80000900): the controller did not reply in time. The call may or may not have been executed. After a call
+  with more than 64 KiB, the connection is closed, because it may contain unsent data of the call.
 * E_INVALIDARG: an argument cannot be sent to the controller, for example because it is too long for UDP. The call was
   not sent.
 * E_TOO_MUCH_DATA, E_FAIL: the call was executed, but the reply exceeds the limits (E_TOO_MUCH_DATA) or is invalid
@@ -48,9 +49,12 @@ from orinkit.core.errors import (
 from orinkit.core.i18n import tr
 from orinkit.core.validation import check_range
 from orinkit.rc8.motion_calls import leaves_moving
+from orinkit.server.capacity import ALWAYS
+from orinkit.server.large_values import memory_of
 from orinkit.transport.registry import resolve, row_of
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
+from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.gateway")
 
@@ -346,7 +350,7 @@ class UpstreamConnection:
         except CallTimeout as error:
             self._executing = False
             self._timeouts += 1
-            if self._timeouts >= _MAX_TIMEOUTS:
+            if self._timeouts >= _MAX_TIMEOUTS or _is_long(arguments):
                 await self._lose(error)
             raise
         except OrinError as error:
@@ -473,6 +477,11 @@ class UpstreamConnection:
         if self._keep_alive_timer is not None:
             self._keep_alive_timer.cancel()
             self._keep_alive_timer = None
+
+
+def _is_long(arguments: tuple[Any, ...]) -> bool:
+    """Return True if part of a call without a reply may still be unsent; the connection would keep these bytes."""
+    return memory_of(each for each in arguments if isinstance(each, Variant)) > ALWAYS
 
 
 def _refusal(url: str, error: OrinError) -> tuple[int, str]:

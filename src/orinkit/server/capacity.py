@@ -1,8 +1,8 @@
-"""Capacity of a server: clients, clients per address, and bytes of incomplete requests."""
+"""Capacity of a server: clients, clients per address, bytes of incomplete requests, memory of calls and replies."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Protocol
 
 DEFAULT_CLIENTS: Final = 344
 """Maximum number of clients. Three quarters of it, 258, may have the same address, so that one machine can run 256."""
@@ -35,3 +35,87 @@ class IncompleteRequests:
         """
         self.bytes += now - before
         return now <= ALWAYS or now <= before or self.bytes <= PARTIAL
+
+
+CALL_MEMORY: Final = 64 * 1024 * 1024
+"""Limit on the memory of all clients of a server for arguments of calls in progress and for unsent replies, bytes."""
+
+
+class Reader(Protocol):
+    """A client that reads a large reply slowly."""
+
+    def drop(self) -> None:
+        """Disconnect the client, and no longer count its unsent reply."""
+
+
+class MemoryBudget:
+    """Counts the memory for the arguments of calls in progress and for unsent replies, of all clients of a server.
+
+    If it is exhausted, slow readers are disconnected, so that they do not prevent the calls of other clients.
+
+    Attributes:
+        bytes: the counted memory.
+    """
+
+    def __init__(self) -> None:
+        self.bytes = 0
+        self._slow: dict[Reader, None] = {}  # the slowest reader first
+
+    def add_slow_reader(self, reader: Reader) -> None:
+        """Disconnect a client if the budget is exhausted later."""
+        self._slow[reader] = None
+
+    def discard_slow_reader(self, reader: Reader) -> None:
+        """Undo :meth:`add_slow_reader`, because the client has read its reply or has disconnected."""
+        self._slow.pop(reader, None)
+
+    def change(self, before: int, now: int) -> bool:
+        """Change the count of one call or reply from ``before`` to ``now`` bytes; return False if that exceeds the limit.
+
+        Up to :data:`ALWAYS` bytes are always permitted.
+        """
+        self.bytes += now - before
+        if now <= ALWAYS or now <= before:
+            return True
+        while self.bytes > CALL_MEMORY and self._slow:
+            reader = next(iter(self._slow))
+            del self._slow[reader]
+            reader.drop()
+        return self.bytes <= CALL_MEMORY
+
+
+class CallMemory:
+    """The memory of one call, or of one unsent reply, in a :class:`MemoryBudget`.
+
+    Args:
+        budget: the budget of the server.
+
+    Attributes:
+        bytes: the memory that the budget counts.
+    """
+
+    __slots__ = ("_budget", "bytes")
+
+    def __init__(self, budget: MemoryBudget) -> None:
+        self._budget = budget
+        self.bytes = 0
+
+    def set(self, size: int) -> bool:
+        """Set the memory; return False, and set it to 0, if the limit of the budget would be exceeded."""
+        before, self.bytes = self.bytes, size
+        if self._budget.change(before, size):
+            return True
+        self.release()
+        return False
+
+    def hand_over(self) -> CallMemory:
+        """Return another object that counts the memory from now on."""
+        other = CallMemory(self._budget)
+        other.bytes, self.bytes = self.bytes, 0
+        return other
+
+    def release(self) -> None:
+        """Set the memory to 0."""
+        if self.bytes:
+            self._budget.change(self.bytes, 0)
+            self.bytes = 0

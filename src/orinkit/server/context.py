@@ -14,7 +14,7 @@ from orinkit.cao.session import HandleAllocator, ProviderRegistry
 from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive
-from orinkit.server.capacity import IncompleteRequests, default_per_address
+from orinkit.server.capacity import IncompleteRequests, MemoryBudget, default_per_address
 from orinkit.server.large_values import Worker
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import PacketLimits
@@ -82,6 +82,7 @@ class ServerContext:
         turned_away: connections in ``all`` that are refused because a limit is reached; they stay open until they have
             received the reply.
         partial: counts the bytes of incomplete requests.
+        memory: counts the memory of calls in progress and unsent replies.
         guesses: failed token attempts over HTTP, by address of the client.
         held: by address of the client, the number of its requests with a wrong token to which the response is being
             delayed.
@@ -117,6 +118,7 @@ class ServerContext:
         self.all: set[Closable] = set()
         self.turned_away: set[Closable] = set()
         self.partial = IncompleteRequests()
+        self.memory = MemoryBudget()
         self.guesses = SecretAttempts()
         self.held: Counter[str] = Counter()
         self.opening = 0

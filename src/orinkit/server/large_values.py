@@ -1,4 +1,4 @@
-"""Decoding and encoding of large packets and results in a worker thread, one at a time.
+"""Decoding and encoding of large packets and results in a worker thread, one at a time; their size in memory.
 
 Python runs one thread at a time. While the worker executes Python code, the event loop gets a turn every 5 ms.
 Therefore one worker serves all clients, and it makes no long call into C (:mod:`orinkit.values.codec` reads and writes
@@ -8,16 +8,25 @@ arrays in slices).
 from __future__ import annotations
 
 import asyncio
+import sys
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, Final, Generic, TypeVar
 
 from orinkit.bcap.server import LARGE
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
+from orinkit.server import capacity
 from orinkit.values.variant import VARIANT_ARRAY, Variant
 
 T = TypeVar("T")
 
+_SAMPLE: Final = 1000  # number of elements of which memory_of determines the size
+_OBJECT: Final = 128  # bytes of a Variant and of a small value
+_POINTER: Final = 8
+_NUMBER: Final = 48  # bytes of a number in a list, with its pointer and its bytes in a packet
 _ELEMENT: Final = 16  # bytes counted per array element; more than the actual size, because dates are slow to convert
 
 
@@ -35,6 +44,45 @@ def is_large(result: Variant) -> bool:
             if left >= 0 and value and (item.type == VARIANT_ARRAY or isinstance(value[0], str)):
                 rest += value
     return left < 0
+
+
+def memory_of(values: Iterable[Variant]) -> int:
+    """Return an estimate of the memory in bytes that values require, decoded and encoded.
+
+    Elements of long arrays are sampled.
+    """
+    total = 0.0
+    left = _SAMPLE
+    rest: list[tuple[Any, float]] = [(each, 1.0) for each in values]
+    while rest:
+        item, weight = rest.pop()
+        value = item.value if isinstance(item, Variant) else item
+        size = _OBJECT
+        if isinstance(value, str):
+            size += sys.getsizeof(value) + 2 * len(value)
+        elif isinstance(value, bytes):
+            size += 2 * len(value)
+        elif isinstance(value, list) and value and isinstance(value[0], Variant | str):
+            size += _POINTER * len(value)
+            sample = value[:: max(1, len(value) // max(1, left))]
+            left -= len(sample)
+            rest += [(each, weight * len(value) / len(sample)) for each in sample]
+        elif isinstance(value, list):
+            size += _NUMBER * len(value)
+        total += weight * size
+    return int(total)
+
+
+def out_of_memory() -> CallError:
+    """Return the exception for a call whose arguments or result exceed the memory of the server for calls."""
+    return error_for(
+        hresult.E_OUTOFMEMORY,
+        tr(
+            "the calls in progress and the unsent replies of all clients exceed the limit of {most} bytes. Try: repeat "
+            "the call later, or transfer less at a time",
+            most=capacity.CALL_MEMORY,
+        ),
+    )
 
 
 class _Job(Generic[T]):

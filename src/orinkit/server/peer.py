@@ -16,9 +16,11 @@ from orinkit.cao.provider import BlockingCall, ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
+from orinkit.core.errors import ProtocolError
 from orinkit.server.call_runner import result_of
+from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
-from orinkit.server.large_values import is_large
+from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
@@ -59,6 +61,7 @@ class Peer(ABC):
         self._loop = loop
         self._conversation = ServerConversation(context.limits, context.invoke_timeout, profile, context.host.dialect)
         self._session: Session | None = None
+        self._memory = CallMemory(context.memory)
         self._liveness: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
@@ -99,6 +102,9 @@ class Peer(ABC):
         task, self._task = self._task, None
         if task is not None and self._cancellable:
             task.cancel()
+        if task is None or self._cancellable:  # otherwise, the call continues and still requires its memory
+            self._memory.release()
+        self._memory = CallMemory(self._context.memory)
         if session is not None:
             before = CLIENT.set(self._host)  # the server may close the session from another context
             log_disconnected(session, self._name, reason)
@@ -271,9 +277,12 @@ class Peer(ABC):
 
     async def _decode(self, action: Decode) -> None:
         session = self._session
-        arguments = await self._context.worker.run(action.read)
+        arguments, size = await self._context.worker.run(partial(_read, action))
         if self._session is not session or self._is_closing():
             return
+        if not self._memory.set(size):
+            self._log_out_of_memory()
+            arguments = ProtocolError("", hresult.E_OUTOFMEMORY)
         self._free()
         self._unhold()
         waiting, self._waiting = self._waiting, None
@@ -286,9 +295,11 @@ class Peer(ABC):
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._run_task(self._finish(session, call, outcome), cancellable=type(outcome.work) is not BlockingCall)
+            self._run_task(
+                self._finish(session, call, outcome, self._memory), cancellable=type(outcome.work) is not BlockingCall
+            )
 
-    async def _finish(self, session: Session, call: Execute, pending: Pending) -> None:
+    async def _finish(self, session: Session, call: Execute, pending: Pending, memory: CallMemory) -> None:
         begin_call(lambda: self._conversation.timed_out or not self._serves(session))
         try:
             result = await result_of(pending.work)
@@ -302,6 +313,8 @@ class Peer(ABC):
             self._free()
             self._conversation.update_time(self._loop.time())
             self._answer(call, reply)
+        else:
+            memory.release()
 
     def _serves(self, session: Session) -> bool:
         """Return True if the replies to a session's calls can still be sent.
@@ -313,10 +326,29 @@ class Peer(ABC):
     def _answer(self, call: Execute, reply: CallReply) -> None:
         result = reply.result
         if result is not None and is_large(result):
-            self._hold()
-            self._run_task(self._encode(call, reply.code, result), cancellable=True)
-        else:
-            self._deliver(call, reply.code, result)
+            call.arguments.clear()
+            if self._memory.set(memory_of((result,))):
+                self._hold()
+                self._run_task(self._encode(call, reply.code, result), cancellable=True)
+                return
+            self._log_out_of_memory()
+            session = self._session
+            reply = (
+                CallReply(hresult.E_OUTOFMEMORY)
+                if session is None
+                else session.refuse(call.function_id, out_of_memory())
+            )
+        self._deliver(call, reply.code, reply.result)
+        if self._memory.bytes or self._slow:
+            self._on_reply_sent()
+
+    def _on_reply_sent(self) -> None:
+        """Count no memory for the call, whose reply has been passed to the transport."""
+        self._memory.release()
+
+    def _log_out_of_memory(self) -> None:
+        level = self._context.refusal_level(self._loop.time(), "memory")
+        logger.log(level, "%s: call refused: calls and replies use %d bytes", self._name, self._context.memory.bytes)
 
     async def _encode(self, call: Execute, code: int, result: Variant) -> None:
         session = self._session
@@ -326,6 +358,7 @@ class Peer(ABC):
             self._unhold()
             self._conversation.update_time(self._loop.time())
             self._deliver(call, code, encoded)
+            self._on_reply_sent()
             self._resume()
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
@@ -343,6 +376,12 @@ class Peer(ABC):
         if data:
             self._send(data)
         self._set_alarm(self._conversation.next_time())
+
+
+def _read(action: Decode) -> tuple[list[Variant] | ProtocolError, int]:
+    """Return the arguments of a large packet, and the memory that they require, bytes."""
+    arguments = action.read()
+    return arguments, 0 if isinstance(arguments, ProtocolError) else max(memory_of(arguments), action.size)
 
 
 class ConnectionlessClient(Peer):

@@ -11,6 +11,7 @@ from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
+from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
@@ -20,9 +21,9 @@ from orinkit.transport.tcp_keepalive import prepare
 logger = logging.getLogger("orinkit.server")
 
 PATIENCE: Final = 10.0
-"""Time in s that a client has for its first call, for sending each packet, and for reading its last replies."""
+"""Time in s that a client has for its first call, for sending each packet, and for reading its replies."""
 PROGRESS: Final = 64 * 1024
-"""If a client sends this many bytes of a packet within :data:`PATIENCE`, the time starts again.
+"""If a client sends or reads this many bytes within :data:`PATIENCE`, the time starts again.
 
 This permits long packets on slow lines.
 """
@@ -45,6 +46,9 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._idle_timer: asyncio.TimerHandle | None = None
         self._partial = 0  # bytes of the incomplete packet that ServerContext.partial includes
         self._begun = 0.0  # time from which PATIENCE is measured for the incomplete packet; 0 if there is none
+        self._unsent = CallMemory(context.memory)  # of the reply that the client does not read
+        self._unread = 0  # bytes of unsent replies at the time from which PATIENCE is measured
+        self._reading_timer: asyncio.TimerHandle | None = None
         self._seen = 0, 0  # at that time: the number of complete packets, and the bytes of the incomplete packet
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -93,10 +97,13 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Stop reading, because the client does not read its replies."""
         self._slow = True
         self._transport.pause_reading()
+        self._unread = self._transport.get_write_buffer_size()
+        self._reading_timer = self._loop.call_later(PATIENCE, self._check_reading)
 
     def resume_writing(self) -> None:
         """Resume reading."""
         self._slow = False
+        self._stop_waiting_for_reader()
         if not self._held:
             self._transport.resume_reading()
         self._resume()
@@ -119,6 +126,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._idle_timer = None
         self._context.partial.change(self._partial, 0)
         self._partial = 0
+        self._stop_waiting_for_reader()
         self._leave(exc)
         self._context.discard(self)
 
@@ -131,6 +139,39 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         level = self._context.refusal_level(self._loop.time(), "partial")
         logger.log(level, "%s: closed: incomplete packets have %d bytes", self._name, self._context.partial.bytes)
         self.close()
+
+    # --- slow readers -------------------------------------------------------------------------------------------
+
+    def _on_reply_sent(self) -> None:
+        super()._on_reply_sent()
+        if self._slow:
+            self._unread = self._transport.get_write_buffer_size()
+            if not self._unsent.set(self._unread):  # more than estimated
+                self._give_up("reply not read; the memory is required for other clients")
+
+    def _check_reading(self) -> None:
+        """Close the connection if the client reads too slowly; otherwise close it only if its memory is required."""
+        unsent = self._transport.get_write_buffer_size()
+        if self._unread - unsent < PROGRESS:
+            self._reading_timer = None
+            self._give_up(f"{PROGRESS} bytes of replies not read within {PATIENCE:g} s")
+        else:
+            self._unread = unsent
+            self._unsent.set(unsent)
+            self._context.memory.add_slow_reader(self)
+            self._reading_timer = self._loop.call_later(PATIENCE, self._check_reading)
+
+    def _stop_waiting_for_reader(self) -> None:
+        self._unsent.release()
+        self._context.memory.discard_slow_reader(self)
+        if self._reading_timer is not None:
+            self._reading_timer.cancel()
+            self._reading_timer = None
+
+    def drop(self) -> None:
+        """Close the connection of a slow reader, because the memory of its reply is required for another client."""
+        self._stop_waiting_for_reader()
+        self._give_up(f"reply not read within {PATIENCE:g} s; the memory is required for other clients")
 
     # --- time ---------------------------------------------------------------------------------------------------
 
@@ -152,7 +193,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         if self._held:  # the server is still processing a packet; the client is not late
             self._idle_timer = self._loop.call_at(now + PATIENCE, self._check_progress)
         elif not self._conversation.calls:
-            self._give_up("no call received")
+            self._give_up(f"no call received within {PATIENCE:g} s")
         elif self._begun:
             # If the client does not read its replies, the server has stopped reading; the client is not late either.
             if self._slow or self._conversation.incomplete_bytes - self._seen[1] >= PROGRESS:
@@ -160,11 +201,11 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             if now < self._begun + PATIENCE:
                 self._await_packet(now)
             else:
-                self._give_up("incomplete packet: rest not received")
+                self._give_up(f"incomplete packet: rest not received within {PATIENCE:g} s")
 
     def _give_up(self, reason: str) -> None:
         level = self._context.refusal_level(self._loop.time(), "silent")
-        logger.log(level, "%s: closed: %s within %g s", self._name, reason, PATIENCE)
+        logger.log(level, "%s: closed: %s", self._name, reason)
         self._transport.abort()
 
     # --- methods of Peer ------------------------------------------------------------------------------------------

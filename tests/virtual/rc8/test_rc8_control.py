@@ -5,6 +5,7 @@ import json
 import pytest
 
 import orinkit
+from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import BlockingCall, ClientInfo, Deferred
 from orinkit.cao.session import ProviderRegistry, Session
 from orinkit.core import hresult
@@ -13,6 +14,8 @@ from orinkit.values.variant import Variant, VarType, variant
 from orinkit.virtual.rc8 import ModeSwitch, control
 from orinkit.virtual.rc8.control import CONTROL_NAMES, PROVIDER_NAME, ControlPanel, ControlProvider
 from orinkit.virtual.rc8.robot.motor import MotorState
+from support.peers import RawClient
+from support.waiting import PATIENCE, until
 
 SECRET = "0123456789abcdef"
 OPTION = f"Secret={SECRET}"
@@ -364,3 +367,110 @@ def test_closing_the_control_port_leaves_the_controller_as_it_is(rc8, controller
     controller.execute("HandMoveA", variant([10, 100]))
     clock.advance(1)
     assert rc8.state.hand.position == 10.0
+
+
+# --- lost clients -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def port(rc8):
+    """The address of the control port; the motor is on in manual mode."""
+    rc8.set_mode(1)
+    rc8.state.arm.motor.state = MotorState.ON
+    with orinkit.serve(ControlProvider(rc8, secret=SECRET), "tcp://127.0.0.1:0") as server:
+        yield server.url
+
+
+@pytest.fixture
+def jogging(port, clock):
+    """Connect a client that presses the enable switch and jogs."""
+
+    def connect(*, presses: bool = True, jogs: bool = True) -> orinkit.Controller:
+        client = orinkit.connect(port, provider=PROVIDER_NAME, option=OPTION, timeout=PATIENCE)
+        if presses:
+            client.execute("Deadman", True)
+        if jogs:
+            client.execute("Jog", [1, 90])
+            clock.advance(1)
+        return client
+
+    return connect
+
+
+def lose(client):
+    """End the connection without Controller_Disconnect, as the system does for a killed program."""
+    client.client.close()
+
+
+def test_a_jog_stops_if_its_client_is_lost(jogging, rc8, clock):
+    """The attack: a pendant program is killed while it jogs."""
+    lose(jogging())
+    until(lambda: not switches(rc8).deadman)
+    clock.advance(2)
+    assert 0 < rc8.pendant.status()["joints"][0] < 45
+    assert not rc8.state.arm.motor.on
+
+
+def test_a_jog_that_is_waited_for_stops_if_its_client_is_lost(port, rc8, clock):
+    with RawClient(port) as client:
+        handle = client.ask(BY_NAME["Controller_Connect"].id, "", PROVIDER_NAME, "", OPTION)
+        execute = BY_NAME["Controller_Execute"].id
+        client.ask(execute, handle, "Deadman", True)
+        client.request(execute, handle, "Jog", [1, 90, 1])
+        until(lambda: rc8.state.arm.busy)
+        clock.advance(1)
+    until(lambda: not switches(rc8).deadman)
+    clock.advance(2)
+    assert 0 < rc8.pendant.status()["joints"][0] < 45
+
+
+def test_the_enable_switch_is_released_if_its_client_is_lost(jogging, rc8):
+    client = jogging(jogs=False)
+    assert switches(rc8).deadman
+    lose(client)
+    until(lambda: not switches(rc8).deadman)
+    assert not rc8.state.arm.motor.on
+
+
+def test_a_lost_jog_also_releases_the_switch_that_another_client_has_pressed(jogging, rc8, clock):
+    """The sequence of the command line: each action is a client of its own."""
+    jogging(jogs=False).close()
+    assert switches(rc8).deadman
+    lose(jogging(presses=False))
+    until(lambda: not switches(rc8).deadman)
+    clock.advance(2)
+    assert 0 < rc8.pendant.status()["joints"][0] < 45
+
+
+def test_a_client_that_disconnects_leaves_switch_and_jog_as_they_are(jogging, rc8, clock):
+    jogging().close()
+    clock.advance(20)
+    assert rc8.pendant.status()["joints"][0] == pytest.approx(90)
+    assert switches(rc8).deadman
+
+
+def test_the_loss_of_another_client_changes_nothing(jogging, rc8, clock):
+    other = jogging(presses=False, jogs=False)
+    first = jogging(jogs=False)
+    second = jogging()  # presses the switch again, and jogs
+    lose(first)
+    lose(other)
+    second.execute("Status")
+    clock.advance(20)
+    assert rc8.pendant.status()["joints"][0] == pytest.approx(90)
+    assert switches(rc8).deadman
+    lose(second)
+    until(lambda: not switches(rc8).deadman)
+
+
+def test_a_silent_client_that_jogs_is_stopped(panel, press, manual, clock, status):
+    """The limit on silence that a client sets itself (Alive) applies to the control port as well."""
+    assert not panel.is_moving()
+    press("Jog", [1, 90])
+    clock.advance(1)
+    assert panel.is_moving()
+    panel.stop_moving()
+    clock.advance(2)
+    assert not panel.is_moving()
+    assert 0 < status()["joints"][0] < 45
+    assert status()["deadman"] is False

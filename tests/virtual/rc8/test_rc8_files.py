@@ -22,7 +22,7 @@ from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import StateError, VirtualRC8
 from orinkit.virtual.rc8.client_context import ClientContext
-from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk
+from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk, usage
 from orinkit.virtual.rc8.objects.file import RC8File, find_file
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.state import Origin
@@ -485,6 +485,63 @@ def test_the_number_of_entries_is_limited(root, clock, refused):
     store.delete("5", recursive=True)
     store.create("new3")
     assert len(store.programs()) == 9 * (MOST_ENTRIES // 10 - 1) - 1
+
+
+@pytest.fixture
+def quota(monkeypatch, root, clock) -> FileStore:
+    """A store that is limited to 1,000 bytes, and counts again after 400 bytes."""
+    monkeypatch.setattr(usage, "MOST_STORED", 1000)
+    monkeypatch.setattr(usage, "_COUNTED_EVERY", 400)
+    return FileStore(root, clock.wall)
+
+
+def test_the_total_size_of_the_files_is_limited(quota, root, clock, refused):
+    """The attack: a file of 16 MiB copied 10,000 times."""
+    store = quota
+    store.write("a", bytes(300))
+    store.copy("a", "b")
+    store.make_folder("dir")
+    store.copy("b", "dir\\c")
+    for call in (
+        lambda: store.copy("a", "d"),
+        lambda: store.write("d", bytes(101)),
+        lambda: store.write("d", store.stage("d", bytes(101))),
+        lambda: store.write("a", bytes(401)),
+    ):
+        assert refused(call) == hresult.E_TOO_MUCH_DATA
+    assert not store.exists("d")
+    assert store.size("a") == 300
+    assert {path.name for path in root.rglob("*")} == {"a", "b", "dir", "c"}  # no temporary file is left
+    with pytest.raises(CallError, match=r"would have 1001 bytes, the limit is 1000 bytes. Try: delete some"):
+        store.write("d", bytes(101))
+    store.write("d", bytes(100))
+    store.create("e")
+    store.write("a", bytes(50))
+    store.write("e", bytes(250))
+    assert refused(store.write, "e", bytes(251)) == hresult.E_TOO_MUCH_DATA
+    store.delete("dir", recursive=True)
+    store.move("e", "f")
+    store.delete("f")
+    store.write("e", bytes(550))
+    assert refused(store.write, "f", b"x") == hresult.E_TOO_MUCH_DATA
+    assert refused(FileStore(root, clock.wall).write, "f", b"x") == hresult.E_TOO_MUCH_DATA  # also after a restart
+
+
+def test_files_of_other_programs_count(quota, root, refused):
+    store = quota
+    store.write("a", bytes(400))
+    (root / "b").write_bytes(bytes(500))
+    store.write("c", bytes(1))  # everything is counted now
+    assert refused(store.write, "d", bytes(100)) == hresult.E_TOO_MUCH_DATA
+    (root / "b").unlink()
+    store.write("d", bytes(100))
+    (root / "b").write_bytes(bytes(900))
+    store.delete("b")
+    store.write("e", bytes(499))
+    assert refused(store.write, "f", bytes(1)) == hresult.E_TOO_MUCH_DATA
+    (root / "b").write_bytes(bytes(10_000))
+    store.write("e", b"smaller")  # allowed although the store is too large
+    assert store.read("b") == bytes(10_000)
 
 
 # --- hostile names and trees ------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.rc8 import StateError, VirtualRC8, temporary_directory
@@ -286,6 +287,39 @@ def test_another_file_in_its_place_is_left_alone(start, refused, path):
     path.write_bytes(b"mine")
     assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
     assert path.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda path: os.truncate(path, 0),
+        lambda path: os.truncate(path, path.stat().st_size // 2),
+        lambda path: path.write_bytes(bytes(path.stat().st_size)),
+        lambda path: (os.truncate(path, 0), path.unlink()),
+    ],
+    ids=["truncated", "half", "zeros", "truncated and deleted"],
+)
+def test_no_write_is_acknowledged_after_the_file_was_damaged(harm, start, refused, path, caplog):
+    """The attack: SQLite keeps the content in its cache, and does not notice the damage."""
+    _, controller = start()
+    for number in range(100):
+        put(controller, "S1", Variant(VarType.BSTR, f"{number}" * 50))
+    harm(path)
+    for _ in range(3):
+        assert refused(put, controller, "I1", Variant(VarType.I4, 2)) == 0x80004005
+    with pytest.raises(CallError, match=r"truncated or overwritten.*Try: .*backup.*variables\.sqlite3-wal away"):
+        put(controller, "I1", Variant(VarType.I4, 2))
+    assert get(controller, "I1").value == 0
+    assert len([each for each in caplog.records if each.levelname == "ERROR"]) == 1
+
+
+def test_a_file_that_grows_is_not_damaged(start):
+    device, controller = start(counts={"S": 3000})
+    for number in range(3000):
+        put(controller, f"S{number}", Variant(VarType.BSTR, "x" * 255))
+    device.close()
+    _, controller = start(counts={"S": 3000})
+    assert get(controller, "S2999").value == "x" * 255
 
 
 def test_a_directory_that_is_back_but_cannot_be_used(start, refused, path, monkeypatch):

@@ -1,15 +1,18 @@
 """Pass the secret of a control port from ``orinkit serve rc8`` to ``orinkit pendant`` in a file.
 
 Only the owner of the file can read it. By default, the file is named after the port and is in the runtime directory of
-the account, where commands of the same account look for it.
+the account, where commands of the same account look for it. The server locks this file, so that a later server can
+remove the files of killed servers.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,12 +21,17 @@ from typing import Final
 from orinkit.cao.shared_secret import check_secret
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.files import exposure, is_private, read
+from orinkit.core import file_lock
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.transport.address import Address
 
 OPTION: Final = "--control-secret-file"
 _LONGEST: Final = 4096  # maximum number of bytes that are read from a secret file
+_COMPLETE: Final = re.compile(r"control-\d+")  # name of a secret file
+_INCOMPLETE: Final = re.compile(r"\.control-\d+-[0-9a-f]{16}")  # name of a secret file that is being written
+_WRITING_TIME: Final = 60.0  # s after which such a file is a leftover
+_FLAGS: Final = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 def read_secret(path: str) -> str:
@@ -61,6 +69,8 @@ def find_secret(address: Address) -> str:
 def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[None]:
     """Store a secret for commands of this account; the file is removed when the ``with`` statement ends.
 
+    The default files of servers that were killed are removed, too.
+
     Args:
         secret: The secret of the control port.
         port: The port, which determines the default name of the file.
@@ -70,9 +80,11 @@ def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[N
         CommandError: If the file cannot be written.
     """
     file = _runtime_directory() / _name(port) if path is None else Path(path)
+    lock = None
     try:
         if path is None:
-            _replace(file, secret)
+            _sweep(file.parent)
+            lock = _replace(file, secret)
         else:
             _write(file, secret)
     except (OSError, ValueError) as error:
@@ -83,6 +95,7 @@ def stored_secret(secret: str, port: int, path: str | None = None) -> Iterator[N
         with suppress(OSError, ValueError):
             if file.read_text(encoding="ascii").strip() == secret:  # a newer server may have replaced the secret
                 file.unlink()
+        _close(lock)
 
 
 def _name(port: int) -> str:
@@ -138,17 +151,56 @@ def _is_ours(directory: Path) -> bool:
     return stat.S_ISDIR(found.st_mode) and is_private(directory)
 
 
-def _replace(file: Path, secret: str) -> None:
-    """Write a file atomically; a file that an earlier server on the same port has left is replaced."""
+def _replace(file: Path, secret: str) -> int | None:
+    """Write a file atomically, and lock it; a file that an earlier server on the same port has left is replaced.
+
+    Returns:
+        The descriptor that holds the lock; ``None`` if the system has no locks.
+    """
+    lock = None
     beside = file.with_name(f".{file.name}-{secrets.token_hex(8)}")
     try:
         _write(beside, secret)
+        if file_lock.SUPPORTED:
+            lock = os.open(beside, _FLAGS)
+            file_lock.try_lock(lock)
         beside.replace(file)
+    except BaseException:
+        _close(lock)
+        raise
     finally:
         beside.unlink(missing_ok=True)
+    return lock
+
+
+def _close(lock: int | None) -> None:
+    if lock is not None:
+        os.close(lock)
 
 
 def _write(file: Path, secret: str) -> None:
     number = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0), 0o600)
     with os.fdopen(number, "w", encoding="ascii") as stream:
         stream.write(f"{secret}\n")
+
+
+def _sweep(directory: Path) -> None:
+    """Remove the files of servers that have ended without removing them; do nothing on Windows, which has no locks."""
+    if not file_lock.SUPPORTED:
+        return
+    with suppress(OSError):
+        for file in directory.iterdir():
+            if _COMPLETE.fullmatch(file.name) or _INCOMPLETE.fullmatch(file.name):
+                with suppress(OSError):
+                    _remove_if_left(file)
+
+
+def _remove_if_left(file: Path) -> None:
+    lock = os.open(file, _FLAGS)
+    try:
+        found = os.fstat(lock)
+        old = _COMPLETE.fullmatch(file.name) or time.time() - found.st_mtime > _WRITING_TIME
+        if old and stat.S_ISREG(found.st_mode) and file_lock.try_lock(lock):
+            file.unlink()
+    finally:
+        os.close(lock)

@@ -19,6 +19,7 @@ from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.interrupts import termination_signals
 from orinkit.cli._shared.listen_addresses import LISTENING, ListenAddresses, listen_addresses_class
+from orinkit.cli._shared.memory import return_large_blocks
 from orinkit.core import logs
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
@@ -167,6 +168,7 @@ async def _serve(
     before: Sequence[str],
 ) -> None:
     stop = asyncio.Event()
+    return_large_blocks()
     install_exception_handler(asyncio.get_running_loop())
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:

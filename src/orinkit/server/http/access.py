@@ -19,6 +19,8 @@ Headers: TypeAlias = dict[bytes, bytes]
 _CACHED: Final = 64  # maximum number of accepted header values in each cache
 _FORM: Final = b"application/x-www-form-urlencoded"
 _UTF8: Final = (b"utf-8", b"utf8")
+_OF_PROXIES: Final = (b"via", b"forwarded")  # headers that proxies add
+_FORWARDED: Final = b"x-forwarded-"
 _WEB: Final = {"http": "80", "https": "443"}  # schemes of web pages, and their default ports
 
 
@@ -104,6 +106,11 @@ _CLOSE: Final = {"Connection": "close"}
 def plain(status: int, text: str, headers: dict[str, str] | None = None) -> PlainTextResponse:
     """Return a response with one line of text."""
     return PlainTextResponse(f"{text}\n", status, headers)
+
+
+def is_proxied(headers: Headers) -> bool:
+    """Return True if a header shows that a proxy has forwarded the request."""
+    return any(name in _OF_PROXIES or name.startswith(_FORWARDED) for name in headers)
 
 
 def ambiguous(headers: Iterable[tuple[bytes, bytes]]) -> PlainTextResponse | None:

@@ -23,13 +23,14 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.ecap.message import EcapRequest, read_request, write_reply
-from orinkit.server.capacity import IncompleteRequests
+from orinkit.server.capacity import CallMemory, IncompleteRequests
 from orinkit.server.context import ServerContext
 from orinkit.server.http.access import (
     AccessCheck,
     Headers,
     ambiguous,
     closed,
+    is_proxied,
     plain,
     too_long,
     too_many_guesses,
@@ -38,7 +39,7 @@ from orinkit.server.http.access import (
 from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.sessions import CALLS, HttpSession, HttpSessions, RunningCall
-from orinkit.server.large_values import is_large
+from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.log_limiter import CLIENT
 
 logger = logging.getLogger("orinkit.server")
@@ -53,7 +54,7 @@ _HELD: Final = 32  # maximum number of delayed replies to wrong tokens of one ad
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
 _DO_NOT_READ: Final = -1  # a limit for Exchange.refuse: the body is not read before the refusal
 _LONGEST_DETAIL: Final = 500  # maximum number of characters of an error description
-_PIECE: Final = 1024 * 1024  # bytes of a response that one call of send transfers
+_PIECE: Final = 64 * 1024  # bytes of a response that one call of send transfers; no more is unsent after the last call
 _INTERVALS: Final = range(80, 60_001)  # valid intervals of keep-alive bytes, ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
 _TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
@@ -91,7 +92,7 @@ class App:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Process one request."""
-        exchange = Exchange(scope, receive, send)
+        exchange = Exchange(scope, receive, send, CallMemory(self._context.memory))
         CLIENT.set(exchange.connection.host)
         try:
             unclear = ambiguous(scope["headers"])
@@ -172,6 +173,8 @@ class App:
                 if body is None:
                     return too_long(self._context.limits.packet) if exchange.has_room else too_many_request_bytes()
                 request = await self._read(body)
+                if len(body) > LARGE and not exchange.memory.set(max(memory_of(request.arguments), len(body))):
+                    raise out_of_memory()
             except CallError as error:
                 await self._answer(exchange, CallReply(error.code, detail=error.detail))
                 return None
@@ -186,13 +189,15 @@ class App:
                 exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
             await self._answer(exchange, reply)
         finally:
+            exchange.memory.release()
             if session is not None:
                 session.end_request(broken=exchange.connection.is_closed)
         return None
 
     def _enter(self, session: HttpSession, exchange: Exchange) -> None:
         connection = exchange.connection
-        session.begin_request(connection)
+        given = exchange.headers
+        session.begin_request(connection, proxied=is_proxied(given), sends_signs=_EXECUTING in given)
         connection.carried.add(session)
 
     # --- sessions ------------------------------------------------------------------------------------------------
@@ -247,7 +252,8 @@ class App:
         if session is None:
             if function_id == _SERVICE_STOP:
                 return _call_immediately(Session(self._context.host), request)
-            return CallReply(hresult.E_MAX_CONNECT, detail=_too_many(self._context.clients))
+            detail = tr("{clients} clients are connected", clients=self._context.clients)
+            return CallReply(hresult.E_MAX_CONNECT, detail=detail)
         if function_id == _SERVICE_STOP:
             reply = _call_immediately(session.session, request)
             if not hresult.failed(reply.code):
@@ -286,23 +292,25 @@ class App:
         finally:
             timer.cancel()
             exchange.connection.on_closed = None
+            if not call.task.done():  # the client does not wait any more, but the call still requires its memory
+                kept = exchange.memory.hand_over()
+                call.task.add_done_callback(lambda _: kept.release())
         if reply is None:
             raise _Disconnected
         return reply
 
     async def _answer(self, exchange: Exchange, reply: CallReply) -> None:
         code, result = self._code_replacements.get(reply.code, reply.code), reply.result
-        if (
-            result is not None
-            and isinstance(result.value, bytes)
-            and 2 * len(result.value) > self._context.limits.packet
-        ):
+        data = None if result is None else result.value
+        if isinstance(data, bytes) and 2 * len(data) > self._context.limits.packet:
             code, result = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
+        body, room = b"", True
         try:
-            if result is not None and is_large(result):
-                body = await self._context.worker.run(partial(write_reply, code, result))
-            else:
+            if result is None or not is_large(result):
                 body = write_reply(code, result)
+            elif room := exchange.memory.set(memory_of((result,))):
+                body = await self._context.worker.run(partial(write_reply, code, result))
+                room = exchange.memory.set(max(exchange.memory.bytes, len(body)))
         except Exception:
             logger.exception("cannot encode a result")
             code = hresult.E_FAIL
@@ -310,6 +318,12 @@ class App:
         if len(body) > self._context.limits.packet:
             code = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
             body = write_reply(code, None)
+        if not room:
+            reply = CallReply(hresult.E_OUTOFMEMORY, detail=out_of_memory().detail)
+            logger.info("%s: %s", exchange.connection.name, reply.detail)
+            code = self._code_replacements.get(reply.code, reply.code)
+            body = write_reply(code, None)
+        exchange.connection.begin_response(exchange.memory)
         await exchange.answer(body, code, reply.detail)
 
 
@@ -320,9 +334,11 @@ class Exchange:
         scope: the ASGI scope.
         receive: the ASGI receive callable.
         send: the ASGI send callable.
+        memory: the memory of the call.
 
     Attributes:
         scope: the ASGI scope.
+        memory: the memory of the call: of its arguments, then of its result, then of the unsent response.
         headers: headers of the request; the names are in lower case.
         connection: the connection of the request.
         interval: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
@@ -341,11 +357,13 @@ class Exchange:
         "has_room",
         "headers",
         "interval",
+        "memory",
         "scope",
     )
 
-    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    def __init__(self, scope: Scope, receive: Receive, send: Send, memory: CallMemory) -> None:
         self.scope = scope
+        self.memory = memory
         self.headers: Headers = dict(scope["headers"])
         self.connection: LimitedProtocol = scope["state"]["connection"]
         interval = self.headers.get(_EXECUTING, b"")
@@ -447,9 +465,8 @@ class Exchange:
             if detail:
                 self._add_text(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
-        elif detail and hresult.failed(
-            code
-        ):  # the header has been sent already; clients that requested keep-alive bytes read the detail after the code
+        elif detail and hresult.failed(code):
+            # The header has been sent already; clients that requested keep-alive bytes read the detail after the code.
             body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
         at = 0
         while len(body) - at > _PIECE:  # one large piece would be copied several times within one turn of the loop
@@ -472,12 +489,7 @@ class Exchange:
 
 
 def _time_out(call: RunningCall, seconds: float) -> None:
-    detail = tr("not completed within {seconds:g} s", seconds=seconds)
-    call.give_up(CallReply(hresult.E_TIMEOUT, detail=detail))
-
-
-def _too_many(clients: int) -> str:
-    return tr("{clients} clients are connected", clients=clients)
+    call.give_up(CallReply(hresult.E_TIMEOUT, detail=tr("not completed within {seconds:g} s", seconds=seconds)))
 
 
 def _call_immediately(session: Session, request: EcapRequest) -> CallReply:

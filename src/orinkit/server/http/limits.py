@@ -22,7 +22,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from orinkit.core.i18n import tr
-from orinkit.server.capacity import default_per_address
+from orinkit.server.capacity import CallMemory, default_per_address
 from orinkit.server.context import ServerContext
 from orinkit.server.http.flow_control import HELD, BoundedFlowControl
 from orinkit.server.log_limiter import CLIENT
@@ -36,6 +36,9 @@ LONGEST_HEADER: Final = 32 * 1024
 """Limit on the request line and the headers, bytes."""
 KEPT_ALIVE: Final = 75.0
 """Seconds after a response after which a connection without another request is closed."""
+
+PROGRESS: Final = 64 * 1024
+"""Number of bytes that a client must read of a response within the time of :class:`Stage`."""
 
 _LONG_HEADER: Final = 431
 _PIECE: Final = 64 * 1024  # bytes parsed at a time; uvloop reads up to 256 KiB
@@ -186,6 +189,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.is_closed = False
         self._half_closed = False  # True if the client has closed its side of the connection
         self.carried: set[DisconnectObserver] = set()
+        self._response: CallMemory | None = None
+        self._response_at = 0.0
         self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
 
     @property
@@ -298,6 +303,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._early is not None:  # closed before connection_made
             return
         self._guard.discard(self)
+        self._context.memory.discard_slow_reader(self)
         if self._timer is not None:
             self._timer.cancel()
         super().connection_lost(exc)
@@ -313,11 +319,24 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         """Note that the client does not read its response."""
         super().pause_writing()
         self._update_stage()
+        if self._response is not None and self.loop.time() >= self._response_at + Stage.TAKING.seconds:
+            self._context.memory.add_slow_reader(self)
 
     def resume_writing(self) -> None:
         """Note that the client has read most of its response."""
         super().resume_writing()
         self._update_stage()
+
+    def begin_response(self, memory: CallMemory) -> None:
+        """Note that a response begins, and the memory that it requires."""
+        self._response, self._response_at = memory, self.loop.time()
+
+    def drop(self) -> None:
+        """Close the connection of a slow reader, because the memory of its response is required for another client."""
+        if self._response is not None:
+            self._response.release()
+        logger.info("%s: closed: response not read within %g s", self.name, Stage.TAKING.seconds)
+        self.transport.abort()
 
     # --- uvicorn calls these --------------------------------------------------------------------------------------
 
@@ -334,6 +353,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def on_response_complete(self) -> None:
         """Handle the end of a response."""
+        self._response = None
+        self._context.memory.discard_slow_reader(self)
         self._guard.mark_replied(self)
         super().on_response_complete()
         if self._half_closed and not self._whole:
@@ -391,7 +412,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._armed = math.inf
         if self.loop.time() < self._until:
             self._arm()
-        elif self.transport.get_write_buffer_size() < self._unsent:
+        elif self.transport.get_write_buffer_size() <= self._unsent - PROGRESS:
             self._enter(self._stage)  # the client is slow, but reads its response
         else:
             self._give_up()

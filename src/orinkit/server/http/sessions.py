@@ -120,6 +120,8 @@ class HttpSession:
         self._waiting = 0  # number of requests in progress
         self._broken = False
         self._closing = False
+        self._proxied = False  # True after a request through a proxy, whose connections do not end with the client
+        self._sends_signs = False  # True if the client is one of orinkit
         self.ended = False
         self.requested_silence_limit: float | None = None
         self.last_request_at = self._heard = self._loop.time()
@@ -132,13 +134,17 @@ class HttpSession:
 
     # --- requests -------------------------------------------------------------------------------------------------
 
-    def begin_request(self, connection: Hashable = None) -> None:
+    def begin_request(self, connection: Hashable = None, *, proxied: bool = False, sends_signs: bool = False) -> None:
         """Record the start of a request.
 
         Args:
             connection: the connection of the request; the caller calls :meth:`disconnected` when the connection ends.
                 ``None`` if no connection is to be recorded.
+            proxied: True if a proxy has forwarded the request.
+            sends_signs: True if the client is one of orinkit, which sends signs of life while its motions run.
         """
+        self._proxied = self._proxied or proxied
+        self._sends_signs = self._sends_signs or sends_signs
         self._waiting += 1
         self._broken = False
         self.last_request_at = self._loop.time()
@@ -157,7 +163,7 @@ class HttpSession:
             self._loop.call_later(_RECONNECT_TIME, self._check_reconnected)
 
     def _check_reconnected(self) -> None:
-        if not self.ended and not self._connections and not self.plain and self.session.is_moving():
+        if not (self.ended or self._connections or self.plain or self._proxied) and self.session.is_moving():
             self.end("its last connection was closed")
 
     @property
@@ -185,9 +191,11 @@ class HttpSession:
     def default_silence_limit(self) -> float | None:
         """The server's limit on silence while motions run, s.
 
-        ``None`` while a client with a cookie has a persistent connection, whose end the server detects.
+        ``None`` while a client with a cookie has a persistent connection whose end the server detects, and sends no
+        signs of life. A proxy may keep a connection without its client; not every proxy adds a header.
         """
-        return None if self._has_persistent and not self.plain else self._context.alive
+        must_call = self.plain or self._proxied or self._sends_signs
+        return None if self._has_persistent and not must_call else self._context.alive
 
     def give_up(self, reason: str) -> None:
         """End the session, because the client has become unreachable."""

@@ -132,15 +132,22 @@ def _denied(*, given: bool) -> CallError:
 class ControlPanel(ControllerObject):
     """The Controller object of one client of the control port; every button is a command of Controller_Execute.
 
+    The enable switch that the client has pressed, and its jog, belong to the client: if the client is lost, the switch
+    is released, and the jog stops. If it disconnects, as ``orinkit pendant`` does after each action, the switch remains
+    pressed, and a jog continues.
+
     Args:
         rc8: The controller.
-        name: Name of the object.
+        name: Name that the client has chosen.
         describe_error: The client's :attr:`ClientInfo.describe_error`.
+
+    Attributes:
+        rc8: The controller.
     """
 
     def __init__(self, rc8: VirtualRC8, name: str, describe_error: Callable[[int], str]) -> None:
         super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
-        self._rc8 = rc8
+        self.rc8 = rc8
         self._describe_error = describe_error
 
     def execute(self, command: str, parameter: Variant) -> Any:
@@ -156,7 +163,7 @@ class ControlPanel(ControllerObject):
         if run is None:
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
         try:
-            return run(self._rc8, parameter)
+            return run(self, parameter)
         except ValueError as error:  # the pendant reports an invalid argument
             raise error_for(hresult.E_INVALIDARG, f"{error}") from error
 
@@ -164,79 +171,95 @@ class ControlPanel(ControllerObject):
         """Return the names of the buttons, and GetErrorDescription."""
         return [*CONTROL_NAMES, "GetErrorDescription"]
 
+    def is_moving(self) -> bool:
+        """Return True if a jog of the client is in progress."""
+        return self.rc8.pendant.is_jogging(self)
+
+    def stop_moving(self) -> None:
+        """Release the enable switch if the client holds it or jogs."""
+        self.rc8.pendant.lose_operator(self)
+
+    def connection_lost(self) -> None:
+        """Release the enable switch if the client holds it or jogs."""
+        self.rc8.pendant.lose_operator(self)
+
 
 # --- the buttons ------------------------------------------------------------------------------------------------------
 
 
-def _mode(rc8: VirtualRC8, parameter: Variant) -> None:
+def _mode(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
     text = given[0].value if given else None
     named = MODE_NAMES.get(parameters.check_length(text).strip().lower()) if isinstance(text, str) else None
-    rc8.pendant.mode(parameters.whole_numbers(parameter, None)[0] if named is None else named)
+    panel.rc8.pendant.mode(parameters.whole_numbers(parameter, None)[0] if named is None else named)
 
 
-def _token(rc8: VirtualRC8, parameter: Variant) -> None:
-    rc8.pendant.token(_text(_first(parameter)))
+def _token(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.pendant.token(_text(_first(parameter)))
 
 
-def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[VirtualRC8, Variant], None]:
+def _switch(press: Callable[[Pendant, bool], None]) -> Callable[[ControlPanel, Variant], None]:
     """Return the handler of a button whose parameter is True to press it (the default) or False to release it."""
 
-    def run(rc8: VirtualRC8, parameter: Variant) -> None:
-        press(rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
+    def run(panel: ControlPanel, parameter: Variant) -> None:
+        press(panel.rc8.pendant, _flag(parameters.elements(parameter), 0, missing=True))
 
     return run
 
 
-def _motor(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
+def _deadman(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.pendant.deadman(_flag(parameters.elements(parameter), 0, missing=True), operator=panel)
+
+
+def _motor(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
     given = parameters.elements(parameter)
     on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
-    rc8.pendant.motor(on)
+    panel.rc8.pendant.motor(on)
     # The motor is already switching. A second call only returns another Deferred of the same switching.
-    return rc8.state.arm.switch_motor(on) if wait else None
+    return panel.rc8.state.arm.switch_motor(on) if wait else None
 
 
-def _jog(rc8: VirtualRC8, parameter: Variant) -> Deferred[None] | None:
+def _jog(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
     axis, distance, wait = parameters.numbers(parameter, None, None, 0)
-    ticket = rc8.pendant.jog(parameters.whole(axis), distance)
-    return rc8.state.arm.when_done(ticket) if wait else None
+    ticket = panel.rc8.pendant.jog(parameters.whole(axis), distance, operator=panel)
+    return panel.rc8.state.arm.when_done(ticket) if wait else None
 
 
-def _raise_error(rc8: VirtualRC8, parameter: Variant) -> None:
+def _raise_error(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
     message = _text(given[1]) if len(given) > 1 else None
-    rc8.pendant.raise_error(_code(_first(parameter)), message)
+    panel.rc8.pendant.raise_error(_code(_first(parameter)), message)
 
 
-def _slave_limit(rc8: VirtualRC8, parameter: Variant) -> None:
-    rc8.pendant.slave_limit(parameters.whole_numbers(parameter, None)[0])
+def _slave_limit(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.pendant.slave_limit(parameters.whole_numbers(parameter, None)[0])
 
 
-def _clear_errors(rc8: VirtualRC8, _: Variant) -> None:
-    rc8.pendant.clear_errors()
+def _clear_errors(panel: ControlPanel, _: Variant) -> None:
+    panel.rc8.pendant.clear_errors()
 
 
-def _restart(rc8: VirtualRC8, _: Variant) -> None:
-    rc8.pendant.restart()
+def _restart(panel: ControlPanel, _: Variant) -> None:
+    panel.rc8.pendant.restart()
 
 
-def _status(rc8: VirtualRC8, _: Variant) -> str:
-    return json.dumps({**rc8.pendant.status(), "hand": rc8.state.hand.status()})
+def _status(panel: ControlPanel, _: Variant) -> str:
+    return json.dumps({**panel.rc8.pendant.status(), "hand": panel.rc8.state.hand.status()})
 
 
-def _workpiece(rc8: VirtualRC8, parameter: Variant) -> None:
+def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
     width = conversion.double(given[0]) if given else None
-    rc8.state.hand.put(width, inside=_flag(given, 1, missing=False))
+    panel.rc8.state.hand.put(width, inside=_flag(given, 1, missing=False))
 
 
-_BUTTONS: Final[dict[str, Callable[[VirtualRC8, Variant], Any]]] = {
+_BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
     "Mode": _mode,
     "Token": _token,
     "EmergencyStop": _switch(Pendant.emergency_stop),
     "ProtectiveStop": _switch(Pendant.protective_stop),
     "AutoEnable": _switch(Pendant.auto_enable),
-    "Deadman": _switch(Pendant.deadman),
+    "Deadman": _deadman,
     "Motor": _motor,
     "Jog": _jog,
     "MachineLock": _switch(Pendant.machine_lock),

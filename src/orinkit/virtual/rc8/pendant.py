@@ -12,13 +12,14 @@ from orinkit.values.poses import AT_COMMAND
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.planner import Rates
-from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.engine.motion.queue import Ticket, TicketState
 from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Token
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _JOG_RATES: Final = Rates(0.1, 0.1, 0.1, None)
 """A tenth of the largest velocity, acceleration and deceleration: the limits of manual operation."""
+_ENDED: Final = (TicketState.DONE, TicketState.STOPPED)
 
 
 class Pendant:
@@ -30,6 +31,8 @@ class Pendant:
 
     def __init__(self, state: RC8State) -> None:
         self._state = state
+        self._holder: object = None  # operator that has pressed the enable switch
+        self._jog: tuple[object, Ticket] | None = None  # operator of the last jog, and its motion
 
     def mode(self, mode: int) -> None:
         """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.
@@ -54,13 +57,18 @@ class Pendant:
         """Set the auto-enable input, or clear it (``False``)."""
         self._state.auto_enable(on)
 
-    def deadman(self, on: bool = True) -> None:
+    def deadman(self, on: bool = True, *, operator: object = None) -> None:
         """Hold or release the enable switch.
 
         Outside automatic mode, releasing it stops the arm and then switches the motor off.
+
+        Args:
+            on: True to hold the switch, False to release it.
+            operator: Object that identifies the operator for :meth:`lose_operator`.
         """
         with self._state.cycles:
             self._state.switches.deadman = bool(on)
+            self._holder = operator if on else None
             if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
                 self._state.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
 
@@ -79,12 +87,13 @@ class Pendant:
                 raise error_for(hresult.MOTOR_OFF_WHILE_MOVING)
             self._state.arm.switch_motor(on)
 
-    def jog(self, axis: int, distance: float) -> Ticket:
+    def jog(self, axis: int, distance: float, *, operator: object = None) -> Ticket:
         """Move one axis at a tenth of its largest velocity, in manual or teach-check mode with the enable switch held.
 
         Args:
             axis: Number of the axis, from 1.
             distance: Distance, deg; mm for a linear axis.
+            operator: Object that identifies the operator for :meth:`lose_operator`.
 
         Returns:
             The ticket of the motion; ``ticket.state`` is the progress of the motion.
@@ -115,7 +124,20 @@ class Pendant:
             limits = arm.model.axes[axis - 1]
             if not limits.lower <= end[axis - 1] <= limits.upper:
                 raise error_for(hresult.MANUAL_SOFT_LIMIT_AXIS1 + axis - 1)
-            return arm.enqueue(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
+            ticket = arm.enqueue(planner.plan_ptp(arm.space.kinematics, start, end, _JOG_RATES, AT_COMMAND))
+            self._jog = operator, ticket
+            return ticket
+
+    def is_jogging(self, operator: object) -> bool:
+        """Return True if a jog of an operator is in progress."""
+        with self._state.cycles:
+            return self._jog is not None and self._jog[0] is operator and self._jog[1].state not in _ENDED
+
+    def lose_operator(self, operator: object) -> None:
+        """Release the enable switch if a lost operator holds it or jogs; a jog stops, and the motor is switched off."""
+        with self._state.cycles:
+            if self._holder is operator or self.is_jogging(operator):
+                self.deadman(False)
 
     def teach(self, kind: str, index: int, values: Sequence[float]) -> None:
         """Write a pose or a vector to a global variable: P (7 numbers), J (8), T (10) or V (3).

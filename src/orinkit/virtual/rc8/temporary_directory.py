@@ -13,12 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-try:
-    from fcntl import LOCK_EX, LOCK_NB, flock
-except ImportError:  # Windows: the directory of a killed process remains until the user removes temporary files
-    _locks = False
-else:
-    _locks = True
+from orinkit.core import file_lock
 
 _PREFIX: Final = "orinkit-rc8-"
 _LOCK: Final = "lock"
@@ -27,9 +22,7 @@ _swept: set[str] = set()  # parent directories that this process has already sea
 
 
 class TemporaryDirectory:
-    """A temporary directory that is locked while its process runs.
-
-    The lock shows reliably that the process still runs; a process ID would not, because the system assigns it again.
+    """A temporary directory that is locked while its process runs (:mod:`orinkit.core.file_lock`).
 
     Attributes:
         path: Path of the directory.
@@ -43,7 +36,7 @@ class TemporaryDirectory:
         while True:
             self.path = Path(tempfile.mkdtemp(prefix=_PREFIX))
             self._lock = os.open(self.path / _LOCK, _FLAGS | os.O_CREAT, 0o600)
-            if _locked(self._lock) and (self.path / _LOCK).exists():
+            if file_lock.try_lock(self._lock) and (self.path / _LOCK).exists():
                 return
             os.close(self._lock)  # another process has just removed the directory as a leftover
 
@@ -56,8 +49,8 @@ class TemporaryDirectory:
 
 
 def sweep(parent: Path) -> None:
-    """Remove the directories left by terminated processes of this user."""
-    if not _locks:
+    """Remove the directories left by terminated processes of this user; do nothing on Windows, which has no locks."""
+    if not file_lock.SUPPORTED:
         return
     with suppress(OSError), os.scandir(parent) as entries:
         for entry in entries:
@@ -72,17 +65,7 @@ def _remove_if_left(path: Path) -> None:
         return  # a directory or a link of another user
     lock = os.open(path / _LOCK, _FLAGS)
     try:
-        if _locked(lock):
+        if file_lock.try_lock(lock):
             shutil.rmtree(path)
     finally:
         os.close(lock)
-
-
-def _locked(descriptor: int) -> bool:
-    """Lock a file; return False if another process holds the lock."""
-    if _locks:
-        try:
-            flock(descriptor, LOCK_EX | LOCK_NB)
-        except OSError:
-            return False
-    return True

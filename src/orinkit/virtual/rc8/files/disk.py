@@ -73,19 +73,25 @@ def listing(folder: Path) -> list[tuple[str, bool, str]]:
     return sorted(found.values(), key=lambda each: (part_key(each[0]), each[0]))
 
 
-def count_entries(root: Path, *, clean: bool = False) -> int:
-    """Return the number of entries in a folder and all folders below; with ``clean``, first remove temporary files."""
-    count, folders = 0, [root]
+def usage(root: Path, *, clean: bool = False) -> tuple[int, int]:
+    """Return the number of entries in a folder and all folders below, and the size of all files, bytes.
+
+    Temporary files do not count; with ``clean``, they are removed.
+    """
+    count, size, folders = 0, 0, [root]
     while folders:
         with os.scandir(folders.pop()) as entries:
             for entry in entries:
                 if _is_folder_entry(entry):
                     folders.append(Path(entry.path))
-                elif clean and entry.name.startswith(TEMPORARY_PREFIX):
-                    Path(entry.path).unlink()
+                elif entry.name.startswith(TEMPORARY_PREFIX):
+                    if clean:
+                        Path(entry.path).unlink()
                     continue
+                elif entry.is_file(follow_symlinks=False):
+                    size += entry.stat(follow_symlinks=False).st_size
                 count += 1
-    return count
+    return count, size
 
 
 def read_file(path: Path, most: int) -> bytes:

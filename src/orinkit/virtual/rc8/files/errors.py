@@ -101,3 +101,15 @@ def too_many(count: int, most: int) -> CallError:
             most=most,
         ),
     )
+
+
+def store_full(size: int, most: int) -> CallError:
+    """Return the exception for a write after which all files together would have ``size`` bytes."""
+    return error_for(
+        hresult.E_TOO_MUCH_DATA,
+        tr(
+            "the files of the controller would have {size} bytes, the limit is {most} bytes. Try: delete some",
+            size=size,
+            most=most,
+        ),
+    )

@@ -13,7 +13,8 @@ FILE_NOT_FOUND                the file does not exist, or the folder that should
 E_CAO_COLLECTION_REGISTERED   a file or folder of this name exists already
 E_ACCESSDENIED                the operation requires a file, but the name belongs to a folder; or the folder is the root
                               folder or is not empty; or the name belongs to a link or another special file
-E_TOO_MUCH_DATA               the file, or the content to be written, has more than 16 MiB
+E_TOO_MUCH_DATA               the file, or the content to be written, has more than 16 MiB; or all files together would
+                              have more than 256 MiB
 E_MAX_OBJECT                  the store would have more than 10,000 files and folders
 E_FAIL                        an error of the operating system, for example a full disk; the log has the reason
 ============================  ==========================================================================================
@@ -24,6 +25,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -43,12 +45,10 @@ from orinkit.virtual.rc8.files.names import (
     name_on_disk,
     read_name,
 )
+from orinkit.virtual.rc8.files.usage import Usage
 from orinkit.virtual.rc8.variables.database import StateError
 
 logger = logging.getLogger("orinkit.virtual.rc8")
-
-MOST_ENTRIES: Final = 10_000
-"""Largest number of files and folders of a store."""
 
 PROGRAM: Final = "pcs"
 """Extension of programs, in lower case."""
@@ -94,6 +94,8 @@ class FileStore:
         root: The directory, absolute.
         changed: Callbacks invoked with the controller's name of a file after the file was created, written, deleted or
             moved. After a move, they are invoked with the old name, then with the new name.
+        large_content: Lock that a thread holds while it reads or stages large content. Therefore the calls of many
+            clients do not occupy memory for their contents at the same time.
 
     Raises:
         StateError: If the directory cannot be used.
@@ -101,12 +103,13 @@ class FileStore:
 
     def __init__(self, root: Path, now: Callable[[], datetime]) -> None:
         self.changed: list[Callable[[str], None]] = []
+        self.large_content = threading.Lock()
         self._now = now
         self._created: dict[Parts, datetime] = {}
         try:
             root.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.root = root.resolve()
-            self._entries = disk.count_entries(self.root, clean=True)
+            self._usage = Usage(self.root)
         except OSError as error:
             raise StateError(
                 tr(
@@ -262,8 +265,9 @@ class FileStore:
         """
         place = self._free(read_name(name))
         with map_os_errors(place.name):
-            self._check_room()
+            self._usage.check_room(1)
             place.path.mkdir(mode=0o700)
+            self._usage.add(1)
             self._note_new(place)
 
     def delete(self, name: str, *, recursive: bool = False) -> None:
@@ -281,12 +285,12 @@ class FileStore:
         with map_os_errors(place.name):
             if not place.is_folder:
                 place.path.unlink()
-                self._entries -= 1
+                self._usage.add(-1, -_size_of(place))
             elif recursive:
                 self._delete_tree(place)
             else:
                 location.delete_empty(place)
-                self._entries -= 1
+                self._usage.add(-1)
             self._stamp_folder_of(place)
         if place.is_folder:
             old = place.name.key
@@ -407,12 +411,13 @@ class FileStore:
     def _put(self, place: Location, data: bytes | Staged) -> None:
         if isinstance(data, bytes) and len(data) > MOST_BYTES:
             raise errors.too_large(place.name, MOST_BYTES)
-        if place.status is None:
-            self._check_room()
-        else:
+        growth = (len(data) if isinstance(data, bytes) else data.path.stat().st_size) - _size_of(place)
+        self._usage.check_room(int(place.status is None), growth)
+        if place.status is not None:
             self._created[place.name.key] = self._creation(place)
         temporary = disk.write_temporary(place.path.parent, data) if isinstance(data, bytes) else data.path
         disk.put_in_place(temporary, place.path, self._now())
+        self._usage.add(int(place.status is None), growth)
         if place.status is None:
             self._note_new(place)
 
@@ -422,10 +427,9 @@ class FileStore:
             shutil.rmtree(place.path)  # follows no link
         finally:  # if it fails, some of the entries may be deleted
             self._notify(map(join, entries))
-            self._entries = disk.count_entries(self.root)
+            self._usage.count()
 
     def _note_new(self, place: Location) -> None:
-        self._entries += 1
         self._created[place.name.key] = self._now()
         self._stamp_folder_of(place)
 
@@ -447,12 +451,6 @@ class FileStore:
         known = self._created.get(place.name.key)
         return disk.moment_of(disk.born_ns(place.status)) if known is None else known
 
-    def _check_room(self) -> None:
-        if self._entries >= MOST_ENTRIES:
-            self._entries = disk.count_entries(self.root)  # other programs may have deleted entries on the disk
-        if self._entries >= MOST_ENTRIES:
-            raise errors.too_many(self._entries, MOST_ENTRIES)
-
     def _notify(self, names: Iterable[str]) -> None:
         for name in names:
             for listener in tuple(self.changed):
@@ -460,6 +458,10 @@ class FileStore:
                     listener(name)
                 except Exception:  # the file has already been changed, so the operation must not fail
                     logger.exception("%s has changed", name)
+
+
+def _size_of(place: Location) -> int:
+    return 0 if place.status is None or place.is_folder else place.status.st_size
 
 
 @contextmanager

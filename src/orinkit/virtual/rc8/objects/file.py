@@ -156,7 +156,8 @@ class RC8File(FileObject):
             return None
 
         def copy() -> None:
-            staged = self._store.stage(path, self._store.read(path))
+            with self._store.large_content:
+                staged = self._store.stage(path, self._store.read(path))
             with self._caller.state.cycles:
                 self._store.copy(path, target, staged)
 
@@ -249,7 +250,11 @@ class RC8File(FileObject):
         def read() -> Variant:
             return _content(self._store.read(path), text=extension(path) in _TEXTS)
 
-        return read() if self._store.size(path) < _LARGE else BlockingCall(read)
+        def read_large() -> Variant:
+            with self._store.large_content:
+                return read()
+
+        return read() if self._store.size(path) < _LARGE else BlockingCall(read_large)
 
     def put_value(self, value: Variant) -> BlockingCall | None:
         """Set the content: text, which is stored as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
@@ -266,7 +271,8 @@ class RC8File(FileObject):
             return None
 
         def write() -> None:
-            staged = self._store.stage(path, _data(value))
+            with self._store.large_content:
+                staged = self._store.stage(path, _data(value))
             with self._caller.state.cycles:
                 self._write(path, staged)
 

@@ -6,7 +6,9 @@ file. A file is refused, and not changed, if it is empty or damaged, or if it is
 empty file must have lost its content: a new file receives its name only after it is complete, so it is not empty.
 
 If the file is deleted while the process runs, the next write creates a new file with all variables written so far. If
-the directory was deleted too, writes are refused until it exists again.
+the directory was deleted too, writes are refused until it exists again. If another program truncates or overwrites the
+file, all further writes are refused until the process is started again: SQLite does not notice the damage, so that the
+writes would be lost.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ _CREATE: Final = """
 """
 _ONE_ROW: Final = "(?, ?, ?, ?)"
 _NEW: Final = (".variables-", ".new")  # prefix and suffix of a file that is being created
+_MAGIC: Final = b"SQLite format 3\0"
+_ID_AT: Final = 68  # position of the application ID in the file
+_CAN_PEEK: Final = hasattr(os, "pread")  # False on Windows, where an open file also could not be moved away
 _OWN_FILE: Final = 0o600
 _OWN_DIRECTORY: Final = 0o700
 
@@ -89,6 +94,7 @@ class VariableDatabase:
             _warn_of_others(directory)
             self._connection = _open(self.path)
             self._identity = _identity(self.path)
+            self._watch = _Watch(self.path)
         except (OSError, sqlite3.Error) as error:
             raise _refused(self.path, error) from error
 
@@ -124,13 +130,21 @@ class VariableDatabase:
         except sqlite3.Error as error:
             logger.error("%s: %s", self.path, error)  # noqa: TRY400 - the traceback does not help
             raise self._not_written(error) from error
+        self._watch.note_size()
 
     def _ensure_file(self) -> None:
-        """Check that the open file still exists; if it was deleted but its directory exists, create it again.
+        """Check that the open file is intact and still exists; if only its directory exists, create the file again.
 
         Raises:
-            CallError: E_FAIL if the file cannot be created again, or if it was replaced by another file.
+            CallError: E_FAIL if the file is damaged, if it was replaced by another file, or if it cannot be created
+                again.
         """
+        if self._watch.is_damaged():
+            damage = self._damage()
+            if not self._lost:
+                self._lost = True
+                logger.error("%s: %s", self.path, damage)
+            raise self._not_written(damage)
         found = _identity(self.path)
         if found == self._identity:
             if self._lost:
@@ -165,6 +179,15 @@ class VariableDatabase:
             self._connection.close()
         self._connection = connection
         self._identity = _identity(self.path)
+        self._watch.close()
+        self._watch = _Watch(self.path)
+
+    def _damage(self) -> str:
+        return tr(
+            "another program has truncated or overwritten it; the values on the disk are lost. Try: stop this program, "
+            "restore the file from a backup, or move it and {journal} away to start without values",
+            journal=_journal_of(self.path).name,
+        )
 
     def _not_written(self, reason: object) -> OrinError:
         return error_for(hresult.E_FAIL, tr("cannot write to {path}: {reason}", path=self.path, reason=reason))
@@ -172,6 +195,7 @@ class VariableDatabase:
     def close(self) -> None:
         """Close the file, so that other processes can open it; a second call has no effect."""
         self._connection.close()
+        self._watch.close()
 
     def damaged(self, kind: str, index: int, reason: object) -> StateError:
         """Return the exception for a row whose value is not valid for its variable."""
@@ -193,12 +217,49 @@ class VariableDatabase:
             raise self.damaged(kind, index, error) from error
 
 
+class _Watch:
+    """Detects that another program has truncated or overwritten the open file.
+
+    SQLite holds the content in its cache, so it does not notice this. The file is opened a second time, and stays open
+    until SQLite has closed it: if a process closes a file, the system releases all locks of the process on this file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb", buffering=0) if _CAN_PEEK else None
+        self._size = 0
+        self._damaged = False
+        self.note_size()
+
+    def note_size(self) -> None:
+        """Store the size of the file after a write; SQLite never makes the file smaller."""
+        if self._file is not None:
+            self._size = max(self._size, os.fstat(self._file.fileno()).st_size)
+
+    def is_damaged(self) -> bool:
+        """Return True if the file is smaller than before or its header has changed, now or at an earlier call."""
+        if self._file is not None and not self._damaged:
+            descriptor = self._file.fileno()
+            head = os.pread(descriptor, _ID_AT + 4, 0)
+            self._damaged = (
+                os.fstat(descriptor).st_size < self._size
+                or not head.startswith(_MAGIC)
+                or head[_ID_AT:] != _APPLICATION_ID.to_bytes(4, "big")
+            )
+        return self._damaged
+
+    def close(self) -> None:
+        """Close the file, after SQLite has closed it; a second call has no effect."""
+        file, self._file = self._file, None
+        if file is not None:
+            file.close()
+
+
 class _NotOurs(sqlite3.DatabaseError):
     """A SQLite file of another program or of a newer version of this program, or a file that has lost its content."""
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    journal = path.with_name(path.name + "-wal")
+    journal = _journal_of(path)
     if journal.exists() and journal.stat().st_size and not (path.exists() and path.stat().st_size):
         # SQLite would discard the journal as a leftover, including the writes that only the journal contains.
         raise _NotOurs(
@@ -258,6 +319,10 @@ def _make(path: Path, content: sqlite3.Connection | None = None) -> None:
     finally:
         with suppress(OSError):
             new.unlink()
+
+
+def _journal_of(path: Path) -> Path:
+    return path.with_name(path.name + "-wal")
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
