@@ -40,7 +40,7 @@ def statements(seconds: float = SECONDS) -> Callable[[], float]:
     rc8 = VirtualRC8(clock=clock, samples=False)
     rc8.state.files.write("Count.pcs", COUNTING.encode())
     task = rc8.state.tasks.find("Count")
-    rc8.state.tasks.start(task, TaskMode.CONTINUOUS)
+    rc8.state.tasks.start(task, rc8.state.tasks.load(task), TaskMode.CONTINUOUS)
     counter: Any = rc8.connect("", "", "", ClientInfo()).get_variable("I1", "")
 
     def run() -> float:

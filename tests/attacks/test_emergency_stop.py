@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from support.paths import ROOT
 
 sys.path.insert(0, str(ROOT / "bench"))
 import orinkit
+from orinkit import J
 from stalls import watched
 from support.attacked import Attackers, Crowd, Served, served
 from support.attackers import ATTACKS
@@ -20,6 +22,7 @@ pytestmark = pytest.mark.soak
 
 SECONDS = 30.0
 LIMIT = 0.1  # s
+VELOCITY = 425.0  # deg/s of J1, the fastest motion of the tests
 TIMES = [(name,) for name in ATTACKS] + [tuple(ATTACKS)]
 
 
@@ -62,3 +65,40 @@ def test_the_emergency_stop_is_answered(tmp_path: Path, names: tuple[str, ...], 
         assert taken[-1] < LIMIT
         assert crowd.errors == []
         assert target.process.poll() is None
+
+
+def stopping(target: Served, pendant: orinkit.Controller) -> tuple[float, float, float]:
+    """Press the emergency stop during a fast motion of J1.
+
+    Returns:
+        The times before and after the press, and the angle by which J1 has moved since a position before the press.
+    """
+    pendant.execute("EmergencyStop", False)
+    pendant.execute("ClearErrors")
+    pendant.execute("Motor", [True, True])
+    with target.connect() as controller, controller.robot() as robot, robot.arm():
+        robot.move(J(-150, 45, 90, 0, 45, 0))
+        motion = robot.move(J(150, 45, 90, 0, 45, 0), speed=100, wait=False)
+        while robot.joints[0] < -140:  # the motion has begun
+            pass
+        began, position = time.monotonic(), robot.joints[0]
+        pendant.execute("EmergencyStop", True)
+        ended = time.monotonic()
+        with suppress(orinkit.OrinError):
+            motion.wait()
+        return began, ended, robot.joints[0] - position
+
+
+@pytest.mark.timeout(900)
+def test_the_arm_stops_under_attack(tmp_path: Path) -> None:
+    names = tuple(name for name in ATTACKS if name.startswith("pipelined"))
+    with served(tmp_path) as target, target.pendant() as pendant, watched() as stalls:
+        idle = max(stopping(target, pendant)[2] for _ in range(3))
+        with Attackers(target, names) as attackers:
+            time.sleep(2)
+            found = [stopping(target, pendant) for _ in range(10)]
+        angles = [angle for began, ended, angle in found if not stalls.between(began, ended)]
+        print(f"\nJ1 moves {idle:.1f} deg after the press without attackers, {max(angles):.1f} deg under attack")
+        print(f"  {len(found) - len(angles)} presses during stalls of the machine; attackers: {attackers.did}")
+        assert angles
+        assert max(angles) < idle + VELOCITY * LIMIT

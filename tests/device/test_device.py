@@ -694,6 +694,7 @@ WRONG = {
     "dialect": ["b-CAP"],
     "fixed_handles": [lambda self: True, 3],
     "provider_names": [lambda self: ("Test.X",)],
+    "requires_secret": [lambda self: True, 1],
 }
 
 
@@ -726,7 +727,7 @@ def test_what_the_server_can_use_may_be_overridden():
         ("connect", connect), ("connect", lambda self, name, machine, option, client, extra=1: None),
         ("close", lambda self: None), ("close", staticmethod(lambda: None)), ("close", classmethod(lambda cls: None)),
         ("handle_of", lambda self, interface, name: 2), ("functions", frozenset({3})), ("functions", None),
-        ("guard", threading.Lock()), ("guard", property(lambda self: threading.Lock())), ("fixed_handles", True),
+        ("guard", threading.Lock()), ("guard", property(lambda self: threading.Lock())), ("fixed_handles", True), ("requires_secret", True),
         ("provider_names", ["Test.X"]), ("provider_names", property(lambda self: ("Test.X",))),
     ):  # fmt: skip
         make(name, member)

@@ -13,7 +13,7 @@ import orinkit
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.core import hresult
 from orinkit.server.capacity import CallMemory, MemoryBudget
-from orinkit.server.http import app
+from orinkit.server.http.exchange import PIECE, Exchange
 from orinkit.server.threaded import Server
 from orinkit.values.variant import ARRAY, VarType
 from orinkit.virtual.rc8 import VirtualRC8
@@ -127,11 +127,11 @@ def test_a_large_body_is_sent_in_pieces():
     async def send(message):
         sent.append(message.get("body", b""))
 
-    exchange = app.Exchange({"headers": [], "state": {"connection": None}}, None, send, CallMemory(MemoryBudget()))
+    exchange = Exchange({"headers": [], "state": {"connection": None}}, None, send, CallMemory(MemoryBudget()))
     body = bytes(range(256)) * 20_000
     asyncio.run(exchange.answer(body, 0, ""))
     assert b"".join(sent) == body
-    assert max(map(len, sent)) <= app._PIECE
+    assert max(map(len, sent)) <= PIECE
 
 
 def test_requests_after_a_large_one_are_answered_in_order(client):

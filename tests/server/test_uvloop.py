@@ -18,9 +18,8 @@ import pytest
 import orinkit
 from orinkit import J, aio
 from orinkit.core.errors import CallTimeout, ConnectFailed, ConnectionLost
-from orinkit.server.http import limits
 from orinkit.server.http.flow_control import HELD
-from orinkit.server.http.limits import HeaderCoalescer
+from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server
 from orinkit.virtual.clock import Clock
@@ -216,12 +215,13 @@ def test_a_flood_of_requests_during_a_call_is_bounded(
 ) -> None:
     buffered = [0]
 
-    class Measured(HeaderCoalescer):
-        def receive_data(self, data: bytes) -> None:
-            super().receive_data(data)
-            buffered.append(len(self.trailing_data[0]))
+    receive = LimitedProtocol.data_received
 
-    monkeypatch.setattr(limits, "HeaderCoalescer", Measured)
+    def received(connection: LimitedProtocol, data: bytes) -> None:
+        receive(connection, data)
+        buffered.append(connection._held())
+
+    monkeypatch.setattr(LimitedProtocol, "data_received", received)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(60)]
     with Web(web_server.url, keeps_cookies=True) as web:
         handle = connect(web)

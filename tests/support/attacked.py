@@ -40,8 +40,9 @@ class Served:
         return orinkit.connect(self.control, provider=PROVIDER_NAME, option=f"Secret={secret}", timeout=PATIENT)
 
     @property
-    def ports(self) -> tuple[int, int]:
-        return urlsplit(self.bcap).port or 0, urlsplit(self.http).port or 0
+    def ports(self) -> tuple[int, ...]:
+        """The ports of b-CAP, e-CAP and the control port."""
+        return tuple(urlsplit(url).port or 0 for url in (self.bcap, self.http, self.control))
 
     def figures(self) -> tuple[int, int, int]:
         """Return resident memory in KiB, descriptors and threads of the program."""

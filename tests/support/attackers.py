@@ -1,4 +1,4 @@
-"""Attacks on a server, each a separate program: ``python attackers.py NAME B-CAP-PORT HTTP-PORT``.
+"""Attacks on a server, each a separate program: ``python attackers.py NAME B-CAP-PORT HTTP-PORT CONTROL-PORT``.
 
 They run until stdin is closed and then print the number of their operations, as JSON. They have a lower priority than the
 server, because real attackers run on other machines.
@@ -77,7 +77,7 @@ def serials() -> Iterator[int]:
 # --- the attacks ------------------------------------------------------------------------------------------------------
 
 
-def refused_calls(done: Done, bcap: int, _: int) -> None:
+def refused_calls(done: Done, bcap: int, *_: int) -> None:
     """Send calls that are refused and logged, as fast as the server replies (row 2)."""
     names = ["\x1b[31mnobody" * 20, "日本語" * 100, "\n" * 300]
     while not done.is_set():
@@ -95,7 +95,7 @@ def refused_calls(done: Done, bcap: int, _: int) -> None:
             done.wait(0.05)
 
 
-def large_packets(done: Done, bcap: int, http: int) -> None:
+def large_packets(done: Done, bcap: int, http: int, *_: int) -> None:
     """Send packets that are expensive to read, log or answer (row 3)."""
     dates = Variant(int(VarType.DATE) | ARRAY, [45000.5] * 50_000)
     nested = Variant(VARIANT_ARRAY, [Variant(VARIANT_ARRAY, [Variant(VarType.CY, Decimal(1))] * 1000)] * 40)
@@ -130,7 +130,7 @@ def large_packets(done: Done, bcap: int, http: int) -> None:
             done.wait(0.01)
 
 
-def silent_connections(done: Done, bcap: int, http: int) -> None:
+def silent_connections(done: Done, bcap: int, http: int, *_: int) -> None:
     """Open connections that send nothing, and replace those that the server closes (row 7)."""
     open_now: list[socket.socket] = []
     while not done.is_set():
@@ -157,7 +157,7 @@ def alive(link: socket.socket) -> bool:
     return False
 
 
-def token_guesses(done: Done, _: int, http: int) -> None:
+def token_guesses(done: Done, _: int, http: int, *__: int) -> None:
     """Guess the token, as fast as the server replies (row 10)."""
     while not done.is_set():
         try:
@@ -177,7 +177,7 @@ def token_guesses(done: Done, _: int, http: int) -> None:
             done.wait(0.05)
 
 
-def web_pages(done: Done, bcap: int, _: int) -> None:
+def web_pages(done: Done, bcap: int, *_: int) -> None:
     """Send what a browser sends for a page of another site: a POST whose body contains packets (row 1)."""
     body = packet(1, 1, text("")) + packet(2, 3, text("x"), text("CaoProv.DENSO.VRC"), text("localhost"), text(""))
     request = (
@@ -196,21 +196,106 @@ def web_pages(done: Done, bcap: int, _: int) -> None:
         done.wait(0.002)
 
 
-ATTACKS: dict[str, tuple[Callable[[Done, int, int], None], int]] = {
+def pipelined(done: Done, port: int, block: bytes, what: str) -> None:
+    """Send the same requests again and again without waiting for the replies, which another thread reads."""
+    while not done.is_set():
+        try:
+            with connected(port) as link:
+                reader = threading.Thread(target=drain, args=(link,), daemon=True)
+                reader.start()
+                while not done.is_set():
+                    link.sendall(block)
+                    done.count(what, len(block))
+        except OSError:
+            done.count("disconnected")
+            done.wait(0.05)
+
+
+def drain(link: socket.socket) -> None:
+    """Read until the connection is closed."""
+    while True:
+        try:
+            if not link.recv(1 << 20):
+                return
+        except TimeoutError:
+            continue
+        except OSError:
+            return
+
+
+_NUMBERS = count()
+_CHUNK = 65_000
+
+
+def pipelined_calls(done: Done, bcap: int, *_: int) -> None:
+    """Send small calls and calls that are slow to decode, on many connections."""
+    calls = (
+        packet(1, 1, text("")),
+        packet(1, 9999),
+        packet(1, 3, text("x"), text("nobody"), text(""), text("")),
+        packet(1, 20, Variant(VarType.I4, 2), Variant(int(VarType.DATE) | ARRAY, [45000.5] * 1900)),
+    )
+    call = calls[next(_NUMBERS) % len(calls)]
+    pipelined(done, bcap, call * (_CHUNK // len(call)), "bytes")
+
+
+def pipelined_http(done: Done, _: int, http: int, *__: int) -> None:
+    """Send small requests, and bodies in chunks of one byte."""
+    head = b"Host: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded\r\n"
+    requests = (
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 1000,
+        b"POST / HTTP/1.1\r\n" + head + b"Transfer-Encoding: chunked\r\n\r\n" + b"1\r\na\r\n" * 10_000 + b"0\r\n\r\n",
+    )
+    pipelined(done, http, requests[next(_NUMBERS) % len(requests)], "bytes")
+
+
+def pipelined_control(done: Done, _: int, __: int, control: int) -> None:
+    """Send small and large packets to the control port, without the secret or with a wrong one."""
+    name = text("CaoProv.orinkit.Pendant")
+    calls = (
+        packet(1, 1, text("")),
+        packet(1, 3, text(""), name, text(""), text("Secret=wrong-wrong-wrong")),
+        packet(1, 3, text(""), Variant(int(VarType.BSTR) | ARRAY, ["x"] * 4000), text("")),
+    )
+    call = calls[next(_NUMBERS) % len(calls)]
+    pipelined(done, control, call * (_CHUNK // len(call)), "bytes")
+
+
+def control_connections(done: Done, _: int, __: int, control: int) -> None:
+    """Open connections to the control port as fast as possible."""
+    open_now: list[socket.socket] = []
+    while not done.is_set():
+        try:
+            open_now.append(connected(control))
+            done.count("connections")
+        except OSError:
+            done.count("refused")
+            done.wait(0.01)
+        if len(open_now) >= 200:
+            for link in open_now:
+                link.close()
+            open_now.clear()
+
+
+ATTACKS: dict[str, tuple[Callable[..., None], int]] = {
     "refused-calls": (refused_calls, 4),
     "large-packets": (large_packets, 4),
     "silent-connections": (silent_connections, 1),
     "token-guesses": (token_guesses, 4),
     "web-pages": (web_pages, 2),
+    "pipelined-calls": (pipelined_calls, 12),
+    "pipelined-http": (pipelined_http, 8),
+    "pipelined-control": (pipelined_control, 9),
+    "control-connections": (control_connections, 1),
 }
 """Name of the attack: its function and number of threads."""
 
 
-def main(name: str, bcap: int, http: int) -> None:
+def main(name: str, *ports: int) -> None:
     os.nice(_NICE)
     attack, threads = ATTACKS[name]
     done = Done()
-    working = [threading.Thread(target=attack, args=(done, bcap, http), daemon=True) for _ in range(threads)]
+    working = [threading.Thread(target=attack, args=(done, *ports), daemon=True) for _ in range(threads)]
     for each in working:
         each.start()
     sys.stdin.read()
@@ -222,4 +307,4 @@ def main(name: str, bcap: int, http: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
+    main(sys.argv[1], *map(int, sys.argv[2:]))

@@ -160,6 +160,10 @@ def quiet(server: Server) -> tuple[dict[int, object], tuple[int, int]]:
     return alive(), numbers
 
 
+_TRANSIENT = ("orinkit-worker", "orinkit-large", "orinkit-disk", "orinkit-planning", "orinkit-compiling")
+"""Names of the threads that exist only while there is work."""
+
+
 def settled(
     server: Server, before: dict[int, object], numbers: tuple[int, int]
 ) -> tuple[list[object], tuple[int, int]]:
@@ -180,7 +184,7 @@ def _wait_for_clients(server: Server) -> None:
     context = server._server._context
     until(lambda: not (context.open or context.all or context.opening or context.tasks), IDLE + PATIENCE)
     LOG_LIMITER.forget()  # it intentionally remembers what was logged
-    until(lambda: not any(thread.name == "orinkit-worker" for thread in threading.enumerate()))
+    until(lambda: not any(thread.name in _TRANSIENT for thread in threading.enumerate()))
 
 
 class Breaks(logging.Filter):

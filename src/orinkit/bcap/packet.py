@@ -216,6 +216,8 @@ class Framer(FramerBase):
 
     skipped_bytes = 0
     """Always 0: no bytes are skipped in a byte stream."""
+    is_searching = False
+    """Always False: there is no search for packets in a byte stream."""
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         super().__init__(limits)

@@ -26,10 +26,14 @@ class Framing(Protocol):
     """Extracts packets from received data.
 
     Attributes:
+        limits: limits of a packet.
         skipped_bytes: number of bytes received outside any packet and skipped.
+        is_searching: True if the search for a packet was interrupted; :meth:`next_frame` continues it.
     """
 
+    limits: PacketLimits
     skipped_bytes: int
+    is_searching: bool
 
     @property
     def pending(self) -> int:
@@ -61,6 +65,7 @@ class DatagramFramer:
 
     pending = 0
     partial_serial = 0
+    is_searching = False
 
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         self.limits = limits
@@ -119,7 +124,7 @@ DATAGRAM: Final = BcapProfile(
     lossy=True, session_timeout=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
 )  # fmt: skip
 LINE: Final = BcapProfile(
-    "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True),
+    "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True, in_slices=True),
     crc=True, lossy=True, shared=True, uses_watchdog=False, packet=65536, timeout=0.5,
 )  # fmt: skip
 """The profile of serial lines; the time-out of 500 ms is from RC8 table 5-1."""

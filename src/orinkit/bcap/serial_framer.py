@@ -15,6 +15,8 @@ LEAST: Final = packet.OVERHEAD + 2
 """Number of bytes of a packet without arguments, including its CRC."""
 
 _MAX_WORK: Final = 1 << 20  # if wrong checksums were computed over more bytes than this, the buffer is discarded
+_MAX_POSITIONS: Final = 500  # number of positions after which a sliced search is interrupted; they take less than 1 ms
+_CANDIDATE: Final = 64  # bytes of work that a possible header counts in a search inside an incomplete packet
 _LAST_FUNCTION: Final = len(FUNCTIONS)
 _MAX_ARGUMENTS: Final = 8
 _HEAD: Final = packet.HEADER.size
@@ -31,15 +33,22 @@ class LineFramer(packet.FramerBase):
         limits: limits of a packet.
         reports_too_long: True to raise an exception if the header of a request announces a packet above the limit, so
             that a server can send a reply. False to treat such a header as noise, for a client.
+        in_slices: True to interrupt a long search for a packet, so that a server can serve other clients meanwhile.
 
     Attributes:
         limits: limits of a packet.
         skipped_bytes: number of bytes received outside any packet.
+        is_searching: True if the last search was interrupted; :meth:`next_frame` continues it.
     """
 
-    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, *, reports_too_long: bool = False) -> None:
+    def __init__(
+        self, limits: PacketLimits = DEFAULT_LIMITS, *, reports_too_long: bool = False, in_slices: bool = False
+    ) -> None:
         super().__init__(limits)
         self.skipped_bytes = 0
+        self.is_searching = False
+        self._positions = 0
+        self._in_slices = in_slices
         self._reports_too_long = reports_too_long
         self._reported = False  # LimitExceeded was raised for the buffered data
         self._work = 0
@@ -68,8 +77,17 @@ class LineFramer(packet.FramerBase):
             LimitExceeded: If the header of a request announces a packet above the limit. The first byte of the header
                 is skipped. The exception is raised only once for the same buffered data.
         """
+        self._positions = 0
+        return self._search()
+
+    def _search(self) -> bytes | None:
         buffer = self._buffer
+        self.is_searching = False
         while buffer:
+            self._positions += 1
+            if self._positions > _MAX_POSITIONS and self._in_slices:
+                self.is_searching = True
+                return None
             if buffer[0] != packet.SOH:
                 start = buffer.find(packet.SOH)
                 self._skip(len(buffer) if start < 0 else start)
@@ -95,15 +113,22 @@ class LineFramer(packet.FramerBase):
         All bytes before the returned packet are skipped. Noise may look like a header. If the line is never silent,
         :meth:`discard_incomplete` is not called, and this method finds the packets after the false header. However, the
         incomplete packet may also be valid, and contain the returned packet in its arguments. Therefore call this
-        method only if a packet remains incomplete for far too long.
+        method only if a packet remains incomplete for far too long. If the search takes too long, the buffer is
+        discarded.
         """
         buffer = self._buffer
+        work = 0
         start = buffer.find(packet.SOH, 1)
         while 0 < start <= len(buffer) - LEAST:
+            if work > _MAX_WORK:
+                self._skip(len(buffer))
+                return None
             (length,) = packet.LENGTH.unpack_from(buffer, start + 1)
             end = start + length
+            work += _CANDIDATE
             if length >= LEAST and end <= len(buffer) and buffer[end - 1] == packet.EOT:
                 frame = bytes(buffer[start:end])
+                work += length
                 if packet.has_correct_crc(frame):
                     self._skip(start)
                     del buffer[:length]
@@ -114,15 +139,17 @@ class LineFramer(packet.FramerBase):
     def discard_incomplete(self) -> bytes | None:
         """Abandon the incomplete packet, and return the first complete packet in the bytes after its first byte.
 
-        Return ``None`` if there is none. The incomplete packet may have been noise that looks like a header.
+        Return ``None`` if there is none, or if the search was interrupted. The incomplete packet may have been noise
+        that looks like a header.
 
         Raises:
             LimitExceeded: See :meth:`next_frame`.
         """
+        self._positions = 0
         while self._buffer:
             self._skip(1)
-            frame = self.next_frame()
-            if frame is not None:
+            frame = self._search()
+            if frame is not None or self.is_searching:
                 return frame
         return None
 

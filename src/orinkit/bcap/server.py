@@ -1,11 +1,12 @@
 """The server side of a b-CAP conversation, without I/O and without a clock.
 
 :class:`ServerConversation` receives bytes and yields actions: :class:`Send` (send bytes), :class:`Execute` (execute a
-call), :class:`Decode` (decode a large packet), :class:`Close` (close the link) and :class:`EndSession` (end the
-client's session). The caller executes the call and passes the result to :meth:`~ServerConversation.finish`. It calls
-:meth:`~ServerConversation.tick` at the time that :meth:`~ServerConversation.next_time` returns. One call is executed at
-a time. Calls that arrive while another call is executing return E_BUSY_PROC (docs/protocol.md). On unreliable
-transports, duplicates are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
+call), :class:`Decode` (decode a large packet), :class:`Continue` (nothing yet), :class:`Close` (close the link) and
+:class:`EndSession` (end the client's session). The caller executes the call and passes the result to
+:meth:`~ServerConversation.finish`. It calls :meth:`~ServerConversation.tick` at the time that
+:meth:`~ServerConversation.next_time` returns. One call is executed at a time. Calls that arrive while another call is
+executing return E_BUSY_PROC (docs/protocol.md). On unreliable transports, duplicates are not executed again
+(:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
@@ -62,6 +63,11 @@ class EndSession:
 
 
 @dataclass(frozen=True, slots=True)
+class Continue:
+    """Do nothing; request the next action after serving other clients. The search for a packet in noise takes longer."""
+
+
+@dataclass(frozen=True, slots=True)
 class Execute:
     """Execute a call, then pass this object and the result to :meth:`ServerConversation.finish`."""
 
@@ -102,7 +108,9 @@ class Encoded(NamedTuple):
     room: bytearray | None = None
 
 
-Action: TypeAlias = Send | Execute | Decode | Close | EndSession
+_CONTINUE: Final = Continue()
+
+Action: TypeAlias = Send | Execute | Decode | Continue | Close | EndSession
 
 
 class ServerConversation:
@@ -140,8 +148,8 @@ class ServerConversation:
         self._default_timeout = invoke_timeout
         self._profile = profile
         self._dialect = dialect
-        self._limits = replace(profile.bound(limits), vt_error_size=dialect.vt_error_size)
-        self._framer = profile.server_framer(self._limits)
+        self._framer = profile.server_framer(limits)
+        self.set_limits(limits)
         self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
         self._current: Execute | Decode | None = None
         self._serial = 0  # of the latest attempt of the current call
@@ -155,6 +163,11 @@ class ServerConversation:
         self._next_wdt = 0.0
         self._now = self.last_request_at = self.last_reply_at = 0.0
         self._expires_at = 0.0
+
+    def set_limits(self, limits: PacketLimits) -> None:
+        """Change the limits of a packet."""
+        self._limits = replace(self._profile.bound(limits), vt_error_size=self._dialect.vt_error_size)
+        self._framer.limits = self._limits
 
     @property
     def busy(self) -> bool:
@@ -189,7 +202,7 @@ class ServerConversation:
             now: the time on a monotonic clock, s.
         """
         self._now = now
-        return self._actions(lambda: self._framer.feed(data), self._framer.next_frame)
+        return self._actions(partial(self._framer.feed, data), self._framer.next_frame)
 
     def discard_incomplete(self, now: float) -> Iterator[Action]:
         """Abandon an incomplete packet on a serial line; yield the actions for the packets that follow its first byte.
@@ -213,12 +226,21 @@ class ServerConversation:
                     return
                 take = following
                 continue
+            if frame is None and self._framer.is_searching:
+                take = following
+                yield _CONTINUE
+                continue
             if frame is None and self._profile.shared:
                 frame = self._inside(took)
             if frame is None:
                 return
             take, took = following, True
-            yield from self._with_next(self._request(frame))
+            action = self._request(frame)
+            if action is not None:
+                yield action
+            while self._next is not None:
+                action, self._next = self._next, None
+                yield action
 
     def _with_next(self, action: Action | None) -> Iterator[Action]:
         if action is not None:
@@ -283,12 +305,12 @@ class ServerConversation:
         self._serial, self._reserved = serial, reserved
         if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many arguments
             return Send(self._reply(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
-        read = partial(self._read, frame, count, end)
         action: Action
         if len(frame) > LARGE:
+            read = partial(self._read, frame, count, end)
             self._current = action = Decode(serial, function_id, len(frame), read)
         else:
-            action = self._call(serial, function_id, read())
+            action = self._call(serial, function_id, self._read(frame, count, end))
         self.timed_out = False
         self._expires_at = self._now + self.invoke_timeout
         if self.wdt is not None:

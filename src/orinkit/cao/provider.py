@@ -447,6 +447,9 @@ class Provider:
             even if its arguments are invalid.
         fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise
             handles are allocated from 2 upwards.
+        requires_secret: True if :meth:`connect` refuses clients that do not send a secret. A server of such a provider
+            accepts only few connections and small packets of clients that have no object yet. Over b-CAP, the calls of
+            all other clients take precedence over the calls of the clients of other servers in the same event loop.
     """
 
     provider_names: Sequence[str] = ()
@@ -454,6 +457,7 @@ class Provider:
     dialect: Dialect = RC8
     functions: frozenset[int] | None = None
     fixed_handles: bool = False
+    requires_secret: bool = False
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the handle of an object, by default 1; called only if ``fixed_handles`` is True.

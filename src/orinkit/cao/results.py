@@ -27,11 +27,20 @@ class Deferred(Generic[T]):
 
     The device calls :meth:`set_result` or :meth:`set_exception` once. All methods are thread-safe: each of their steps
     is atomic in Python.
+
+    Args:
+        brief: True if another thread computes the result and waits for nothing else. On TCP, the next request of the
+            client is then executed after the computation, as if the method had returned the result itself; after one
+            second of computing, further requests return E_BUSY_PROC.
+
+    Attributes:
+        brief: As above. The result may be another Deferred, without ``brief``: the call then continues to wait for it.
     """
 
-    __slots__ = ("_callbacks", "_done", "_error", "_value")
+    __slots__ = ("_callbacks", "_done", "_error", "_value", "brief")
 
-    def __init__(self) -> None:
+    def __init__(self, *, brief: bool = False) -> None:
+        self.brief = brief
         self._done = False
         self._value: T | None = None
         self._error: BaseException | None = None

@@ -93,6 +93,7 @@ class ProviderRegistry:
         self.dialect = first.dialect
         self.functions = first.functions
         self.fixed_handles = first.fixed_handles
+        self.requires_secret = all(each.requires_secret for each in self.providers)
 
     def find(self, name: str) -> Provider:
         """Return a provider by its name.
@@ -283,9 +284,9 @@ class Session:
     def _outcome(
         self, function: Function[..., Any], parent: int, label: str, result: Any, provider: Provider | None = None
     ) -> Outcome:
-        if type(result) is Deferred and result.done():
+        while type(result) is Deferred and result.done():
             result = result.result()
-        elif type(result) in (BlockingCall, Deferred) or isawaitable(result):
+        if type(result) in (BlockingCall, Deferred) or isawaitable(result):
             return Pending(function, parent, label, result, provider)
         return self._reply(function, parent, label, result, provider)
 
@@ -480,7 +481,8 @@ class Session:
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()
-            name = next(free for n in self._numbers if self._named("Controller", 0, free := f"Controller{n}") is None)
+            taken = {entry.label.lower() for entry in self._controllers()}
+            name = next(free for n in self._numbers if (free := f"Controller{n}").lower() not in taken)
         with provider.guard:
             made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
         return self._outcome(function, 0, name, made, provider)

@@ -101,9 +101,9 @@ class Device(Part, Provider):
 
     Clients connect to a device with Controller_Connect. The server uses the members of
     :class:`~orinkit.cao.provider.Provider`, so these names are reserved: ``close``, ``connect``, ``dialect``,
-    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``. A device may override a reserved
-    name with the same meaning, for example define ``close()`` to clean up after the server has stopped. Any other use
-    of these names raises TypeError.
+    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``, ``requires_secret``. A device may
+    override a reserved name with the same meaning, for example define ``close()`` to clean up after the server has
+    stopped. Any other use of these names raises TypeError.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -143,6 +143,7 @@ _NEEDED: Final = {
     "guard": "contextlib.AbstractContextManager",
     "handle_of": "handle_of(self, interface, name)",
     "provider_names": "Sequence[str]",
+    "requires_secret": "bool",
 }
 """Names that the server uses, and the required type or signature of each."""
 _ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2}
@@ -171,7 +172,7 @@ def _fits(name: str, value: object) -> bool:
         return callable(value) and _takes(value, _ARGUMENTS[name])
     if name == "dialect":
         return isinstance(value, Dialect)
-    if name == "fixed_handles":
+    if name in ("fixed_handles", "requires_secret"):
         return isinstance(value, bool)
     if name == "functions":
         return value is None or isinstance(value, frozenset)

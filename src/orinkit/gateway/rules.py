@@ -181,6 +181,7 @@ class RestrictedProvider(Provider):
         self.dialect = provider.dialect
         self.functions = provider.functions
         self.fixed_handles = provider.fixed_handles
+        self.requires_secret = provider.requires_secret
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the restricted provider's handle for an object; used only if ``fixed_handles`` is set."""
@@ -268,7 +269,7 @@ async def _restricted_awaitable(interface: str, result: Awaitable[Any], rules: A
 
 
 def _restricted_deferred(interface: str, result: Deferred[Any], rules: AccessRules) -> Deferred[Any]:
-    deferred = Deferred[Any]()
+    deferred = Deferred[Any](brief=result.brief)
 
     def settle() -> None:
         try:

@@ -109,7 +109,7 @@ def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
 def _one(given: Variant) -> tuple[Target, ...]:
     """Return the targets in a string, which may contain several, or in an array, which is one target."""
     try:
-        return parse_targets(given.value) if given.type == VarType.BSTR else (_from_array(given),)
+        return parse_targets(given.value, MAX_TARGETS) if given.type == VarType.BSTR else (_from_array(given),)
     except (NotationError, InvalidValue) as error:
         raise error_for(hresult.E_INVALIDARG, str(error)) from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Iterable
 from errno import EADDRNOTAVAIL
@@ -16,6 +17,7 @@ from orinkit.core.i18n import tr
 from orinkit.server.alive_option import ALIVE
 from orinkit.server.capacity import DEFAULT_CLIENTS
 from orinkit.server.context import Listener, ServerContext
+from orinkit.server.fair_queue import queue_of
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.log_limiter import LOG_LIMITER
 from orinkit.transport.address import parse_address
@@ -35,7 +37,9 @@ class AsyncServer:
     """Serves providers on one or several addresses.
 
     Args:
-        providers: one provider or several; clients select one by its provider name.
+        providers: one provider or several; clients select one by its provider name. All servers in an event loop share
+            its time fairly among their clients. If all providers of a server require a secret, its clients that have
+            sent the secret are served first.
         urls: addresses to listen at. For b-CAP: ``tcp://HOST:PORT``, ``udp://HOST:PORT``,
             ``serial:///dev/ttyUSB0?baudrate=38400``, or ``pty://``, which opens a pair of pseudo-terminals. For e-CAP:
             ``http://HOST:PORT`` or ``https://HOST:PORT``. The default is port 5007 on TCP, on the loopback interface.
@@ -98,6 +102,7 @@ class AsyncServer:
             ConnectFailed: If an address cannot be opened; the addresses already opened are closed again.
             MissingExtra: If a package that serial ports or HTTP require is not installed.
         """
+        queue_of(asyncio.get_running_loop())  # not with the first client, so that clients leave no objects behind
         for address in self._addresses:
             try:
                 listener = await _listen(address, self._context, self._http)

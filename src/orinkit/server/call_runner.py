@@ -10,19 +10,30 @@ from typing import Any
 from orinkit.cao.provider import BlockingCall, Deferred
 
 
-def result_of(work: Any) -> Awaitable[Any]:
+def result_of(work: Any, computed: Callable[[], None] = lambda: None) -> Awaitable[Any]:
     """Return an awaitable for the result of a call.
 
     Args:
         work: ``Pending.work``: a :class:`~orinkit.cao.provider.BlockingCall`, a
             :class:`~orinkit.cao.provider.Deferred`, or an awaitable.
+        computed: callback invoked if the result of a Deferred is another Deferred, which is then awaited.
     """
     if type(work) is BlockingCall:
         return in_thread(work.run)
     if type(work) is Deferred:
-        return wait_deferred(work)
+        return wait_deferred(work, computed)
     awaitable: Awaitable[Any] = work
     return awaitable
+
+
+def is_brief(work: Any) -> bool:
+    """Return True if the next request of the client has to wait for ``Pending.work`` (``Deferred.brief``)."""
+    return type(work) is Deferred and work.brief
+
+
+def is_cancellable(work: Any) -> bool:
+    """Return True if ``Pending.work`` ends when its task is cancelled; work in another thread continues."""
+    return type(work) is not BlockingCall and not is_brief(work)
 
 
 async def in_thread(function: Callable[[], Any]) -> Any:
@@ -60,8 +71,20 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     raise value
 
 
-async def wait_deferred(deferred: Deferred[Any]) -> Any:
-    """Wait for a deferred result; return it, or raise the exception of the call."""
+async def wait_deferred(deferred: Deferred[Any], computed: Callable[[], None] = lambda: None) -> Any:
+    """Wait for a deferred result; return it, or raise the exception of the call.
+
+    If the result is another Deferred, invoke ``computed`` and wait for that one.
+    """
+    await _settled(deferred)
+    result = deferred.result()
+    if type(result) is not Deferred:
+        return result
+    computed()
+    return await wait_deferred(result)
+
+
+async def _settled(deferred: Deferred[Any]) -> None:
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
 
@@ -77,4 +100,3 @@ async def wait_deferred(deferred: Deferred[Any]) -> Any:
 
     deferred.add_done_callback(finish_threadsafe)
     await done
-    return deferred.result()

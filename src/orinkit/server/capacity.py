@@ -16,6 +16,17 @@ def default_per_address(clients: int) -> int:
     return clients - clients // 4
 
 
+UNAUTHENTICATED: Final = 64
+"""Maximum number of clients without an object, on a server whose clients must send a secret."""
+UNAUTHENTICATED_PACKET: Final = 4096
+"""Maximum number of bytes of a packet of such a client."""
+
+
+def limit_of_unauthenticated(clients: int) -> int:
+    """Return the maximum number of clients that have not sent the secret, at most half of ``clients``, rounded up."""
+    return min(UNAUTHENTICATED, clients - clients // 2)
+
+
 PARTIAL: Final = 64 * 1024 * 1024
 """Limit on the total number of bytes in the incomplete requests of all clients of a server."""
 ALWAYS: Final = 64 * 1024

@@ -7,20 +7,30 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Iterable
-from operator import itemgetter
+from dataclasses import replace
+from operator import attrgetter, itemgetter
 from typing import Final, Protocol
 
-from orinkit.cao.session import HandleAllocator, ProviderRegistry
+from orinkit.cao.session import HandleAllocator, ProviderRegistry, Session
 from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive
-from orinkit.server.capacity import IncompleteRequests, MemoryBudget, default_per_address
+from orinkit.server.capacity import (
+    UNAUTHENTICATED_PACKET,
+    IncompleteRequests,
+    MemoryBudget,
+    default_per_address,
+    limit_of_unauthenticated,
+)
+from orinkit.server.fair_queue import QueuedClient, queue_of
 from orinkit.server.large_values import Worker
+from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import PacketLimits
 
 _CHUNK: Final = 65536
 _TURNS: Final = 100
+_OBJECT: Final = 3e-6  # s to release an object
 _QUIET: Final = 10.0  # s; during this time after a warning, the same kind of refusal is logged at DEBUG
 
 
@@ -48,7 +58,17 @@ class Closable(Protocol):
 
 
 class Client(Closable, Protocol):
-    """A connected client."""
+    """A connected client.
+
+    Attributes:
+        connected_at: loop time at which the client connected, s.
+    """
+
+    connected_at: float
+
+    @property
+    def holds_objects(self) -> bool:
+        """True if the client holds an object."""
 
     @property
     def network(self) -> str:
@@ -58,7 +78,28 @@ class Client(Closable, Protocol):
         """Return the loop time since which the client is idle; ``None`` if it has objects or a call in progress."""
 
     def evict(self) -> None:
-        """Disconnect immediately, to make room for another client; called only if :meth:`idle_since` returns a time."""
+        """Disconnect immediately, to make room for another client."""
+
+
+class _Release(QueuedClient):
+    """The release of the objects of a client that has disconnected."""
+
+    def __init__(self, session: Session, client: str, pending: set[_Release]) -> None:
+        self._session = session
+        self._client = client
+        self._pending = pending
+        pending.add(self)
+
+    def step(self) -> bool:
+        """Release all objects."""
+        self._pending.discard(self)
+        before = CLIENT.set(self._client)
+        self._session.close()
+        CLIENT.reset(before)
+        return False
+
+    def abort(self) -> None:
+        """Do nothing: the client has disconnected already."""
 
 
 class ServerContext:
@@ -76,6 +117,8 @@ class ServerContext:
         per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
 
     Attributes:
+        requires_secret: True if clients must send a secret (:attr:`~orinkit.cao.provider.Provider.requires_secret`).
+        first_limits: limits on the packets of a client that has not sent the required secret.
         open: the connected clients.
         all: all objects that are closed with the server: the clients, connections that are being refused, serial lines
             without a client, HTTP connections.
@@ -108,7 +151,10 @@ class ServerContext:
     ) -> None:
         log_limiter.install()
         self.host = host
-        self.limits = limits
+        self.limits = self.first_limits = limits
+        self.requires_secret = host.requires_secret
+        if self.requires_secret:
+            self.first_limits = replace(limits, packet=min(limits.packet, UNAUTHENTICATED_PACKET))
         self.clients = clients
         self.invoke_timeout = invoke_timeout
         self.dead_after = check_dead_after(dead_after)
@@ -129,6 +175,7 @@ class ServerContext:
         self.worker = Worker()
         self.buffer = bytearray(_CHUNK)
         self.view = memoryview(self.buffer)
+        self._releases: set[_Release] = set()
         self._warned: dict[str, float] = {}
 
     def refusal_level(self, now: float, kind: str = "") -> int:
@@ -149,7 +196,9 @@ class ServerContext:
         """Disconnect an idle client if a limit on clients leaves no room for a new client.
 
         The client that has been idle longest is disconnected. If the limit of the new client's address is reached, only
-        clients of that address are considered, so that one address cannot displace the clients of other addresses.
+        clients of that address are considered, so that one address cannot displace the clients of other addresses. If
+        clients must send a secret, the number of clients that have not sent it has a lower limit. The oldest one of
+        these clients is disconnected, even if it has a call in progress.
 
         Args:
             network: :attr:`Client.network` of the new client.
@@ -159,12 +208,31 @@ class ServerContext:
         """
         if self.closing:
             return "the server is closing"
+        if self.requires_secret:
+            without = [each for each in self.open if not each.holds_objects]
+            if len(without) >= limit_of_unauthenticated(self.clients):
+                min(without, key=attrgetter("connected_at")).evict()
         of_address = [each for each in self.open if each.network == network]
         if len(of_address) >= self.per_address:
             return "" if _evict_idle(of_address) else f"{len(of_address)} clients of its address are connected"
         if len(self.open) >= self.clients:
             return "" if _evict_idle(self.open) else f"{len(self.open)} clients are connected"
         return ""
+
+    def release(self, session: Session, client: str, virtual_time: float) -> None:
+        """Release the objects of a client that has disconnected: now, or in turn if many clients disconnect at once.
+
+        Args:
+            session: the objects.
+            client: the client's name in the log.
+            virtual_time: the client's position in the queue (:class:`~orinkit.server.fair_queue.QueuedClient`).
+        """
+        release = _Release(session, client, self._releases)
+        release.virtual_time = virtual_time
+        if self.closing or not len(session):
+            release.step()
+        else:
+            queue_of(asyncio.get_running_loop()).serve(release, _OBJECT * len(session))
 
     def discard(self, client: Closable) -> None:
         """Remove an object that has been closed from ``all`` and from ``turned_away``."""
@@ -187,6 +255,8 @@ class ServerContext:
             await asyncio.sleep(0)
         for client in list(self.all):
             client.close()
+        for release in list(self._releases):
+            release.step()
         if not await self._emptied(seconds):  # a client does not read its last replies
             for client in list(self.all):
                 client.abort()

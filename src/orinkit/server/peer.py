@@ -5,21 +5,22 @@ from __future__ import annotations
 import asyncio
 import logging
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
-from itertools import chain
 from typing import Final
 
 from orinkit.bcap.profiles import BcapProfile
 from orinkit.bcap.server import Action, Close, Decode, Encoded, EndSession, Execute, Send, ServerConversation
-from orinkit.cao.provider import BlockingCall, ClientInfo
+from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
-from orinkit.server.call_runner import result_of
+from orinkit.server.call_runner import is_brief, is_cancellable, result_of
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
+from orinkit.server.fair_queue import QueuedClient, queue_of
 from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.server.log_limiter import CLIENT
@@ -29,13 +30,17 @@ from orinkit.values.variant import Variant
 logger = logging.getLogger("orinkit.server")
 
 _DRAIN_TURNS: Final = 3
+_BYTE: Final = 3e-7  # s to decode a byte of the slowest values (dates)
+_LONG: Final = 4000  # bytes of received data for the estimate of its time: more usually consists of many packets
+_MAX_HOLD: Final = 1.0  # s; while reading is stopped, the end of the connection is not detected
 
 
-class Peer(ABC):
+class Peer(QueuedClient, ABC):
     """A client, or a peer that may become a client.
 
     Each transport has a subclass. After a connection has been made, the subclass sets ``_name``, ``_host``, ``_send``
-    and ``_is_closing``. It passes the actions that follow from received data to :meth:`_act`.
+    and ``_is_closing``. It passes the actions that follow from received data to :meth:`_process`. The loop's
+    :class:`~orinkit.server.fair_queue.FairQueue` then performs the actions, one in each step.
 
     Args:
         context: the state shared by all clients of the server.
@@ -49,6 +54,7 @@ class Peer(ABC):
         _send: callback that sends bytes without blocking, or drops them if the peer cannot receive them.
         _is_closing: callback that returns True if nothing can be sent to the peer any more.
         _session: the client's objects; ``None`` if the peer is not a client.
+        connected_at: time of the event loop at which the client connected, s.
     """
 
     _name: str
@@ -59,18 +65,24 @@ class Peer(ABC):
     def __init__(self, context: ServerContext, loop: asyncio.AbstractEventLoop, profile: BcapProfile) -> None:
         self._context = context
         self._loop = loop
-        self._conversation = ServerConversation(context.limits, context.invoke_timeout, profile, context.host.dialect)
+        self._conversation = ServerConversation(
+            context.first_limits, context.invoke_timeout, profile, context.host.dialect
+        )
+        self._needs_secret = context.requires_secret
+        self.connected_at = loop.time()
         self._session: Session | None = None
         self._memory = CallMemory(context.memory)
         self._liveness: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
         self._alarm: asyncio.TimerHandle | None = None
-        self._waiting: Iterator[Action] | None = None
+        self._queue = queue_of(loop)
+        self._waiting: deque[Iterator[Action]] = deque()  # actions that follow from received data, in their order
         self._slow = False
         self._heard = 0.0
         self._network: str | None = None
         self._held = False
+        self._hold_timer: asyncio.TimerHandle | None = None
 
     # --- identity ------------------------------------------------------------------------------------------------
 
@@ -96,7 +108,7 @@ class Peer(ABC):
         self._set_alarm(None)
         if self._liveness is not None:
             self._liveness.end()
-        self._waiting = None
+        self._stop_hold_timer()
         self._context.open.discard(self)
         session, self._session = self._session, None  # breaks a reference cycle
         task, self._task = self._task, None
@@ -108,8 +120,8 @@ class Peer(ABC):
         if session is not None:
             before = CLIENT.set(self._host)  # the server may close the session from another context
             log_disconnected(session, self._name, reason)
-            session.close()
             CLIENT.reset(before)
+            self._context.release(session, self._host, self.virtual_time)
 
     @property
     def network(self) -> str:
@@ -118,14 +130,23 @@ class Peer(ABC):
             self._network = network_of(self._host)
         return self._network
 
+    @property
+    def holds_objects(self) -> bool:
+        """True if the client holds an object."""
+        return self._session is not None and len(self._session) > 0
+
     def idle_since(self) -> float | None:
-        """Return the time of the last request; ``None`` if the client holds an object or has a call in progress."""
+        """Return the time of the last request; ``None`` if the client holds an object or has a call in progress.
+
+        A large packet is not a call until it has been decoded.
+        """
         session = self._session
-        return None if session is None or len(session) or self._task is not None else self._heard
+        busy = self._task is not None and not self._held
+        return None if session is None or len(session) or busy else self._heard
 
     def evict(self) -> None:
-        """Disconnect this client to make room for another one; called only if :meth:`idle_since` returns a time."""
-        self._end_session("idle; disconnected to make room for another client")
+        """Disconnect this client to make room for another one."""
+        self._end_session("disconnected to make room for another client")
 
     # --- signs of life: orinkit.server.liveness ------------------------------------------------------------------------
 
@@ -138,8 +159,8 @@ class Peer(ABC):
 
     @property
     def last_request_at(self) -> float:
-        """The time of the last complete request."""
-        return self._conversation.last_request_at
+        """The time of the last complete request; the current time while received data is queued: the server is late."""
+        return self._loop.time() if self.is_queued else self._conversation.last_request_at
 
     @property
     def last_reply_at(self) -> float:
@@ -187,16 +208,18 @@ class Peer(ABC):
         """Invoke ``handled`` after all data received so far has been processed; may be called from any thread.
 
         The next turn of the loop polls for received data, and the turn after that processes the data. One more turn is
-        necessary, because the current turn may have polled already. If the loop is closed, ``handled`` is invoked
-        immediately.
+        necessary, because the current turn may have polled already. If the data is queued, ``handled`` is invoked when
+        it has been processed. If the loop is closed, ``handled`` is invoked immediately.
         """
         turns = iter(range(_DRAIN_TURNS - 1))
 
         def turn() -> None:
-            if next(turns, None) is None:
-                handled()
-            else:
+            if next(turns, None) is not None:
                 self._loop.call_soon(turn)
+            elif self.is_queued:
+                self._waiting.append(_marker(handled))
+            else:
+                handled()
 
         try:
             self._loop.call_soon_threadsafe(turn)
@@ -205,11 +228,44 @@ class Peer(ABC):
 
     # --- actions of the conversation ---------------------------------------------------------------------------------
 
-    def _act(self, actions: Iterator[Action]) -> None:
+    def _process(self, data: bytes, now: float) -> None:
+        """Process received data after all earlier data: now, or when it is the client's turn.
+
+        The caller stops reading while :attr:`is_queued` is True.
+
+        Args:
+            data: the data.
+            now: time of the event loop, s.
+        """
+        self._heard = now
+        self._waiting.append(self._conversation.receive(data, now))
+        if not (self._slow or self._held):
+            self._queue.serve(self, _BYTE * len(data) if len(data) <= _LONG else _BYTE * _LONG)
+
+    def _continue(self) -> None:
+        """Perform the waiting actions, unless the client must wait."""
+        if self._waiting and not (self._slow or self._held):
+            self.resume()
+            self._queue.serve(self)
+
+    def resume(self) -> None:
+        """Update the time of the conversation after the client has waited."""
+        self._conversation.update_time(self._loop.time())
+
+    def step(self) -> bool:
+        """Perform the actions that follow from the next packet; return True if the client has more to process now."""
         CLIENT.set(self._host)  # requires no reset, because every entry point of a connection sets it
-        for action in actions:
+        waiting = self._waiting
+        while waiting:
+            if self._slow or self._held:
+                return False
+            action = next(waiting[0], None)
+            if action is None:
+                waiting.popleft()
+                continue
             if self._is_closing():  # further replies cannot be sent
-                return
+                waiting.clear()
+                break
             if type(action) is Execute:
                 session = self._session
                 if session is None:
@@ -218,21 +274,29 @@ class Peer(ABC):
                     self._refuse(action)
                 else:
                     self._execute(session, action)
-            elif type(action) is Send:
-                self._send(action.data)
-            elif type(action) is Decode:
-                self._hold()
-                self._run_task(self._decode(action), cancellable=True)
-            elif type(action) is Close:
-                level = self._context.refusal_level(self._loop.time(), "closed")
-                logger.log(level, "%s: closed: %s", self._name, action.reason)
-                self.close()
-                return
-            elif type(action) is EndSession:
-                self._end_session(action.reason)
-            if self._slow or self._held:
-                self._waiting = actions
-                return
+            else:
+                self._perform(action)
+            if self._conversation.incomplete_bytes or len(waiting) > 1:  # there may be another packet
+                return True
+        self._on_processed()
+        return False
+
+    def _perform(self, action: Action) -> None:
+        if type(action) is Send:
+            self._send(action.data)
+        elif type(action) is Decode:
+            self._hold()
+            self._run_task(self._decode(action), cancellable=True)
+        elif type(action) is Close:
+            level = self._context.refusal_level(self._loop.time(), "closed")
+            logger.log(level, "%s: closed: %s", self._name, action.reason)
+            self._waiting.clear()
+            self.close()
+        elif type(action) is EndSession:
+            self._end_session(action.reason)
+
+    def _on_processed(self) -> None:
+        """Handle that all received data has been processed, except the beginning of an incomplete packet."""
 
     def _new_session(self) -> Session | None:
         """Return a session for a call of a peer that is not a client, or ``None`` to refuse the call."""
@@ -253,23 +317,16 @@ class Peer(ABC):
         task.add_done_callback(self._context.tasks.discard)
         self._set_alarm(self._conversation.next_time())
 
-    def _hold(self) -> None:  # noqa: B027 - only reliable transports override it
+    def _hold(self) -> None:
         """Stop reading requests while the worker decodes a request or encodes its result.
 
         Unreliable transports do not require this: a request during that time may be dropped, because the client repeats
         it.
         """
 
-    def _unhold(self) -> None:  # noqa: B027
-        """Resume reading requests."""
-
-    def _resume(self) -> None:
-        """Process deferred actions, unless reading is still stopped."""
-        if not (self._slow or self._held):
-            waiting, self._waiting = self._waiting, None
-            if waiting is not None:
-                self._conversation.update_time(self._loop.time())
-                self._act(waiting)
+    def _unhold(self) -> None:
+        """Resume reading requests, and process those that have been received."""
+        self._continue()
 
     def _free(self) -> None:
         self._task = None
@@ -284,25 +341,41 @@ class Peer(ABC):
             self._log_out_of_memory()
             arguments = ProtocolError("", hresult.E_OUTOFMEMORY)
         self._free()
+        self._waiting.appendleft(self._conversation.decoded(action, arguments, self._loop.time()))
         self._unhold()
-        waiting, self._waiting = self._waiting, None
-        self._act(chain(self._conversation.decoded(action, arguments, self._loop.time()), waiting or ()))
 
     def _execute(self, session: Session, call: Execute) -> None:
         if self.default_silence_limit is not None or self._conversation.max_silence is not None:
             self._mark_alive()
         outcome = session.invoke(call.function_id, call.arguments)
+        if self._needs_secret and len(session):
+            self._needs_secret = False
+            self.has_precedence = True
+            self._conversation.set_limits(self._context.limits)
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
-            self._run_task(
-                self._finish(session, call, outcome, self._memory), cancellable=type(outcome.work) is not BlockingCall
-            )
+            if is_brief(outcome.work):
+                self._hold()
+                self._hold_timer = self._loop.call_later(_MAX_HOLD, self._end_hold)
+            self._run_task(self._finish(session, call, outcome, self._memory), cancellable=is_cancellable(outcome.work))
+
+    def _stop_hold_timer(self) -> bool:
+        """Return True if reading is stopped because of a brief call; the caller then calls :meth:`_unhold`."""
+        timer, self._hold_timer = self._hold_timer, None
+        if timer is not None:
+            timer.cancel()
+        return timer is not None
+
+    def _end_hold(self) -> None:
+        """Resume reading during a brief call: further requests return E_BUSY_PROC."""
+        if self._stop_hold_timer():
+            self._unhold()
 
     async def _finish(self, session: Session, call: Execute, pending: Pending, memory: CallMemory) -> None:
         begin_call(lambda: self._conversation.timed_out or not self._serves(session))
         try:
-            result = await result_of(pending.work)
+            result = await result_of(pending.work, self._end_hold)
         except BaseException as error:
             if isinstance(error, asyncio.CancelledError) and not self._serves(session):
                 raise  # cancelled because the client has disconnected
@@ -310,9 +383,12 @@ class Peer(ABC):
         else:
             reply = session.complete(pending, result, client_waits=not self._conversation.timed_out)
         if self._serves(session):
+            held = self._stop_hold_timer()
             self._free()
             self._conversation.update_time(self._loop.time())
             self._answer(call, reply)
+            if held and self._task is None:  # otherwise reading resumes after the worker has encoded the result
+                self._unhold()
         else:
             memory.release()
 
@@ -355,11 +431,10 @@ class Peer(ABC):
         encoded = await self._context.worker.run(partial(self._conversation.encode, call, result))
         if self._session is session and not self._is_closing():
             self._free()
-            self._unhold()
             self._conversation.update_time(self._loop.time())
             self._deliver(call, code, encoded)
             self._on_reply_sent()
-            self._resume()
+            self._unhold()
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
         data = self._conversation.finish(call, code, result)
@@ -382,6 +457,12 @@ def _read(action: Decode) -> tuple[list[Variant] | ProtocolError, int]:
     """Return the arguments of a large packet, and the memory that they require, bytes."""
     arguments = action.read()
     return arguments, 0 if isinstance(arguments, ProtocolError) else max(memory_of(arguments), action.size)
+
+
+def _marker(reached: Callable[[], None]) -> Iterator[Action]:
+    """Return an iterator without actions that invokes a callback when it is requested for one."""
+    reached()
+    yield from ()
 
 
 class ConnectionlessClient(Peer):

@@ -15,7 +15,7 @@ _CHUNK: Final = 65536
 _HIGH: Final = 65536
 
 
-class PseudoTerminal(asyncio.WriteTransport):
+class PseudoTerminal(asyncio.Transport):
     """The server's end of a pair of pseudo-terminals; clients open the other end by its path.
 
     The server itself keeps the other end open too, so that the line stays usable after a client has closed that end.
@@ -36,7 +36,8 @@ class PseudoTerminal(asyncio.WriteTransport):
         self._loop = loop
         self._waiting = bytearray()
         self._high = _HIGH
-        self._paused = False
+        self._paused = False  # writing of the protocol
+        self._is_reading = True
         self._closing = False
         self._closed = False
         self._end, self._other_end = os.openpty()
@@ -102,7 +103,23 @@ class PseudoTerminal(asyncio.WriteTransport):
         """Return the descriptors that a forked child replaces by the null device."""
         return () if self._closed else (self._end, self._other_end)
 
-    # --- asyncio.WriteTransport -------------------------------------------------------------------------------------
+    # --- asyncio.Transport ------------------------------------------------------------------------------------------
+
+    def is_reading(self) -> bool:
+        """Return True if the protocol receives data."""
+        return self._is_reading and not self._closing
+
+    def pause_reading(self) -> None:
+        """Stop reading."""
+        if self._is_reading and not self._closing:
+            self._is_reading = False
+            self._loop.remove_reader(self._end)
+
+    def resume_reading(self) -> None:
+        """Read again."""
+        if not self._is_reading and not self._closing:
+            self._is_reading = True
+            self._loop.add_reader(self._end, self._readable)
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
         """Send as much data as possible now, and the rest as soon as the line accepts it."""

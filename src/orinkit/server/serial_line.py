@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Final, Self, cast
 
 from orinkit.bcap.profiles import LINE, SILENCE
+from orinkit.bcap.server import Action
 from orinkit.cao.provider import ClientInfo
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
@@ -57,8 +58,8 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Handle the opening of the line."""
         self._transport = transport = cast(
-            "asyncio.WriteTransport", transport
-        )  # the classes of some transports are not subclasses of WriteTransport
+            "asyncio.Transport", transport
+        )  # the classes of some transports are not subclasses of it
         self._is_closing = transport.is_closing
         transport.set_write_buffer_limits(_MAX_UNSENT)
         self._context.all.add(self)
@@ -66,11 +67,16 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             transport.abort()
 
     def data_received(self, data: bytes) -> None:
-        """Handle received bytes: packets, or noise."""
-        self._heard = now = self._loop.time()
-        self._act(self._conversation.receive(data, now))
-        if self._silence is None and self._conversation.discardable_bytes:
-            self._silence = self._loop.call_at(now + SILENCE, self._on_silence)
+        """Process received bytes, packets or noise: now, or when it is the client's turn; until then, stop reading."""
+        self._process(data, self._loop.time())
+        if self._waiting:
+            self._transport.pause_reading()
+
+    def _on_processed(self) -> None:
+        if self._silence is None and self._conversation.discardable_bytes and not self._is_closing():
+            # The silence begins now: if reading was paused, the rest of the packet may have been received meanwhile.
+            self._silence = self._loop.call_later(SILENCE, self._on_silence)
+        self._transport.resume_reading()
 
     def pause_writing(self) -> None:
         """Drop further replies, because the client does not read them or the line is slow.
@@ -89,6 +95,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         if self._silence is not None:
             self._silence.cancel()
             self._silence = None
+        self._waiting.clear()
         self._leave(exc)
         self._context.discard(self)
         if self._lost is not None:
@@ -103,15 +110,22 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
     def _on_silence(self) -> None:
         """Discard an incomplete packet, unless more of it has been received meanwhile."""
         self._silence = None
-        if self._is_closing() or not self._conversation.discardable_bytes:
-            return
+        if self._is_closing() or self._waiting or not self._conversation.discardable_bytes:
+            return  # if bytes are waiting, the timer starts again after they are processed
         now = self._loop.time()
         if now < self._heard + SILENCE:
             self._silence = self._loop.call_at(self._heard + SILENCE, self._on_silence)
             return
-        while self._conversation.discardable_bytes and not self._is_closing():
-            # Noise may be followed by several complete packets; all of them must be found now, without further bytes.
-            self._act(self._conversation.discard_incomplete(now))
+        self._waiting.append(self._discard_incomplete(now))
+        self._continue()
+
+    def _discard_incomplete(self, now: float) -> Iterator[Action]:
+        """Yield the actions for the packets that follow an incomplete one.
+
+        Noise may be followed by several complete packets; all of them must be found now, without further bytes.
+        """
+        while self._conversation.discardable_bytes:
+            yield from self._conversation.discard_incomplete(now)
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self._name, LINE.name, 0, self.when_input_processed)

@@ -49,6 +49,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._unsent = CallMemory(context.memory)  # of the reply that the client does not read
         self._unread = 0  # bytes of unsent replies at the time from which PATIENCE is measured
         self._reading_timer: asyncio.TimerHandle | None = None
+        self._paused = False  # reading
         self._seen = 0, 0  # at that time: the number of complete packets, and the bytes of the incomplete packet
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -82,48 +83,62 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         return self._context.buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Process received data."""
-        self._heard = now = self._loop.time()
-        self._act(self._conversation.receive(bytes(self._context.view[:nbytes]), now))
+        """Process received data: now, or when it is the client's turn; until then, stop reading."""
+        self._process(bytes(self._context.view[:nbytes]), self._loop.time())
+        if self._waiting:
+            self._paused = True
+            self._transport.pause_reading()
+
+    def _on_processed(self) -> None:
         incomplete = self._conversation.incomplete_bytes
-        if (incomplete or self._partial) and not self._held:  # a packet counts until the worker has decoded it
-            self._count(incomplete)
         if incomplete:
-            self._await_packet(now)
+            if self._is_closing():  # bytes that were counted after connection_lost would be counted forever
+                return
+            self._count(incomplete)
+            self._await_packet(self._loop.time())
         elif self._begun:
             self._begun = 0.0
+            if self._partial:
+                self._count(0)
+        if self._paused:
+            self._paused = False
+            self._transport.resume_reading()
 
     def pause_writing(self) -> None:
         """Stop reading, because the client does not read its replies."""
-        self._slow = True
+        self._slow = self._paused = True
         self._transport.pause_reading()
         self._unread = self._transport.get_write_buffer_size()
         self._reading_timer = self._loop.call_later(PATIENCE, self._check_reading)
 
     def resume_writing(self) -> None:
-        """Resume reading."""
+        """Resume reading, after the requests that have been received are processed."""
         self._slow = False
         self._stop_waiting_for_reader()
-        if not self._held:
-            self._transport.resume_reading()
         self._resume()
 
     def _hold(self) -> None:
-        self._held = True
+        self._held = self._paused = True
         self._transport.pause_reading()
 
     def _unhold(self) -> None:
         self._held = False
         if self._partial:
             self._count(self._conversation.incomplete_bytes)
-        if not self._slow:
-            self._transport.resume_reading()
+        self._resume()
+
+    def _resume(self) -> None:
+        if self._waiting:
+            self._continue()
+        elif not (self._slow or self._held):
+            self._on_processed()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Release the client's objects after it has disconnected."""
         if self._idle_timer is not None:
             self._idle_timer.cancel()
             self._idle_timer = None
+        self._waiting.clear()
         self._context.partial.change(self._partial, 0)
         self._partial = 0
         self._stop_waiting_for_reader()
@@ -190,7 +205,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Close the connection if the first call or the rest of a packet is overdue; otherwise restart the timer."""
         self._idle_timer = None
         now = self._loop.time()
-        if self._held:  # the server is still processing a packet; the client is not late
+        if self._held or self.is_queued:  # the server is still processing packets; the client is not late
             self._idle_timer = self._loop.call_at(now + PATIENCE, self._check_progress)
         elif not self._conversation.calls:
             self._give_up(f"no call received within {PATIENCE:g} s")
@@ -219,7 +234,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self.close()
 
     def evict(self) -> None:
-        """Disconnect this client to make room for another one; called only if :meth:`idle_since` returns a time."""
+        """Disconnect this client to make room for another one."""
         super().evict()
         self._transport.abort()
 

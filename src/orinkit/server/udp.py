@@ -24,6 +24,9 @@ logger = logging.getLogger("orinkit.server")
 IDLE_TIMEOUT: Final = 10.0
 """Idle time in s after which a client is disconnected (docs/protocol.md)."""
 
+_MAX_QUEUED: Final = 16 * 1024  # bytes of the queued datagrams of one client, above which further ones are dropped
+_MAX_ALL_QUEUED: Final = 1024 * 1024  # the same of all clients of a socket
+_DATAGRAM: Final = 512  # bytes added to the length of a queued datagram, for the objects that it requires
 _MAX_SIZE_ATTRIBUTE: Final = "max_size"  # attribute of asyncio: buffer size per datagram; the default, 256 KiB, is slow
 _MAX_DATAGRAM: Final = 65536  # length of the longest datagram, bytes
 
@@ -48,11 +51,25 @@ class UdpClient(ConnectionlessClient):
         self._is_closing = udp_socket.is_closing
         self.default_silence_limit = udp_socket.context.alive
         self._timer: asyncio.TimerHandle | None = None
+        self._queued = 0
 
     def received(self, data: bytes) -> None:
-        """Process a datagram of the client."""
-        self._heard = now = self._loop.time()
-        self._act(self._conversation.receive(data, now))
+        """Process a datagram of the client: now, or when it is the client's turn.
+
+        Reading from the socket cannot be paused for one client. Therefore datagrams are dropped if too many are queued.
+        """
+        size = len(data) + _DATAGRAM
+        if (self._queued and self._queued + size > _MAX_QUEUED) or not self._socket.has_room(size):
+            return
+        self._process(data, self._loop.time())
+        if self.is_queued:
+            self._queued += size
+            self._socket.keep_queued(self, size)
+
+    def _on_processed(self) -> None:
+        if self._queued:
+            self._socket.forget_queued(self, self._queued)
+            self._queued = 0
 
     def _about(self) -> ClientInfo:
         return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.when_input_processed)
@@ -82,6 +99,8 @@ class UdpClient(ConnectionlessClient):
             self._forget("nothing received")
 
     def _forget(self, reason: object = None) -> None:
+        self._waiting.clear()
+        self._on_processed()
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -117,6 +136,8 @@ class UdpSocket(asyncio.DatagramProtocol):
         self._full = False
         self._clients: dict[_SocketAddress, UdpClient] = {}
         self._without_session: dict[_SocketAddress, UdpClient] = {}  # the clients without a session, the oldest first
+        self._queued: dict[_SocketAddress, UdpClient] = {}  # the clients with queued datagrams
+        self._queued_bytes = 0
         self._closed = asyncio.Event()
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -130,9 +151,9 @@ class UdpSocket(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: _SocketAddress) -> None:
         """Process a datagram of a client or of an unknown sender."""
-        client = self._clients.get(addr)
+        client = self._clients.get(addr) or self._queued.get(addr)
         if client is None:
-            client = UdpClient(self, addr)  # the client is stored only if the datagram is a call
+            client = UdpClient(self, addr)  # the client is stored only if the datagram is a call, or has to wait
         client.received(data)
 
     def error_received(self, exc: Exception) -> None:
@@ -163,6 +184,20 @@ class UdpSocket(asyncio.DatagramProtocol):
         """Send a datagram, or drop it if the socket's buffer is full."""
         if not self._full and self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, socket_address)
+
+    def has_room(self, size: int) -> bool:
+        """Return True if a datagram of ``size`` bytes may be queued."""
+        return self._queued_bytes + size <= _MAX_ALL_QUEUED
+
+    def keep_queued(self, client: UdpClient, size: int) -> None:
+        """Store a client while a datagram of it is queued, so that its next datagram is processed after this one."""
+        self._queued[client.socket_address] = client
+        self._queued_bytes += size
+
+    def forget_queued(self, client: UdpClient, size: int) -> None:
+        """Remove a client without queued datagrams; they had ``size`` bytes."""
+        self._queued.pop(client.socket_address, None)
+        self._queued_bytes -= size
 
     def keep(self, client: UdpClient) -> None:
         """Store a client that has a session."""

@@ -28,7 +28,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Literal, Self, TypeAlias
 
-from orinkit.core.errors import InvalidValue
+from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
 from orinkit.core.validation import brief, check_finite
 from orinkit.values import pose_numbers as checks
@@ -392,15 +392,21 @@ def parse_target(text: str) -> Target:
     return target
 
 
-def parse_targets(text: str) -> tuple[Target, ...]:
+def parse_targets(text: str, most: int | None = None) -> tuple[Target, ...]:
     """Parse one or several targets, separated by commas, for example ``P1, @E P2`` for the two targets of an arc.
 
+    Args:
+        text: The text.
+        most: Maximum number of targets; ``None`` for no limit other than the length of the text.
+
     Raises:
-        NotationError: As for :func:`parse_target`.
+        NotationError: As for :func:`parse_target`; also if there are too many targets.
     """
     scanner = Scanner(text)
     targets = [_target(read_target(scanner))]
     while scanner.skip(","):
+        if len(targets) == most:
+            raise NotationError(tr("more than {most} poses", most=most))
         targets.append(_target(read_target(scanner)))
     scanner.finish()
     return tuple(targets)

@@ -18,7 +18,7 @@ from orinkit.core import hresult
 from orinkit.server import context as connections
 from orinkit.server.http import limits, sessions, tls
 from orinkit.server.http.flow_control import HELD
-from orinkit.server.http.limits import HeaderCoalescer, LimitedProtocol, Stage
+from orinkit.server.http.limits import LimitedProtocol, Stage
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server
 from support.devices import Workshop
@@ -445,12 +445,13 @@ def test_a_flood_of_requests_during_a_call_is_not_read_and_answered_afterwards(
 ) -> None:
     buffered = [0]
 
-    class Measured(HeaderCoalescer):
-        def receive_data(self, data: bytes) -> None:
-            super().receive_data(data)
-            buffered.append(len(self.trailing_data[0]))
+    receive = LimitedProtocol.data_received
 
-    monkeypatch.setattr(limits, "HeaderCoalescer", Measured)
+    def received(connection: LimitedProtocol, data: bytes) -> None:
+        receive(connection, data)
+        buffered.append(connection._held())
+
+    monkeypatch.setattr(LimitedProtocol, "data_received", received)
     texts = [f"{number} " + "x" * (30_000 if number % 3 else 100_000) for number in range(300)]
     with Web(server.url, keeps_cookies=True) as web:
         handle = connect(web)

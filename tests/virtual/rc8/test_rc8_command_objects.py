@@ -429,3 +429,18 @@ def test_closing_a_session_cancels_its_commands(rc8, clock):
 def test_states_are_as_documented():
     assert [state.name for state in CommandState] == ["IDLE", "EXECUTING", "DONE", "FAILED", "CANCELLED"]
     assert [*CommandState] == [0, 1, 2, 3, 4]
+
+
+def test_the_number_of_executing_commands_is_limited(rc8, ready, command, monkeypatch):
+    monkeypatch.setattr("orinkit.virtual.rc8.objects.command.MOST_EXECUTING", 2)
+    ready.move(1, variant("J(20, 45, 90, 0, 45, 0)"), "NEXT")
+    made = [command("Robot.DriveEx", ["(1, 1)"]) for _ in range(3)]
+    for each in made[:2]:
+        each.execute(AT_ONCE)
+    with pytest.raises(CallError) as refused:
+        made[2].execute(AT_ONCE)
+    assert refused.value.code == hresult.E_MAX_OBJECT
+    ready.halt("")
+    rc8.state.cycles.clock.advance(5)
+    made[2].execute(AT_ONCE)
+    assert made[2].get_state() == EXECUTING

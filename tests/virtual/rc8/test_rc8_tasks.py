@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.rc8.task_modes import TaskMode
 from orinkit.values.variant import Variant, VarType, variant
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.engine.lane import Lane
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.tasks import ALL_STATEMENTS, MOST_RUNNING, STATEMENTS
 from support.cell import Cell
+from support.waiting import until
 
 READY, RUNNING, SUSPENDED, STEP_STOPPED = 2, 3, 1, 4
 ONE_CYCLE, CONTINUOUS, STEP = 1, 2, 3
@@ -381,19 +385,48 @@ def test_a_program_that_holds_is_suspended_until_it_is_started_again(cell):
     assert (status(served), value(cell, "I1")) == (READY, 2)
 
 
-def test_a_large_program_is_loaded_outside_the_lock(cell):
-    """It is started in a thread; conditions that become false meanwhile are checked at the end."""
-    program = "Sub Main\n" + "  I1 = I1 + 1\n" * 1000 + "End Sub\n"
-    served = task(cell, program, "Large")
-    served.start(ONE_CYCLE, "").run()
+def test_a_program_is_loaded_in_a_thread():
+    """Conditions that become false meanwhile are checked at the end; a stop cancels the start."""
+    cell = Cell(samples=False)
+    state = cell.rc8.state
+    state.compiling = Lane("test", Clock())
+    served = task(cell, "Sub Main\n  I1 = I1 + 1\nEnd Sub\n")
+    other = cell.connect().get_task("Test", "")
+    folder = cell.controller.get_file("", "")
+
+    def begun(call: Callable[[], Any]) -> Deferred[Any]:
+        going.clear()
+        state.compiling.submit(going.wait, Deferred())
+        return call()
+
+    def code(call: Callable[[], Any], meanwhile: Callable[[], Any] = lambda: None) -> int:
+        loading = begun(call)
+        meanwhile()
+        going.set()
+        until(loading.done)
+        return cell.code(loading)
+
+    going = threading.Event()
+    start = lambda: served.start(ONE_CYCLE, "")  # noqa: E731
+    for call in (start, lambda: folder.get_file("Test.pcs", "").run("")):
+        assert code(call, lambda: cell.rc8.pendant.mode(1)) == hresult.AUTO_MODE_REQUIRED
+        cell.rc8.pendant.mode(3)
+        assert code(call, lambda: cell.rc8.pendant.emergency_stop(True)) == hresult.EMERGENCY_STOP_ON
+        cell.rc8.pendant.emergency_stop(False)
+    assert code(start, lambda: [cell.rc8.pendant.emergency_stop(on) for on in (True, False)]) == hresult.E_CANCEL
+    assert code(start, lambda: other.stop(1, "")) == hresult.E_CANCEL
+    assert code(start, lambda: state.files.delete("Test.pcs")) == hresult.E_CAO_OBJECT_NOTFOUND
+    assert code(lambda: task(cell, "x").start(ONE_CYCLE, "")) == hresult.SYNTAX_ERROR
     cell.clock.advance(0.1)
-    assert value(cell, "I1") == 1000
-    loading = served.start(ONE_CYCLE, "")
-    cell.rc8.pendant.mode(1)
-    assert cell.code_of(loading.run) == hresult.AUTO_MODE_REQUIRED
-    cell.rc8.pendant.mode(3)
-    wrong = task(cell, program + "x", "Large")
-    assert cell.code_of(wrong.start(ONE_CYCLE, "").run) == hresult.SYNTAX_ERROR
+    assert value(cell, "I1") == 0
+    task(cell, "Sub Main\n  I1 = I1 + 1\nEnd Sub\n")
+    assert code(start) == 0
+    cell.clock.advance(0.1)
+    assert value(cell, "I1") == 1
+    loading = begun(start)
+    cell.close()
+    assert cell.code(loading) == hresult.E_ABORT
+    going.set()
 
 
 def test_a_suspended_program_whose_file_is_deleted_releases_the_arm(cell):
@@ -411,15 +444,10 @@ def test_a_suspended_program_whose_file_is_deleted_releases_the_arm(cell):
     cell.take()
 
 
-def test_a_large_program_is_loaded_outside_the_lock_for_file_run_too(cell):
-    program = "Sub Main\n" + "  I1 = I1 + 1\n" * 1000 + "End Sub\n"
-    task(cell, program, "Large")
-    assert cell.controller.get_file("Large.pcs", "").run("").run() == "Large"
-    cell.clock.advance(0.1)
-    assert value(cell, "I1") == 1000
-    cell.controller.get_file("Large.pcs", "").put_value(variant(program + "x"))
-    for _ in range(2):  # the error is cached for the second start
-        assert cell.code_of(cell.controller.get_file("Large.pcs", "").run("").run) == hresult.SYNTAX_ERROR
+def test_the_error_of_a_program_is_stored_for_the_second_start(cell):
+    task(cell, "x")
+    for _ in range(2):
+        assert cell.code_of(lambda: cell.controller.get_file("Test.pcs", "").run("")) == hresult.SYNTAX_ERROR
 
 
 def test_deleted_programs_are_released_from_memory(cell):
@@ -456,7 +484,7 @@ def test_long_statements_end_a_cycle_early():
     rc8.state.files.write("Slow.pcs", b"Sub Main\n  Do\n    I1 = I1 + OutRange(J1) * 0 + 1\n  Loop\nEnd Sub\n")
     with rc8.state.cycles:
         served = rc8.state.tasks.find("Slow")
-        rc8.state.tasks.start(served, TaskMode.CONTINUOUS)
+        rc8.state.tasks.start(served, rc8.state.tasks.load(served), TaskMode.CONTINUOUS)
         machine = served._machine
     counted = []
     original = machine.run

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 else:
     ServerListenAddresses = listen_addresses_class()
 
-_CONTROL_CLIENTS: Final = 16
 _SWITCH_INTERVAL: Final = 0.0005  # s; with the default, 5 ms, busy threads delay the emergency stop by up to 200 ms
 _NOWHERE: Final = ServerListenAddresses()
 _HTTP: Final = HttpServerOptions()
@@ -188,8 +187,8 @@ async def _serve(
             ready = [*before, *(f"ready {url}" for url in server.urls)]
             if control is not None:
                 second = AsyncServer(
-                    control.provider, control.url, clients=_CONTROL_CLIENTS, per_address=_CONTROL_CLIENTS
-                )
+                    control.provider, control.url, per_address=DEFAULT_CLIENTS
+                )  # all are on this machine
                 await servers.enter_async_context(second)
                 said = servers.enter_context(control.publish_secret(_port(second.url)))
                 ready += [f"ready control {second.url}", *said]

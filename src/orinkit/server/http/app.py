@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from functools import partial
-from typing import Final
-from urllib.parse import quote
+from typing import Final, TypeAlias
 
 from starlette.responses import PlainTextResponse
-from starlette.types import Message, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 from orinkit.bcap.server import LARGE
 from orinkit.cao.functions import robot_halt, robot_hold, task_stop
@@ -23,11 +23,10 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.ecap.message import EcapRequest, read_request, write_reply
-from orinkit.server.capacity import CallMemory, IncompleteRequests
+from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.http.access import (
     AccessCheck,
-    Headers,
     ambiguous,
     closed,
     is_proxied,
@@ -36,11 +35,13 @@ from orinkit.server.http.access import (
     too_many_guesses,
     too_many_request_bytes,
 )
-from orinkit.server.http.limits import LimitedProtocol
+from orinkit.server.http.exchange import EXECUTING, Disconnected, Exchange
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.sessions import CALLS, HttpSession, HttpSessions, RunningCall
 from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.log_limiter import CLIENT
+from orinkit.values.codec import PacketLimits
+from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
@@ -53,16 +54,9 @@ _NO_TOKEN: Final = 401
 _HELD: Final = 32  # maximum number of delayed replies to wrong tokens of one address
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
 _DO_NOT_READ: Final = -1  # a limit for Exchange.refuse: the body is not read before the refusal
-_LONGEST_DETAIL: Final = 500  # maximum number of characters of an error description
-_PIECE: Final = 64 * 1024  # bytes of a response that one call of send transfers; no more is unsent after the last call
-_INTERVALS: Final = range(80, 60_001)  # valid intervals of keep-alive bytes, ms
-_PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
-_TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
-_EXECUTING: Final = b"orinkit-executing"
+_BYTE: Final = 3e-7  # s to decode a byte of the slowest values
 
-
-class _Disconnected(Exception):
-    """Raised when the client has closed its connection."""
+_Read: TypeAlias = EcapRequest | CallReply
 
 
 class App:
@@ -108,7 +102,7 @@ class App:
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange)
                 await exchange.refuse(refusal, self._context.limits.packet if exchange.has_room else _DO_NOT_READ)
-        except _Disconnected:
+        except Disconnected:
             pass
         except asyncio.CancelledError:
             if not exchange.connection.is_closed:
@@ -167,38 +161,43 @@ class App:
         session = self._sessions.by_key(key) if key else None
         if session is not None:
             self._enter(session, exchange)
+        context, connection = self._context, exchange.connection
+        limits = context.first_limits
+        if context.requires_secret and session is not None and session.holds_objects:
+            limits = context.limits
         try:
             try:
-                body = await exchange.body(self._context.limits.packet, self._context.partial)
+                body = await exchange.body(limits.packet, context.partial)
                 if body is None:
-                    return too_long(self._context.limits.packet) if exchange.has_room else too_many_request_bytes()
-                request = await self._read(body)
-                if len(body) > LARGE and not exchange.memory.set(max(memory_of(request.arguments), len(body))):
-                    raise out_of_memory()
-            except CallError as error:
-                await self._answer(exchange, CallReply(error.code, detail=error.detail))
-                return None
+                    return too_long(limits.packet) if exchange.has_room else too_many_request_bytes()
+                read: Callable[[], _Read] = partial(_read, body, limits)
+                if len(body) > LARGE:
+                    read = partial(_same, self._with_memory(exchange, await context.worker.run(read), len(body)))
             finally:  # the body counts until the worker has decoded it
-                exchange.give_room(self._context.partial)
-            if session is None or session.ended:  # the session may have ended while the body was read
-                session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
-                if session is not None:
-                    self._enter(session, exchange)
-            reply = await self._reply(exchange, session, request)
-            if key and request.function.id == _SERVICE_STOP:
-                exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
-            await self._answer(exchange, reply)
+                exchange.give_room(context.partial)
+            outcome = await connection.run(partial(self._begin, exchange, key, read), _BYTE * min(len(body), LARGE))
+            if isinstance(outcome, RunningCall):
+                outcome = await self._wait(exchange, outcome)
+            await self._answer(exchange, outcome)
         finally:
             exchange.memory.release()
-            if session is not None:
-                session.end_request(broken=exchange.connection.is_closed)
+            if exchange.session is not None:
+                exchange.session.end_request(broken=connection.is_closed)
         return None
 
     def _enter(self, session: HttpSession, exchange: Exchange) -> None:
         connection = exchange.connection
         given = exchange.headers
-        session.begin_request(connection, proxied=is_proxied(given), sends_signs=_EXECUTING in given)
+        exchange.session = session
+        session.begin_request(connection, proxied=is_proxied(given), sends_signs=EXECUTING in given)
         connection.carried.add(session)
+
+    def _with_memory(self, exchange: Exchange, request: _Read, size: int) -> _Read:
+        """Return a large request, or the reply that refuses it, because calls and replies require too much memory."""
+        if isinstance(request, CallReply) or exchange.memory.set(max(memory_of(request.arguments), size)):
+            return request
+        error = out_of_memory()
+        return CallReply(error.code, detail=error.detail)
 
     # --- sessions ------------------------------------------------------------------------------------------------
 
@@ -222,7 +221,7 @@ class App:
             The session; ``None`` if a limit is reached, or for a Service_Stop without a session.
         """
         address, port = exchange.scope["client"] or ("", 0)
-        if _EXECUTING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
+        if EXECUTING in exchange.headers and function_id in _WITHOUT_HANDLE:  # a client of orinkit
             keeps_cookies = True
         if function_id == _SERVICE_STOP:  # this function never opens a session
             return None if keeps_cookies else self._sessions.by_address(address)
@@ -242,12 +241,21 @@ class App:
 
     # --- a call ---------------------------------------------------------------------------------------------------
 
-    async def _read(self, body: bytes) -> EcapRequest:
-        if len(body) <= LARGE:
-            return read_request(body, self._context.limits)
-        return await self._context.worker.run(partial(read_request, body, self._context.limits))
+    def _begin(self, exchange: Exchange, key: str, read: Callable[[], _Read]) -> CallReply | RunningCall:
+        """Read a request, find its session, and begin the call; return the reply, or the call if it takes longer."""
+        request = read()
+        if isinstance(request, CallReply):
+            return request
+        session = exchange.session
+        if session is None or session.ended:  # the session may have ended while the body was read
+            session = self._find(exchange, request.function.id, keeps_cookies=bool(key))
+            if session is not None:
+                self._enter(session, exchange)
+        if key and request.function.id == _SERVICE_STOP:
+            exchange.add(b"set-cookie", self._set_cookie("", b"; Max-Age=0"))
+        return self._call(session, request)
 
-    async def _reply(self, exchange: Exchange, session: HttpSession | None, request: EcapRequest) -> CallReply:
+    def _call(self, session: HttpSession | None, request: EcapRequest) -> CallReply | RunningCall:
         function_id = request.function.id
         if session is None:
             if function_id == _SERVICE_STOP:
@@ -265,10 +273,7 @@ class App:
         if function_id == _SERVICE_START:
             return self._start(session, request)
         outcome = session.session.invoke(function_id, request.arguments)
-        if type(outcome) is CallReply:
-            return outcome
-        assert isinstance(outcome, Pending)
-        return await self._wait(exchange, session, session.start_call(outcome))
+        return session.start_call(outcome) if isinstance(outcome, Pending) else outcome
 
     def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:
@@ -278,9 +283,10 @@ class App:
         session.set_options(options)
         return _call_immediately(session.session, request)
 
-    async def _wait(self, exchange: Exchange, session: HttpSession, call: RunningCall) -> CallReply:
+    async def _wait(self, exchange: Exchange, call: RunningCall) -> CallReply:
         """Wait for the reply of a long-running call; meanwhile send keep-alive bytes if the client requested them."""
-        seconds = session.invoke_timeout
+        assert exchange.session is not None
+        seconds = exchange.session.invoke_timeout
         timer = asyncio.get_running_loop().call_later(seconds, _time_out, call, seconds)
         exchange.connection.on_closed = call.give_up
         if exchange.connection.is_closed:  # the client closed it while the request was read
@@ -296,196 +302,66 @@ class App:
                 kept = exchange.memory.hand_over()
                 call.task.add_done_callback(lambda _: kept.release())
         if reply is None:
-            raise _Disconnected
+            raise Disconnected
         return reply
 
     async def _answer(self, exchange: Exchange, reply: CallReply) -> None:
-        code, result = self._code_replacements.get(reply.code, reply.code), reply.result
-        data = None if result is None else result.value
-        if isinstance(data, bytes) and 2 * len(data) > self._context.limits.packet:
-            code, result = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA), None
-        body, room = b"", True
+        code, detail = reply.code, reply.detail
         try:
-            if result is None or not is_large(result):
-                body = write_reply(code, result)
-            elif room := exchange.memory.set(memory_of((result,))):
-                body = await self._context.worker.run(partial(write_reply, code, result))
-                room = exchange.memory.set(max(exchange.memory.bytes, len(body)))
+            body = await self._encode(exchange, self._replaced(code), reply.result)
+        except CallError as error:
+            logger.info("%s: %s", exchange.connection.name, error)
+            code, detail = error.code, error.detail
+            body = write_reply(self._replaced(code), None)
         except Exception:
             logger.exception("cannot encode a result")
             code = hresult.E_FAIL
             body = write_reply(code, None)
-        if len(body) > self._context.limits.packet:
-            code = self._code_replacements.get(hresult.E_TOO_MUCH_DATA, hresult.E_TOO_MUCH_DATA)
-            body = write_reply(code, None)
-        if not room:
-            reply = CallReply(hresult.E_OUTOFMEMORY, detail=out_of_memory().detail)
-            logger.info("%s: %s", exchange.connection.name, reply.detail)
-            code = self._code_replacements.get(reply.code, reply.code)
-            body = write_reply(code, None)
         exchange.connection.begin_response(exchange.memory)
-        await exchange.answer(body, code, reply.detail)
+        await exchange.answer(body, self._replaced(code), detail)
 
+    def _replaced(self, code: int) -> int:
+        return self._code_replacements.get(code, code)
 
-class Exchange:
-    """One request and its response.
+    async def _encode(self, exchange: Exchange, code: int, result: Variant | None) -> bytes:
+        """Return the body of a response.
 
-    Args:
-        scope: the ASGI scope.
-        receive: the ASGI receive callable.
-        send: the ASGI send callable.
-        memory: the memory of the call.
-
-    Attributes:
-        scope: the ASGI scope.
-        memory: the memory of the call: of its arguments, then of its result, then of the unsent response.
-        headers: headers of the request; the names are in lower case.
-        connection: the connection of the request.
-        interval: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
-        begun: True if the response has begun.
-        has_room: False if the limit on the bytes of incomplete requests does not permit the body of the request.
-    """
-
-    __slots__ = (
-        "_counted",
-        "_more",
-        "_receive",
-        "_send",
-        "_whole",
-        "begun",
-        "connection",
-        "has_room",
-        "headers",
-        "interval",
-        "memory",
-        "scope",
-    )
-
-    def __init__(self, scope: Scope, receive: Receive, send: Send, memory: CallMemory) -> None:
-        self.scope = scope
-        self.memory = memory
-        self.headers: Headers = dict(scope["headers"])
-        self.connection: LimitedProtocol = scope["state"]["connection"]
-        interval = self.headers.get(_EXECUTING, b"")
-        self.interval = int(interval) if interval.isdigit() and len(interval) < 6 and int(interval) in _INTERVALS else 0
-        self.begun = False
-        self._receive = receive
-        self._send = send
-        self.has_room = True
-        self._counted = 0
-        self._whole = False
-        self._more: list[tuple[bytes, bytes]] = []
-
-    def add(self, name: bytes, value: bytes) -> None:
-        """Add a header to the response."""
-        self._more.append((name, value))
-
-    def _add_text(self, name: bytes, text: str) -> None:
-        self.add(name, quote(text[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace").encode())
-
-    async def _next(self) -> bytes:
-        message = await self._receive()
-        if message["type"] != "http.request":
-            raise _Disconnected
-        self._whole = not message["more_body"]
-        body: bytes = message["body"]
+        Raises:
+            CallError: E_TOO_MUCH_DATA if the body would be longer than a packet; E_OUTOFMEMORY if calls and replies
+                require too much memory.
+        """
+        if result is None:
+            return write_reply(code, None)
+        longest = self._context.limits.packet
+        if isinstance(result.value, bytes) and 2 * len(result.value) > longest:
+            raise error_for(hresult.E_TOO_MUCH_DATA)
+        write = partial(write_reply, code, result)
+        if is_large(result):
+            if not exchange.memory.set(memory_of((result,))):
+                raise out_of_memory()
+            body = await self._context.worker.run(write)
+            if not exchange.memory.set(max(exchange.memory.bytes, len(body))):
+                raise out_of_memory()
+        else:
+            body = await exchange.connection.run(write) if isinstance(result.value, list) else write()
+        if len(body) > longest:
+            raise error_for(hresult.E_TOO_MUCH_DATA)
         return body
-
-    def _length(self) -> int:
-        return int(self.headers.get(b"content-length", b"0"))
-
-    def give_room(self, partial: IncompleteRequests) -> None:
-        """Stop counting the body of the request among the bytes of incomplete requests."""
-        partial.change(self._counted, 0)
-        self._counted = 0
-
-    async def body(self, limit: int, partial: IncompleteRequests) -> bytes | None:
-        """Return the body of the request, or ``None`` if it is too long or ``has_room`` is False.
-
-        Args:
-            limit: limit on the length, bytes.
-            partial: the count of the bytes of incomplete requests; it includes the body until :meth:`give_room`.
-        """
-        if self._length() > limit:
-            return None
-        pieces: list[bytes] = []
-        count = 0
-        while not self._whole and count <= limit:
-            pieces.append(await self._next())
-            count += len(pieces[-1])
-            self.has_room = partial.change(self._counted, count)
-            self._counted = count
-            if not self.has_room:
-                return None
-        if count > limit:
-            return None
-        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
-
-    async def refuse(self, refusal: PlainTextResponse, limit: int) -> None:
-        """Send a response that refuses the request; it contains no return code.
-
-        The body of the request is read first and discarded, because a client that is still sending would not read the
-        response. If the body is longer than 2 * ``limit``, or if the client waits for ``100 Continue``, the body is not
-        read, and the connection is closed after the response.
-
-        Args:
-            refusal: the response.
-            limit: half of the maximum length of a body that is read, bytes; if it is negative, no body is read.
-        """
-        count = 0
-        reads_body = b"expect" not in self.headers and self._length() <= 2 * limit
-        while reads_body and not self._whole and count <= 2 * limit:
-            count += len(await self._next())
-        if not self._whole or self.scope["method"] == "CONNECT":
-            refusal.headers["connection"] = "close"
-        self.begun = True
-        await refusal(self.scope, self._receive, self._send)
-
-    async def send_keep_alives(self, reply: asyncio.Future[CallReply | None]) -> None:
-        """Send a line feed after each ``interval`` until the reply is available."""
-        while True:
-            await asyncio.wait((reply,), timeout=self.interval / 1000)
-            if reply.done():
-                return
-            if not self.begun:
-                await self._begin([])
-            await self._send({"type": "http.response.body", "body": b"\n", "more_body": True})
-
-    async def answer(self, body: bytes, code: int, detail: str) -> None:
-        """Send a response with a return code.
-
-        Args:
-            body: the body, including the return code.
-            code: the return code.
-            detail: description of the error.
-        """
-        if not self.begun:
-            if hresult.failed(code):  # curl users see the error in this header
-                self._add_text(b"orinkit-error", str(error_for(code)))
-            if detail:
-                self._add_text(b"orinkit-detail", detail)
-            await self._begin([(b"content-length", b"%d" % len(body))])
-        elif detail and hresult.failed(code):
-            # The header has been sent already; clients that requested keep-alive bytes read the detail after the code.
-            body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
-        at = 0
-        while len(body) - at > _PIECE:  # one large piece would be copied several times within one turn of the loop
-            await self._send({"type": "http.response.body", "body": body[at : at + _PIECE], "more_body": True})
-            await asyncio.sleep(0)
-            at += _PIECE
-        await self._send({"type": "http.response.body", "body": body[at:]})
-
-    async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
-        self.begun = True
-        headers.append(_TEXT)
-        if self.interval:
-            headers.append((_EXECUTING, b"%d" % self.interval))
-        headers += self._more
-        message: Message = {"type": "http.response.start", "status": 200, "headers": headers}
-        await self._send(message)
 
 
 # --- helpers -----------------------------------------------------------------------------------------------------------
+
+
+def _read(body: bytes, limits: PacketLimits) -> _Read:
+    """Return the request in a body, or the reply to an invalid body."""
+    try:
+        return read_request(body, limits)
+    except CallError as error:
+        return CallReply(error.code, detail=error.detail)
+
+
+def _same(request: _Read) -> _Read:
+    return request
 
 
 def _time_out(call: RunningCall, seconds: float) -> None:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import re
 import sys
+from collections import deque
 from collections.abc import Callable, Hashable, Iterable
+from contextvars import Context, copy_context
 from enum import Enum
 from functools import cached_property
-from itertools import chain
-from typing import Final, Protocol, cast
+from typing import Any, Final, Protocol, TypeVar, cast
 
 import h11
 from uvicorn.config import Config
@@ -22,9 +24,11 @@ from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from orinkit.core.i18n import tr
-from orinkit.server.capacity import CallMemory, default_per_address
-from orinkit.server.context import ServerContext
+from orinkit.server.capacity import CallMemory
+from orinkit.server.fair_queue import QueuedClient, queue_of
+from orinkit.server.http.connection_limiter import ConnectionLimiter
 from orinkit.server.http.flow_control import HELD, BoundedFlowControl
+from orinkit.server.http.h11_connection import StepwiseConnection
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
 from orinkit.transport.fork_safety import keep_from_children
@@ -32,8 +36,12 @@ from orinkit.transport.tcp_keepalive import prepare
 
 logger = logging.getLogger("orinkit.server")
 
-LONGEST_HEADER: Final = 32 * 1024
-"""Limit on the request line and the headers, bytes."""
+T = TypeVar("T")
+
+LONGEST_TRAILERS: Final = 1024
+"""Limit on the part of the trailers of a chunked body that has been received before their end, bytes."""
+MOST_LINES: Final = 256
+"""Limit on the lines of the header of a request."""
 KEPT_ALIVE: Final = 75.0
 """Seconds after a response after which a connection without another request is closed."""
 
@@ -41,8 +49,11 @@ PROGRESS: Final = 64 * 1024
 """Number of bytes that a client must read of a response within the time of :class:`Stage`."""
 
 _LONG_HEADER: Final = 431
-_PIECE: Final = 64 * 1024  # bytes parsed at a time; uvloop reads up to 256 KiB
-_MIN_CONNECTIONS: Final = 85  # smallest limit on connections; 64 of them may come from one address
+_PIECE: Final = 8 * 1024  # bytes that h11 receives at a time; then it checks the length of the header
+_EVENTS: Final = 8  # events that a step processes: header, body and end of a usual request, and few chunks of a body
+_BYTE: Final = 1e-6  # s to parse a byte of chunks of one byte
+_MAX_BYTES: Final = 2048  # of received data for the estimate of its time: most larger data consists of large chunks
+_TOO_MANY_LINES: Final = re.compile(rb"(?:[^\n]*\n(?!\r?\n)){%d}" % MOST_LINES)
 _own = logging.getLogger("orinkit.server.uvicorn")
 _own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit logs them in more detail
 
@@ -63,21 +74,6 @@ class Stage(Enum):
         self.seconds = seconds
 
 
-class LimitedConnection(Protocol):
-    """A connection that a :class:`ConnectionLimiter` counts."""
-
-    @property
-    def network(self) -> str:
-        """The network of the client's address; see :func:`~orinkit.transport.address.network_of`."""
-
-    @property
-    def has_call(self) -> bool:
-        """True if a complete request is in progress."""
-
-    def abort(self) -> None:
-        """Close the connection immediately."""
-
-
 class DisconnectObserver(Protocol):
     """A client that is notified when one of its connections is closed."""
 
@@ -85,81 +81,31 @@ class DisconnectObserver(Protocol):
         """Handle the end of a connection that has carried requests of the client."""
 
 
-class ConnectionLimiter:
-    """Counts the connections of a listener. When the limit is exceeded, an idle connection is evicted.
+class _Job:
+    """A function that is called when it is the client's turn."""
 
-    If the limit of one address is exceeded, a connection of that address is evicted. The limiter first evicts the
-    oldest of the connections on which no response has been sent, so that peers that only connect displace each other
-    and not clients. If there is no such connection, it evicts the one whose last response is the oldest.
+    __slots__ = ("_context", "_function", "done")
 
-    Args:
-        context: the state shared by all clients of the server.
+    def __init__(self, function: Callable[[], Any], loop: asyncio.AbstractEventLoop) -> None:
+        self._function = function
+        self._context: Context = copy_context()
+        self.done: asyncio.Future[Any] = loop.create_future()
 
-    Attributes:
-        context: the state shared by all clients of the server.
-        limit: limit on connections. It is higher than the limit on clients, because a client that opens a connection
-            for each call may have several connections for a short time.
-        per_address: limit on connections of one address.
-    """
-
-    def __init__(self, context: ServerContext) -> None:
-        self.context = context
-        self.limit = max(_MIN_CONNECTIONS, context.clients + context.clients // 2)
-        self.per_address = max(default_per_address(self.limit), context.per_address)
-        self._unproven: dict[LimitedConnection, None] = {}  # no response has been sent; the oldest connection first
-        self._proven: dict[LimitedConnection, None] = {}  # in the order of their last responses, the oldest first
-
-    def __len__(self) -> int:
-        """Return the number of connections."""
-        return len(self._unproven) + len(self._proven)
-
-    def admit(self, connection: LimitedConnection) -> bool:
-        """Count a new connection; return False if the limit is reached and no connection is idle."""
-        of_address = [each for each in chain(self._unproven, self._proven) if each.network == connection.network]
-        full = len(of_address) >= self.per_address
-        if full or len(self) >= self.limit:
-            candidates = of_address if full else chain(self._unproven, self._proven)
-            oldest = next((each for each in candidates if not each.has_call), None)
-            if oldest is None:
-                return False
-            self.discard(oldest)
-            oldest.abort()
-        self._unproven[connection] = None
-        return True
-
-    def mark_replied(self, connection: LimitedConnection) -> None:
-        """Record that a response has been sent on a connection."""
-        if connection in self._unproven or connection in self._proven:
-            self.discard(connection)
-            self._proven[connection] = None
-
-    def discard(self, connection: LimitedConnection) -> None:
-        """Stop counting a connection."""
-        self._unproven.pop(connection, None)
-        self._proven.pop(connection, None)
+    def run(self) -> None:
+        """Call the function, unless the caller does not wait any more."""
+        if self.done.done():
+            return
+        try:
+            self.done.set_result(self._context.run(self._function))
+        except Exception as error:  # noqa: BLE001 - raised in the caller
+            self.done.set_exception(error)
 
 
-class HeaderCoalescer(h11.Connection):
-    """Joins the header of a response with the data that follows, so that one packet is sent instead of two."""
-
-    def __init__(self) -> None:
-        super().__init__(h11.SERVER, LONGEST_HEADER)
-        self._header: list[bytes] = []
-
-    def send_with_data_passthrough(self, event: h11.Event) -> list[bytes] | None:
-        """Return the bytes to send for an event of h11; the bytes of a header are returned with the next event."""
-        pieces = super().send_with_data_passthrough(event)
-        if type(event) is h11.Response:
-            self._header = pieces or []
-            return []
-        if self._header and pieces is not None:
-            pieces = self._header + pieces
-            self._header = []
-        return pieces
-
-
-class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
+class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
     """The connection of an HTTP client, with limits on time and on buffered data.
+
+    The loop's :class:`~orinkit.server.fair_queue.FairQueue` processes received data, a few events of h11 in each step, and
+    calls functions on behalf of requests (:meth:`run`).
 
     This is a BufferedProtocol, because for a plain Protocol asyncio allocates a block of 256 KiB for each chunk of
     received data.
@@ -176,7 +122,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def __init__(self, guard: ConnectionLimiter, config: Config, state: ServerState) -> None:
         super().__init__(config, state, {"connection": self}, asyncio.get_running_loop())
-        self.conn = HeaderCoalescer()
+        self.conn = self._h11 = StepwiseConnection()
         self.logger = _own
         self.access_log = False
         self._on_closed: Callable[[], None] | None = None
@@ -192,6 +138,9 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._response: CallMemory | None = None
         self._response_at = 0.0
         self._early: list[bytes] | None = []  # data received before connection_made, which TLS allows
+        self._queue = queue_of(self.loop)
+        self._inbox: deque[bytes] = deque()  # received data that h11 has not received yet
+        self._job: _Job | None = None
 
     @property
     def name(self) -> str:
@@ -262,8 +211,12 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             for data in early or ():
                 self.data_received(data)
 
+    @property
+    def _unparsed(self) -> int:
+        return len(self._h11.trailing_data[0])
+
     def _held(self) -> int:
-        return len(self.conn.trailing_data[0])
+        return self._unparsed + sum(map(len, self._inbox)) if self._inbox else self._unparsed
 
     def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
         """Return the receive buffer; all connections share it, because the data is processed immediately."""
@@ -275,19 +228,88 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Process received data; called directly by uvloop."""
-        CLIENT.set(self.host)
         if self._early is not None:
             self._early.append(data)
             return
+        if len(data) <= _PIECE:
+            self._inbox.append(data)
+        else:
+            self._inbox.extend(data[start : start + _PIECE] for start in range(0, len(data), _PIECE))
+        self._serve(_BYTE * min(len(data), _MAX_BYTES))
+
+    # --- the queue of the loop --------------------------------------------------------------------------------------
+
+    def _serve(self, expected: float = 0.0) -> None:
+        """Process received data: now, or when it is the client's turn; until then, stop reading.
+
+        ``expected`` is the time that the data may take, s.
+        """
+        self._queue.serve(self, expected)
+        if self.is_queued:
+            self._flow.set_queued(queued=True)
+
+    def step(self) -> bool:
+        """Call the function of a request, or process some events of the received data, unless a request is in progress.
+
+        Returns:
+            True if there is more data to process now.
+        """
+        job = self._job
+        if job is not None:
+            self._job = None
+            job.run()
+            if not self._flow.is_queued:  # nothing was received meanwhile
+                return False
+        CLIENT.set(self.host)
+        if job is None and not self._whole and not self.transport.is_closing():
+            self._process_events()
+        if self.is_closed:
+            return False
+        if self._has_events and not self._whole and not self.transport.is_closing():
+            return True
+        if self._flow.is_queued:
+            self._flow.set_queued(queued=False)
+        self._regulate()
+        if self._half_closed:
+            self._close_if_half_closed()
+        self._update_stage()
+        return False
+
+    @property
+    def _has_events(self) -> bool:
+        return self._h11.is_interrupted or bool(self._inbox)
+
+    def _process_events(self) -> None:
+        conn = self._h11
+        if self._inbox and not conn.is_interrupted:
+            conn.receive_data(self._inbox.popleft())
+        conn.is_interrupted = False
+        conn.events = _EVENTS
         try:
-            super().data_received(data[:_PIECE])
-            for start in range(_PIECE, len(data), _PIECE):  # h11 checks the length of the header after each piece
-                if not self.transport.is_closing():
-                    super().data_received(data[start : start + _PIECE])
+            if conn.their_state is h11.IDLE and _has_too_many_lines(conn.trailing_data[0]):
+                self._refuse_header()
+                return
+            super().handle_events()
+            if conn.their_state is h11.SEND_BODY and not conn.is_interrupted and self._unparsed > LONGEST_TRAILERS:
+                self._refuse_header()
         except Exception:
             logger.exception("%s: error while reading a request", self.name)
             self.transport.abort()
-        self._update_stage()
+
+    async def run(self, function: Callable[[], T], expected: float = 0.0) -> T:
+        """Call a function on behalf of the request in progress: now, or when it is the client's turn.
+
+        Args:
+            function: the function.
+            expected: time in s that it may take; a rough upper limit.
+
+        Returns:
+            The result of the function.
+        """
+        self._job = job = _Job(function, self.loop)
+        self._queue.serve(self, expected)
+        result: T = await job.done
+        return result
 
     def eof_received(self) -> bool:  # type: ignore[override]  # uvicorn always closes
         """Handle the end of the client's data; return True if the connection is not to be closed yet.
@@ -303,11 +325,11 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._early is not None:  # closed before connection_made
             return
         self._guard.discard(self)
+        self._inbox.clear()
         self._context.memory.discard_slow_reader(self)
         if self._timer is not None:
             self._timer.cancel()
         super().connection_lost(exc)
-        self._unset_keepalive_if_required()
         if self._on_closed is not None:
             self._on_closed()
         carried, self.carried = self.carried, set()
@@ -341,9 +363,16 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     # --- uvicorn calls these --------------------------------------------------------------------------------------
 
     def handle_events(self) -> None:
-        """Process received data; while a request is in progress, only buffer the data, up to a limit."""
-        if not self._whole:
-            super().handle_events()
+        """Process buffered data; while a request is in progress, only buffer the data, up to a limit."""
+        if self._unparsed:
+            self._h11.is_interrupted = True
+        if self._has_events:
+            self._serve()
+        else:
+            self._regulate()
+
+    def _regulate(self) -> None:
+        """Pause or resume reading."""
         if not self._whole:
             self._flow.resume_if_possible()
         elif self._on_closed is not None and self._held() < HELD:
@@ -352,26 +381,40 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             self.flow.pause_reading()
 
     def on_response_complete(self) -> None:
-        """Handle the end of a response."""
+        """Handle the end of a response, without uvicorn's timer for idle connections: :attr:`Stage.REST` limits the time."""
         self._response = None
         self._context.memory.discard_slow_reader(self)
         self._guard.mark_replied(self)
-        super().on_response_complete()
+        if not self.transport.is_closing():
+            self._flow.resume_reading()
+            if self._h11.our_state is h11.DONE and self._h11.their_state is h11.DONE:
+                self._h11.start_next_cycle()
+                self.handle_events()
+        if not self.is_queued:
+            self._close_if_half_closed()
+        self._update_stage()
+
+    def _close_if_half_closed(self) -> None:
         if self._half_closed and not self._whole:
             self.transport.close()
-        self._update_stage()
 
     def send_400_response(self, msg: str) -> None:
         """Refuse data that is not HTTP, or a request whose header is too long."""
         error = sys.exception()  # the exception that uvicorn has caught; its status is not passed to this method
         too_long = isinstance(error, h11.RemoteProtocolError) and error.error_status_hint == _LONG_HEADER
-        level = self._context.refusal_level(self.loop.time())
-        logger.log(level, "%s: closed: %s", self.name, "the header is too long" if too_long else msg)
         if too_long:
-            text = tr("the header of the request is too long")
-            self._respond("431 Request Header Fields Too Large", text)
+            self._refuse_header()
         else:
+            self._log_refusal(msg)
             self._respond("400 Bad Request", tr("not an HTTP/1.1 request"))
+
+    def _refuse_header(self) -> None:
+        self._log_refusal("the header is too long")
+        self._respond("431 Request Header Fields Too Large", tr("the header of the request is too long"))
+
+    def _log_refusal(self, reason: str) -> None:
+        level = self._context.refusal_level(self.loop.time())
+        logger.log(level, "%s: closed: %s", self.name, reason)
 
     def _should_upgrade(self) -> bool:
         return False  # other protocols are not supported; the response is HTTP/1.1
@@ -387,7 +430,7 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
             stage = Stage.TAKING
         elif cycle is not None and not cycle.response_complete:
             stage = Stage.BODY if cycle.more_body else Stage.WORK
-        elif self.conn.trailing_data[0]:
+        elif self._h11.trailing_data[0]:
             stage = Stage.HEADER
         else:
             stage = Stage.NEW if cycle is None else Stage.REST
@@ -412,6 +455,8 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._armed = math.inf
         if self.loop.time() < self._until:
             self._arm()
+        elif self.is_queued:  # the server is late, not the client
+            self._enter(self._stage)
         elif self.transport.get_write_buffer_size() <= self._unsent - PROGRESS:
             self._enter(self._stage)  # the client is slow, but reads its response
         else:
@@ -460,6 +505,10 @@ class LimitedProtocol(H11Protocol, asyncio.BufferedProtocol):
     def abort(self) -> None:
         """Close the connection immediately."""
         self.transport.abort()
+
+
+def _has_too_many_lines(data: bytes) -> bool:
+    return data.count(b"\n") >= MOST_LINES and _TOO_MANY_LINES.match(data) is not None
 
 
 def server_closing_message() -> str:

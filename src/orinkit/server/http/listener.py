@@ -48,7 +48,8 @@ class HttpListener(StreamListener):
         from uvicorn.server import ServerState
 
         from orinkit.server.http.app import App
-        from orinkit.server.http.limits import ConnectionLimiter, LimitedProtocol
+        from orinkit.server.http.connection_limiter import ConnectionLimiter
+        from orinkit.server.http.limits import LimitedProtocol
         from orinkit.server.http.tls import TlsAcceptor
 
         tls_context = _context(address, options) if address.scheme == "https" else None
@@ -96,7 +97,8 @@ def _config(app: App) -> Config:
     """Return the configuration of uvicorn's protocol; orinkit uses no other part of uvicorn."""
     from uvicorn.config import Config
 
-    from orinkit.server.http.limits import KEPT_ALIVE, LONGEST_HEADER, LimitedProtocol
+    from orinkit.server.http.h11_connection import LONGEST_HEADER
+    from orinkit.server.http.limits import LimitedProtocol
 
     config = Config(
         app,
@@ -110,7 +112,6 @@ def _config(app: App) -> Config:
         server_header=False,
         date_header=False,
         workers=1,
-        timeout_keep_alive=int(KEPT_ALIVE),
         h11_max_incomplete_event_size=LONGEST_HEADER,
     )
     config.load()

@@ -17,13 +17,13 @@ from collections.abc import Hashable
 from inspect import iscoroutine
 from typing import Final
 
-from orinkit.cao.provider import BlockingCall, ClientInfo
+from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.service_options import ServiceOptions
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
-from orinkit.server.call_runner import result_of
+from orinkit.server.call_runner import is_cancellable, result_of
 from orinkit.server.context import ServerContext
 from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.transport.address import network_of
@@ -101,6 +101,7 @@ class HttpSession:
         requested_silence_limit: the client's own limit on silence (``Alive``), s; ``None`` if the client has not set
             it.
         last_request_at: loop time of the last request, s.
+        connected_at: loop time of the first request, s.
     """
 
     def __init__(self, sessions: HttpSessions, key: str, address: str, port: int) -> None:
@@ -124,7 +125,7 @@ class HttpSession:
         self._sends_signs = False  # True if the client is one of orinkit
         self.ended = False
         self.requested_silence_limit: float | None = None
-        self.last_request_at = self._heard = self._loop.time()
+        self.connected_at = self.last_request_at = self._heard = self._loop.time()
         self._connections: dict[
             Hashable, bool
         ] = {}  # open connections; the value is True after the second request on a connection
@@ -227,13 +228,18 @@ class HttpSession:
         """The network of the client's address; see :class:`~orinkit.server.context.Client`."""
         return network_of(self.address)
 
+    @property
+    def holds_objects(self) -> bool:
+        """True if the client holds an object."""
+        return len(self.session) > 0
+
     def idle_since(self) -> float | None:
         """Return the time of the last response; ``None`` if the client has objects or a request in progress."""
         return self._heard if self.idle else None
 
     def evict(self) -> None:
-        """End the session, to make room for another client; called only if this client is idle."""
-        self.end("idle; disconnected to make room for another client")
+        """End the session, to make room for another client."""
+        self.end("disconnected to make room for another client")
 
     @property
     def idle(self) -> bool:
@@ -250,7 +256,7 @@ class HttpSession:
 
     def start_call(self, pending: Pending) -> RunningCall:
         """Start a long-running call. If the connection breaks, the call continues until the session ends."""
-        call = RunningCall(self._loop, cancellable=type(pending.work) is not BlockingCall)
+        call = RunningCall(self._loop, cancellable=is_cancellable(pending.work))
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
         self._context.tasks.add(task)
@@ -325,7 +331,7 @@ class HttpSession:
             if call.cancellable:
                 call.task.cancel()
         log_disconnected(self.session, self._name, reason)
-        self.session.close()
+        self._context.release(self.session, self.address, 0.0)
         self._context.discard(self)
 
     def close(self) -> None:

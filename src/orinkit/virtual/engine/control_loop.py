@@ -6,7 +6,9 @@ a lock: entering the lock first runs the due cycles. The order of steps is there
 a test's manual clock and with a scaled clock.
 
 The controller's time is counted in cycles. This time stops while the controller waits for a late set-point, and also if
-the server process was delayed (:meth:`ControlLoop.delay`). Afterwards it lags behind the clock.
+the server process was delayed (:meth:`ControlLoop.delay`). Afterwards it lags behind the clock. It also stops while a
+motion of a program is being planned in another thread (:meth:`ControlLoop.suspend`): planning takes no time of the
+controller, so that the order of events does not depend on the speed of the machine.
 """
 
 from __future__ import annotations
@@ -67,6 +69,7 @@ class ControlLoop:
         self._busy = False
         self._stepping = False
         self._waiting = False  # the pace has returned 0
+        self._suspended = 0
         self._woken = False
         self._closed = False
         self._driver = clock.drive(self._drive)
@@ -117,6 +120,17 @@ class ControlLoop:
         """Delay the next cycle and all later ones by ``seconds`` of the clock. Call this method inside the lock."""
         self._base += seconds
 
+    def suspend(self) -> None:
+        """Run no cycles until :meth:`resume` has been called as many times. Call this method inside the lock."""
+        self._suspended += 1
+
+    def resume(self) -> None:
+        """Continue to run cycles after :meth:`suspend`; the cycles that are due are then caught up."""
+        with self._lock:
+            self._suspended -= 1
+            if self._busy and not self._stepping:
+                self._driver.wake()
+
     def time_budget(self, part: float) -> Callable[[], bool]:
         """Return a function that returns True once the fraction ``part`` of a cycle has passed in real time."""
         return self.clock.time_budget(max(_MIN_TIME_BUDGET, part * PERIOD / self.clock.scale))
@@ -155,7 +169,7 @@ class ControlLoop:
         with self:
             if not self._busy:
                 return None
-            if self._waiting:  # another thread usually resumes the cycles; this is the fallback
+            if self._waiting or self._suspended:  # another thread usually resumes the cycles; this is the fallback
                 return PERIOD * min(1.0, self.clock.scale)
             return max(0.0, -self.overdue)
 
@@ -167,7 +181,7 @@ class ControlLoop:
         try:
             time_up = self.clock.time_budget(_MAX_LOCK_TIME)
             count = 0
-            while self._busy and not time_up():
+            while self._busy and not self._suspended and not time_up():
                 count = count or self._cycles_to_run()
                 if count == 0:
                     break

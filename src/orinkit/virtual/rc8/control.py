@@ -65,6 +65,7 @@ class ControlProvider(Provider):
     """
 
     provider_names: Sequence[str] = (PROVIDER_NAME,)
+    requires_secret: bool = True
 
     def __init__(self, rc8: VirtualRC8, *, secret: str = "") -> None:
         self.guard = rc8.guard

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import deque
 from dataclasses import dataclass
 from datetime import datetime
@@ -42,49 +41,66 @@ class Event:
 
 
 class EventQueue:
-    """The pending events of one client; when it is full, the oldest event is dropped and counted.
+    """The pending events of one client, at most 256; older ones are dropped and counted.
 
-    Attributes:
-        dropped: Number of events that this client has lost.
+    All queues share the events of :class:`Events`, so that an event takes the same time for any number of queues.
+
+    Args:
+        events: The events of the controller; those published from now on belong to the queue.
     """
 
-    def __init__(self, length: int = QUEUE_LENGTH) -> None:
-        self._events: deque[Event] = deque(maxlen=length)
-        self.dropped = 0
+    def __init__(self, events: Events) -> None:
+        self._events: Events | None = events
+        self._next = events.published  # number of the next event to take
+        self._dropped = 0
 
     def __len__(self) -> int:
-        return len(self._events)
+        self._drop()
+        return 0 if self._events is None else self._events.published - self._next
 
-    def put(self, event: Event) -> None:
-        """Add the newest event."""
-        if len(self._events) == self._events.maxlen:
-            self.dropped += 1
-        self._events.append(event)
+    @property
+    def dropped(self) -> int:
+        """Number of events that this client has lost."""
+        self._drop()
+        return self._dropped
 
     def take(self) -> Event | None:
         """Remove and return the oldest event; ``None`` if the queue is empty."""
-        return self._events.popleft() if self._events else None
+        if self._events is None or not len(self):
+            return None
+        event = self._events.recent[self._next - self._events.published]
+        self._next += 1
+        return event
+
+    def close(self) -> None:
+        """Discard the pending events, and add no further events."""
+        self._events = None
+
+    def _drop(self) -> None:
+        if self._events is not None:
+            lost = self._events.published - len(self._events.recent) - self._next
+            if lost > 0:
+                self._dropped += lost
+                self._next += lost
 
 
 class Events:
-    """Distributes events to the queues of all subscribed clients."""
+    """Distributes events to the queues of all subscribed clients.
+
+    Attributes:
+        recent: The latest events.
+        published: Number of all events so far.
+    """
 
     def __init__(self) -> None:
-        self._queues: list[EventQueue] = []
-        self._serials = itertools.count()
+        self.recent: deque[Event] = deque(maxlen=QUEUE_LENGTH)
+        self.published = 0
 
     def subscribe(self) -> EventQueue:
         """Return a new queue that receives every event from now on."""
-        queue = EventQueue()
-        self._queues.append(queue)
-        return queue
-
-    def unsubscribe(self, queue: EventQueue) -> None:
-        """Stop adding events to a queue; does nothing for a queue that is not subscribed."""
-        self._queues = [other for other in self._queues if other is not queue]
+        return EventQueue(self)
 
     def publish(self, kind: EventKind, value: int, description: str, moment: datetime) -> None:
         """Add an event to every queue."""
-        event = Event(next(self._serials) % _LAST_SERIAL + 1, kind, value, description, moment)
-        for queue in self._queues:
-            queue.put(event)
+        self.recent.append(Event(self.published % _LAST_SERIAL + 1, kind, value, description, moment))
+        self.published += 1

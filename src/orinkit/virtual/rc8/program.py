@@ -5,7 +5,7 @@ They implement :class:`~orinkit.virtual.rc8.pacscript.host_interface.HostInterfa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -23,7 +23,8 @@ from orinkit.virtual.rc8.robot import queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.moves import CURVE, Moves
+from orinkit.virtual.rc8.robot.motion_planner import Plans
+from orinkit.virtual.rc8.robot.moves import CURVE, Moves, OfTool
 from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables.table import VariableTable
@@ -32,6 +33,8 @@ from orinkit.virtual.rc8.variables.types import CLASSES
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
+_SKIPPED: Final = Deferred[Any]()
+_SKIPPED.set_result()
 
 
 class TaskHost:
@@ -172,12 +175,12 @@ class TaskHost:
         If ``pivot`` is ``None``, the axis passes through the tool's origin.
         """
 
-        def begin() -> list[Ticket]:
-            tcp = self._arm.space.tcp(self._arm.queue.end_joints)
-            axis = tcp[:3, _HAND_PLANES[plane]] if plane in _HAND_PLANES else self._moves.plane(plane)
-            return self._moves.rotate(axis, self._pivot(plane, pivot, tcp), angle, options)
+        def plans() -> Plans:
+            column = _HAND_PLANES.get(plane)
+            axis = self._moves.plane(plane) if column is None else lambda tcp: np.asarray(tcp[:3, column])
+            return self._moves.rotate(axis, self._pivot(plane, pivot), angle, options)
 
-        return self._motion("Rotate", options, begin)
+        return self._motion("Rotate", options, plans)
 
     def speed(self, percent: float) -> None:
         """Set the internal speed."""
@@ -237,29 +240,34 @@ class TaskHost:
         number = values if isinstance(values, int) else int(values[0])
         return self._motion("Move", options, lambda: self._moves.follow(number, target.mark, options))
 
-    def _pivot(self, plane: Plane, pivot: Target | None, tcp: Matrix) -> Matrix:
-        if pivot is None:
-            return np.asarray(tcp[:3, 3])
-        if plane not in _HAND_PLANES:
+    def _pivot(self, plane: Plane, pivot: Target | None) -> Matrix | OfTool:
+        if pivot is not None and plane not in _HAND_PLANES:
             return self._moves.point(pivot)
-        values = pivot.value if isinstance(pivot.value, tuple) else (0.0, 0.0, 0.0)
-        return np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
+        values = pivot.value if pivot is not None and isinstance(pivot.value, tuple) else (0.0, 0.0, 0.0)
+        return lambda tcp: np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
 
-    def _motion(self, name: str, options: MotionOptions, begin: Callable[[], list[Ticket]]) -> Wait:
+    def _motion(self, name: str, options: MotionOptions, plans: Callable[[], Plans]) -> Wait:
         """Return a wait that begins a motion as soon as the queue has room.
 
         The wait is complete when the motion has ended or has reached its pass mark. With the option ``Next``, the
         wait is complete when the motion is in the queue.
         """
         require(name, self._arm, self._operator)
-        begun: list[Deferred[None]] = []
+        begun: list[Deferred[Any]] = []
+
+        def completion(tickets: Sequence[Ticket]) -> Deferred[None]:
+            return self._arm.when_done(tickets[-1])
 
         def over() -> bool:
             if not begun:
                 if self._arm.queue.full:
                     return False
                 require(name, self._arm, self._operator)
-                begun.append(self._arm.when_done(begin()[-1]))
+                begun.append(self._moves.begin(plans(), completion, pauses=True))
+            if begun[0].brief:  # the motion is being planned
+                if not begun[0].done():
+                    return False
+                begun[0] = begun[0].result() or _SKIPPED
             return options.next or _until(begun[0])()
 
         over()

@@ -20,16 +20,17 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.hresult import CodeFamily
 from orinkit.core.i18n import N_, Language, tr
-from orinkit.rc8.task_modes import TaskMode
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.calendar import Calendar
 from orinkit.virtual.engine.control_loop import ControlLoop
+from orinkit.virtual.engine.lane import Lane
 from orinkit.virtual.engine.timers import Timers
 from orinkit.virtual.rc8.error_list import ErrorList, level_of
 from orinkit.virtual.rc8.events import EventKind, Events
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand import Hand
 from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
+from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.motor import MotorState
@@ -119,8 +120,12 @@ class RC8State:
     Attributes:
         cycles: The 8 ms control loop, which is also the lock of the whole state.
         arm, moves: The arm, and the planner of its motions.
+        planning: The thread in which motions are planned.
+        disk: The thread in which the files are accessed.
+        compiling: The thread in which programs are compiled.
         hand, timers: The electric hand, and the timers of the controller.
         tasks: The programs.
+        executing_commands: Number of Command objects that are executing.
         supervisors_running: Number of running supervisory (TSR) tasks.
         battery_due: Local date and time at which the encoder batteries have to be replaced.
     """
@@ -149,9 +154,11 @@ class RC8State:
         self.faults = ErrorList(language)
         self.operations = OperationLog()
         self.events = Events()
+        self.executing_commands = 0
         self.supervisors_running = 0
         self.battery_due = self.calendar.now() + _BATTERY_LIFE
         self.cycles = ControlLoop(clock)
+        self.disk = Lane("orinkit-disk", clock)
         self.files = FileStore(files, self.calendar.now)
         self.arm = RC8Arm(
             model, self.cycles, self.switches, self.faults, self.variables, lambda: self.last_cycle_time,
@@ -159,7 +166,9 @@ class RC8State:
         )  # fmt: skip
         self.hand = Hand(self.cycles, self.switches)
         self.timers = Timers(self.cycles)
-        self.moves = Moves(self.arm, self.variables, self._motion_fault)
+        self.planning = Lane("orinkit-planning", clock)
+        self.moves = Moves(self.arm, self.cycles, self.planning, self.variables, self._motion_fault)
+        self.compiling = Lane("orinkit-compiling", clock)
         self.tasks = Tasks(
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,
@@ -342,22 +351,24 @@ class RC8State:
         self.arm.stop_and_power_off(code)
         self.tasks.stop_all()
 
-    def start_task(self, task: Task, mode: TaskMode, origin: Origin) -> None:
-        """Start a program; a syntax error is written to the error log.
+    def load_program(self, task: Task, origin: Origin) -> Program:
+        """Return the compiled program of a task; a syntax error is written to the error log.
+
+        Call this method outside the lock.
 
         Raises:
-            CallError: As for :meth:`Tasks.start`.
+            CallError: As for :meth:`Tasks.load`.
         """
         try:
-            self.tasks.start(task, mode)
+            return self.tasks.load(task)
         except CallError as error:
             if error.code == hresult.SYNTAX_ERROR:
-                self.faults.log.add(
-                    ErrorRecord(
-                        error.code, error.detail, self.calendar.now(), program=task.name,
-                        caller=origin.caller, address=origin.address,
-                    )
+                record = ErrorRecord(
+                    error.code, error.detail, self.calendar.now(), program=task.name,
+                    caller=origin.caller, address=origin.address,
                 )  # fmt: skip
+                with self.cycles:
+                    self.faults.log.add(record)
             raise
 
     def _motion_fault(self, code: int, detail: str) -> None:
@@ -394,6 +405,9 @@ class RC8State:
             self.arm.close()
             self.hand.stop(hresult.E_ABORT)
             self.variables.close()
+        self.planning.close()
+        self.compiling.close()
+        self.disk.close(waits=True)  # the directory may be deleted afterwards
 
 
 def read_mode(mode: int) -> ModeSwitch:

@@ -15,6 +15,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
+from orinkit.virtual.rc8.pacscript.code import BuiltCode
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
 from orinkit.virtual.rc8.program import TaskHost
@@ -35,7 +36,7 @@ SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
 _PART_OF_CYCLE: Final = 0.25  # fraction of a cycle that all programs together may use; some statements take long
 _KEPT: Final = 32
-_LARGE: Final = 8192  # bytes; loading a program of this size takes about 0.1 s
+_KEPT_BYTES: Final = 1024 * 1024  # of source; the compiled form is up to ten times as large
 
 
 class Task:
@@ -46,17 +47,24 @@ class Task:
     Attributes:
         name: Name without suffix, such as ``Pro1`` or ``folder\\Pro1``.
         status: State of execution.
+        stops: Number of calls of :meth:`stop`.
+        deleted: True if the program has been deleted while the task was running.
         cycle_seconds: Duration of the last complete run of the program, s.
     """
 
     program: Final = True
 
-    def __init__(self, name: str, world: Callable[[Task], TaskHost], seconds: Callable[[], float]) -> None:
+    def __init__(
+        self, name: str, world: Callable[[Task], TaskHost], seconds: Callable[[], float], built: BuiltCode
+    ) -> None:
         self.name = name
         self.status = TaskStatus.READY
+        self.stops = 0
+        self.deleted = False
         self.cycle_seconds = 0.0
         self.world = world(self)
         self._seconds = seconds
+        self._built = built
         self._mode = TaskMode.CYCLE
         self._ending = StopMode.DEFAULT  # STEP or CYCLE: stop after the present step or cycle
         self._machine: Machine | None = None
@@ -101,7 +109,7 @@ class Task:
         continues = self.status in (TaskStatus.SUSPENDED, TaskStatus.STEP_STOPPED) and program is self._program
         if not continues or self._machine is None:
             self._program = program
-            self._machine = Machine(program, self.world)
+            self._machine = Machine(program, self.world, self._built)
             self._began = self._seconds()
         self._mode, self._ending = mode, StopMode.DEFAULT
         self._started = self._seconds()
@@ -109,7 +117,11 @@ class Task:
         self.world.resume_motion()
 
     def stop(self, mode: StopMode) -> None:
-        """Stop the task; if it is not running, only INITIALIZE has an effect."""
+        """Stop the task; if it is not running, only INITIALIZE has an effect.
+
+        A start for which the program is being loaded is cancelled.
+        """
+        self.stops += 1
         if mode is StopMode.INITIALIZE:
             self.initialize(halt=True)
         elif self.status is TaskStatus.RUNNING:
@@ -191,23 +203,30 @@ class Tasks:
         self._files = files
         self._report = report
         self._tasks: dict[str, Task] = {}
+        self._begun: list[Task] = []  # tasks that are running, suspended or have ended in this cycle
+        self._stops = 0
         files.changed.append(self._file_changed)
         self._programs: OrderedDict[str, tuple[bytes, Program | CallError]] = OrderedDict()
+        self._built = BuiltCode()
         self._first = 0
         self._world = lambda task: TaskHost(task, task.suspend, arm, moves, variables, seconds, show)
         self._seconds = seconds
 
     @property
+    def _kept_bytes(self) -> int:
+        return sum(len(source) for source, _ in self._programs.values())
+
+    @property
     def running(self) -> int:
         """Number of running tasks."""
-        return sum(task.running for task in self._tasks.values())
+        return sum(task.running for task in self._begun)
 
     def names(self) -> list[str]:
         """Return the names of all programs, without suffix."""
         return self._files.programs()
 
     def find(self, name: str) -> Task:
-        """Return the task of a program, ignoring case, with or without suffix.
+        """Return the task of a program, ignoring case, with or without suffix; accesses the disk.
 
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND if the program does not exist.
@@ -221,78 +240,104 @@ class Tasks:
             exists = False
         if not exists:
             raise not_found(name)
-        return self.get_or_create(self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)])
+        path = self._files.full_name(stem + SUFFIX).lstrip("\\")[: -len(SUFFIX)]
+        with self._cycles:
+            return self.get_or_create(path)
 
     def get_or_create(self, path: str) -> Task:
         """Return the task of a path, even if the program does not exist."""
         key = path.lower()
         task = self._tasks.get(key)
         if task is None:
-            task = Task(path, self._world, self._seconds)
-            if self.exists(task):
+            task = Task(path, self._world, self._seconds, self._built)
+            if self.is_found(task):
                 self._tasks[key] = task
         return task
 
     def exists(self, task: Task) -> bool:
-        """Return True if the program of a task still exists."""
+        """Return True if the program of a task still exists; accesses the disk."""
         return self._files.exists(task.name + SUFFIX)
 
-    def start(self, task: Task, mode: TaskMode) -> None:
-        """Load a program and run it.
+    def is_found(self, task: Task) -> bool:
+        """Return True if a program exists whose name on the disk is spelled exactly like the name of the task."""
+        return self._files.has(task.name + SUFFIX)
+
+    def stops_of(self, task: Task) -> tuple[int, int]:
+        """Return numbers that change if the task, or every task, is stopped."""
+        return self._stops, task.stops
+
+    def start(self, task: Task, program: Program, mode: TaskMode) -> None:
+        """Run the program of a task.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; SYNTAX_ERROR; PROGRAM_RUNNING; TASKS_TOO_MANY.
+            CallError: PROGRAM_RUNNING; TASKS_TOO_MANY.
         """
         self._cycles.require_open()
-        if not self.exists(task):
-            raise not_found(task.name)
-        if self.running >= MOST_RUNNING:
-            raise error_for(hresult.TASKS_TOO_MANY, str(MOST_RUNNING))
-        task.start(self.load(task), mode)
+        self._require_room()
+        task.start(program, mode)
+        self._tasks[task.name.lower()] = task
+        if task not in self._begun:
+            self._begun.append(task)
         self.cycle_complete = False
         self._cycles.wake()
 
+    def _require_room(self) -> None:
+        if self.running >= MOST_RUNNING:
+            raise error_for(hresult.TASKS_TOO_MANY, str(MOST_RUNNING))
+
     def stop_all(self) -> None:
-        """Reset every program, so that its next start is from the beginning. The caller stops the arm."""
-        for task in self._tasks.values():
+        """Reset every program, so that its next start is from the beginning. The caller stops the arm.
+
+        A start for which the program is being loaded is cancelled.
+        """
+        self._stops += 1
+        for task in self._begun:
             task.initialize(halt=False)
 
-    def _file_changed(self, name: str) -> None:
+    def _file_changed(self, name: str, exists: bool) -> None:
         """Discard the compiled form of a changed program; if its file was deleted, discard its task.
 
         The task is not discarded while it is running.
         """
         key = name.lower().removesuffix(SUFFIX)
-        self._programs.pop(key, None)
-        task = self._tasks.get(key)
-        if task is not None and not task.running and not self.exists(task):
-            if task.status is not TaskStatus.READY:
-                task.initialize(halt=True)
-            del self._tasks[key]
+        with self._cycles:
+            self._programs.pop(key, None)
+            task = self._tasks.get(key)
+            if task is not None:
+                task.deleted = not exists
+                if task.deleted and not task.running:
+                    self._discard(task)
+
+    def _discard(self, task: Task) -> None:
+        if task.status is not TaskStatus.READY:
+            task.initialize(halt=True)
+        self._tasks.pop(task.name.lower(), None)
 
     def delete(self, task: Task) -> None:
-        """Delete a task and its program.
+        """Delete a task and its program; accesses the disk.
 
         Raises:
             CallError: PROGRAM_RUNNING if the task is running or suspended; otherwise the error of the file store.
         """
-        if task.status is not TaskStatus.READY:
-            raise error_for(hresult.PROGRAM_RUNNING, task.name)
+        with self._cycles:
+            if task.status is not TaskStatus.READY:
+                raise error_for(hresult.PROGRAM_RUNNING, task.name)
         self._files.delete(task.name + SUFFIX)
-        self._tasks.pop(task.name.lower(), None)
 
     def step(self) -> bool:
         """Execute one cycle; return True if a program is running."""
-        running = [task for task in self._tasks.values() if task.running]
-        if not running:
+        if not self._begun:
             return False
-        self._first = (self._first + 1) % len(running)  # round-robin, because the time may not suffice for all
-        expired = self._cycles.time_budget(_PART_OF_CYCLE)
-        for task in running[self._first :] + running[: self._first]:
-            if task.running:  # the fault of another task may have stopped it
-                self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)
-            if expired():
-                break
+        running = [task for task in self._begun if task.running]
+        if running:
+            self._first = (self._first + 1) % len(running)  # round-robin, because the time may not suffice for all
+            expired = self._cycles.time_budget(_PART_OF_CYCLE)
+            for task in running[self._first :] + running[: self._first]:
+                if task.running:  # the fault of another task may have stopped it
+                    self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)
+                if expired():
+                    break
+        self._begun = [task for task in self._begun if task.status is not TaskStatus.READY]
         return self.running > 0
 
     def _run(self, task: Task, statements: int, expired: Callable[[], bool]) -> None:
@@ -301,25 +346,32 @@ class Tasks:
             self._report(fault.code, fault.detail, task.name, fault.line)
         elif not task.running:
             self.cycle_complete = task.status is TaskStatus.READY
-        if not task.running and not self.exists(task):  # the file was deleted during execution
-            self._tasks.pop(task.name.lower(), None)
-
-    def is_large(self, task: Task) -> bool:
-        """Return True if loading the program takes so long that it must be done outside the controller's lock."""
-        return self.exists(task) and self._files.size(task.name + SUFFIX) > _LARGE
+        if not task.running and task.deleted:
+            self._discard(task)
 
     def load(self, task: Task) -> Program:
         """Return the compiled program of a task; an unchanged program is compiled only once.
 
+        Compiling takes long. Therefore call this method outside the lock.
+
         Raises:
-            CallError: SYNTAX_ERROR with file, line and column in its detail; otherwise the error of the file store.
+            CallError: E_CAO_OBJECT_NOTFOUND; TASKS_TOO_MANY; SYNTAX_ERROR with file, line and column in its detail;
+                otherwise the error of the file store.
         """
+        self._cycles.require_open()
+        if not self.exists(task):
+            raise not_found(task.name)
+        with self._cycles:
+            self._require_room()
         key, source = task.name.lower(), self._files.read(task.name + SUFFIX)
-        cached = self._programs.get(key)
+        with self._cycles:
+            cached = self._programs.get(key)
         if cached is None or cached[0] != source:
-            cached = self._programs[key] = (source, _compiled(source, task.name + SUFFIX))
-            while len(self._programs) > _KEPT:  # running tasks have their own reference
-                self._programs.popitem(last=False)
+            cached = source, _compiled(source, task.name + SUFFIX)
+            with self._cycles:
+                self._programs[key] = cached
+                while len(self._programs) > _KEPT or self._kept_bytes > _KEPT_BYTES:
+                    self._programs.popitem(last=False)  # a running task has its own reference
         if isinstance(cached[1], CallError):
             raise error_for(cached[1].code, cached[1].detail)
         return cached[1]

@@ -25,7 +25,8 @@ Joints: TypeAlias = tuple[float, ...]
 _STEP: Final = 1.0  # mm, initial step of a table
 _STEP_ANGLE: Final = 0.25  # deg, initial step of a table
 _MIN_STEPS: Final = 16
-_MAX_STEPS: Final = 8192
+MAX_STEPS: Final = 8192
+"""Maximum number of steps of a table."""
 _POSITION_ERROR: Final = 1e-3  # mm, largest error between the steps of a table
 _ANGLE_ERROR: Final = 1e-4  # deg, largest error between the steps of a table
 _LARGEST_STEP: Final = 20.0  # deg of a joint; a larger step is a jump from one solution to another
@@ -139,6 +140,10 @@ class TablePath(_Path):
 Path: TypeAlias = JointPath | TablePath
 
 
+class TooManySteps(Exception):
+    """A table requires more steps than the caller permits."""
+
+
 def table_path(
     kinematics: Kinematics,
     course: CartesianPath,
@@ -146,6 +151,7 @@ def table_path(
     start: Joints,
     extra_end: Sequence[float] | None = None,
     hopeless: Callable[[Array], bool] = lambda _: False,
+    most_steps: int = MAX_STEPS,
 ) -> TablePath:
     """Return the joint path that moves the TCP along a Cartesian path.
 
@@ -157,17 +163,21 @@ def table_path(
         extra_end: End values of axes 7 and 8, as many as the arm has; ``None`` to leave them unchanged.
         hopeless: Callback that is called if the joints change too much between two rows of a table. It receives the
             table of the six joints, shape (N, 6), and returns True if a finer table cannot succeed either.
+        most_steps: Maximum number of steps; it limits the time for planning.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE if the end is out of reach; OUT_OF_WORKING_RANGE if another point of the path is
             out of reach; SINGULAR_POINT_REFUSED if the joints cannot follow, because the path leads through a singular
             point or too near to one.
+        TooManySteps: If the table requires more than ``most_steps``.
     """
     inverse_tool = inverse_of(tool)
     steps = max(_MIN_STEPS, math.ceil(course.length / _STEP), math.ceil(course.angle / _STEP_ANGLE))
-    steps = min(steps, _MAX_STEPS)
+    steps = min(steps, MAX_STEPS)
     extra = JointPath(start[6:], start[6:] if extra_end is None else extra_end)
     while True:
+        if steps > most_steps:
+            raise TooManySteps
         u = np.linspace(0, 1, steps + 1)
         rows = _inverse_kinematics(kinematics, course.frames(u) @ inverse_tool, start)
         if float(np.max(np.abs(rows[0] - start[:6]))) > _START_ERROR:
@@ -180,9 +190,9 @@ def table_path(
             actual = kinematics.forward(path.sampled(middle)[0])
             if _agree(actual, course.frames(middle) @ inverse_tool):
                 return path
-        if steps >= _MAX_STEPS or (jumps and hopeless(rows)):
+        if steps >= MAX_STEPS or (jumps and hopeless(rows)):
             raise singular()
-        steps = min(2 * steps, _MAX_STEPS)
+        steps = min(2 * steps, MAX_STEPS)
 
 
 def singular() -> CallError:

@@ -22,7 +22,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.poses import PassMark
 from orinkit.virtual.engine.motion import cartesian_path as courses
 from orinkit.virtual.engine.motion.cartesian_path import CartesianPath
-from orinkit.virtual.engine.motion.joint_path import JointPath, Joints, Path, singular, table_path
+from orinkit.virtual.engine.motion.joint_path import MAX_STEPS, JointPath, Joints, Path, singular, table_path
 from orinkit.virtual.engine.motion.profile import Array, MotionProfile
 from orinkit.virtual.engine.motion.soft_limits import check_end, check_way
 
@@ -162,6 +162,7 @@ def plan_line(
     rates: Rates,
     mark: PassMark = AT_TARGET,
     extra_end: Sequence[float] | None = None,
+    most_steps: int = MAX_STEPS,
 ) -> Motion:
     """Plan a straight motion of the TCP.
 
@@ -173,15 +174,17 @@ def plan_line(
         rates: Velocity and acceleration.
         mark: The pass mark.
         extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
+        most_steps: Maximum number of steps in the table of joints; it limits the time for planning.
 
     Raises:
         CallError: TARGET_OUT_OF_RANGE if the end is out of reach; OUT_OF_WORKING_RANGE if another point of the path is
             out of reach; SINGULAR_POINT_REFUSED if the joints cannot follow the path, or only very slowly;
             TARGET_OVER_SOFT_LIMIT_AXISn if the end is outside the soft limits of axis n; SOFT_LIMIT_OVER_AXISn if the
             path leaves the soft limits of axis n; VALUE_OUT_OF_RANGE if the motion would take more than 36,000 s.
+        TooManySteps: If the table requires more than ``most_steps``.
     """
     course = courses.line(_tcp(kinematics, start, tool), end)
-    return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
+    return _plan_course(kinematics, start, course, tool, rates, mark, extra_end, most_steps)
 
 
 def plan_arc(
@@ -280,6 +283,7 @@ def _plan_course(
     rates: Rates,
     mark: PassMark,
     extra_end: Sequence[float] | None,
+    most_steps: int = MAX_STEPS,
 ) -> Motion:
     model = kinematics.model
     ends = start[6:] if extra_end is None else extra_end
@@ -288,7 +292,9 @@ def _plan_course(
         return Motion(JointPath(start, start), MotionProfile.instant(), rates, mark, 0.0)
     check_end(model, (*start[:6], *ends), first_axis=6)  # reject NaN before inverse kinematics
     profile = _profile(_course_limits(model, course, extra), rates)
-    path = table_path(kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, profile, rates))
+    path = table_path(
+        kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, profile, rates), most_steps
+    )
     check_end(model, path.end)
     check_way(model, path)
     return _timed(kinematics, path, _within_joints(model, path, profile, rates), rates, mark, tool, course.length)

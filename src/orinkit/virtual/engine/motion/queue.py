@@ -193,11 +193,7 @@ class MotionQueue:
                 external commands.
             CallError: STOPPING_MOTION while the arm is stopping.
         """
-        if self.state in _COMING_TO_REST:
-            raise error_for(
-                hresult.STOPPING_MOTION,
-                tr("the arm is stopping. Try: repeat the call when the arm is at standstill"),
-            )
+        self.require_accepting()
         if self.state is QueueState.FOLLOWING:
             raise ValueError(tr("the arm follows external commands, so no motion can be added"))
         if self.full:
@@ -214,6 +210,18 @@ class MotionQueue:
         elif len(self._waiting) == 1 and self._active:
             self._begin_at = self._time_to_begin()
         return ticket
+
+    def require_accepting(self) -> None:
+        """Raise an exception if no motion can be added because the arm is stopping.
+
+        Raises:
+            CallError: STOPPING_MOTION.
+        """
+        if self.state in _COMING_TO_REST:
+            raise error_for(
+                hresult.STOPPING_MOTION,
+                tr("the arm is stopping. Try: repeat the call when the arm is at standstill"),
+            )
 
     def place(self, joints: Sequence[float]) -> None:
         """Set the command position to other joints without a motion, while the arm is at standstill.

@@ -26,7 +26,7 @@ import logging
 import os
 import shutil
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -72,19 +72,11 @@ class FileDates:
     modified: datetime
 
 
-@dataclass(frozen=True, slots=True)
-class Staged:
-    """Content in a temporary file, which does not belong to a file of the store yet; see :meth:`FileStore.stage`."""
-
-    path: Path
-
-    def discard(self) -> None:
-        """Delete the temporary file if it has not become a file of the store."""
-        disk.discard(self.path)
-
-
 class FileStore:
     """The files of one controller. The return codes are described in this module.
+
+    All methods are thread-safe. They access the disk, and those for a folder take long if it has many entries.
+    Therefore the controller calls them in a thread (:class:`~orinkit.virtual.engine.lane.Lane`), except :meth:`has`.
 
     Args:
         root: Directory; created if it does not exist.
@@ -92,19 +84,18 @@ class FileStore:
 
     Attributes:
         root: The directory, absolute.
-        changed: Callbacks invoked with the controller's name of a file after the file was created, written, deleted or
-            moved. After a move, they are invoked with the old name, then with the new name.
-        large_content: Lock that a thread holds while it reads or stages large content. Therefore the calls of many
-            clients do not occupy memory for their contents at the same time.
+        changed: Callbacks invoked after a file was created, written, deleted or moved. Their arguments are the
+            controller's name of the file, and True if the file exists now. After a move, they are invoked with the old
+            name, then with the new name.
 
     Raises:
         StateError: If the directory cannot be used.
     """
 
     def __init__(self, root: Path, now: Callable[[], datetime]) -> None:
-        self.changed: list[Callable[[str], None]] = []
-        self.large_content = threading.Lock()
+        self.changed: list[Callable[[str, bool], None]] = []
         self._now = now
+        self._lock = threading.RLock()  # held during changes, but not while listeners are invoked
         self._created: dict[Parts, datetime] = {}
         try:
             root.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -120,6 +111,18 @@ class FileStore:
             ) from error
 
     # --- queries --------------------------------------------------------------------------------------------------
+
+    def has(self, name: str) -> bool:
+        """Return True if a file or folder exists and its name on the disk is spelled exactly like ``name``.
+
+        Unlike :meth:`exists`, this method takes the same short time for any number of files.
+
+        Raises:
+            CallError: E_INVALIDARG; E_FAIL.
+        """
+        wanted = read_name(name)
+        with map_os_errors(wanted):
+            return self._locate(wanted, exact=True).status is not None
 
     def exists(self, name: str) -> bool:
         """Return True if a file or folder exists; a name that ends in a separator matches only a folder.
@@ -208,41 +211,22 @@ class FileStore:
 
     # --- changes --------------------------------------------------------------------------------------------------
 
-    def stage(self, name: str, data: bytes) -> Staged:
-        """Write content to a temporary file, which a later :meth:`write` or :meth:`copy` only has to rename.
-
-        Writing a large file takes long, so this method is thread-safe and does not need the controller's lock.
-
-        Raises:
-            CallError: E_INVALIDARG; E_TOO_MUCH_DATA; E_FAIL.
-        """
-        wanted = read_name(name)
-        if len(data) > MOST_BYTES:
-            raise errors.too_large(wanted, MOST_BYTES)
-        with map_os_errors(wanted):
-            return Staged(disk.write_temporary(self.root, data))
-
-    def write(self, name: str, data: bytes | Staged) -> None:
+    def write(self, name: str, data: bytes) -> None:
         """Set the content of a file; if the file does not exist, create it.
 
         If an exception is raised, nothing has changed.
-
-        Args:
-            name: Name of the file.
-            data: Content, or the result of :meth:`stage`. That result cannot be used again, even after an exception.
 
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND if its folder does not exist; E_ACCESSDENIED; E_TOO_MUCH_DATA;
                 E_MAX_OBJECT; E_FAIL.
         """
-        with _consumed(data):
-            wanted = read_name(name)
-            with map_os_errors(wanted):
-                place = self._locate(wanted, change=True)
-                if place.is_folder:
-                    raise errors.no_content(wanted)
-                self._put(location.check_can_be_file(place), data)
-        self._notify([str(place.name)])
+        wanted = read_name(name)
+        with self._changing() as changed, map_os_errors(wanted):
+            place = self._locate(wanted, change=True)
+            if place.is_folder:
+                raise errors.no_content(wanted)
+            self._put(location.check_can_be_file(place), data)
+            changed[str(place.name)] = True
 
     def create(self, name: str) -> None:
         """Create an empty file.
@@ -251,10 +235,11 @@ class FileStore:
             CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND if its folder does not exist;
                 E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
-        place = location.check_can_be_file(self._free(read_name(name)))
-        with map_os_errors(place.name):
-            self._put(place, b"")
-        self._notify([str(place.name)])
+        with self._changing() as changed:
+            place = location.check_can_be_file(self._free(read_name(name)))
+            with map_os_errors(place.name):
+                self._put(place, b"")
+            changed[str(place.name)] = True
 
     def make_folder(self, name: str) -> None:
         """Create a folder in an existing folder; the name may end in a separator.
@@ -263,12 +248,13 @@ class FileStore:
             CallError: E_INVALIDARG; E_CAO_COLLECTION_REGISTERED; FILE_NOT_FOUND if its folder does not exist;
                 E_ACCESSDENIED; E_MAX_OBJECT; E_FAIL.
         """
-        place = self._free(read_name(name))
-        with map_os_errors(place.name):
-            self._usage.check_room(1)
-            place.path.mkdir(mode=0o700)
-            self._usage.add(1)
-            self._note_new(place)
+        with self._changing():
+            place = self._free(read_name(name))
+            with map_os_errors(place.name):
+                self._usage.check_room(1)
+                place.path.mkdir(mode=0o700)
+                self._usage.add(1)
+                self._note_new(place)
 
     def delete(self, name: str, *, recursive: bool = False) -> None:
         """Delete a file or folder.
@@ -280,44 +266,41 @@ class FileStore:
         Raises:
             CallError: E_INVALIDARG; FILE_NOT_FOUND; E_ACCESSDENIED for the root or a folder that is not empty; E_FAIL.
         """
-        place = self._existing(read_name(name))
-        location.check_not_root(place)
-        with map_os_errors(place.name):
-            if not place.is_folder:
-                place.path.unlink()
-                self._usage.add(-1, -_size_of(place))
-            elif recursive:
-                self._delete_tree(place)
-            else:
-                location.delete_empty(place)
-                self._usage.add(-1)
-            self._stamp_folder_of(place)
-        if place.is_folder:
+        with self._changing() as changed:
+            place = self._existing(read_name(name))
+            location.check_not_root(place)
+            with map_os_errors(place.name):
+                if not place.is_folder:
+                    place.path.unlink()
+                    changed[str(place.name)] = False
+                    self._usage.add(-1, -_size_of(place))
+                elif recursive:
+                    self._delete_tree(place, changed)
+                else:
+                    location.delete_empty(place)
+                    self._usage.add(-1)
+                self._stamp_folder_of(place)
             old = place.name.key
-            self._created = {key: moment for key, moment in self._created.items() if not location.is_within(key, old)}
-        else:
-            self._created.pop(place.name.key, None)
-            self._notify([str(place.name)])
+            if place.is_folder:
+                self._created = {
+                    key: moment for key, moment in self._created.items() if not location.is_within(key, old)
+                }
+            else:
+                self._created.pop(old, None)
 
-    def copy(self, name: str, new: str, data: Staged | None = None) -> None:
+    def copy(self, name: str, new: str) -> None:
         """Copy a file to a name that does not exist; folders cannot be copied.
-
-        Args:
-            name: Name of the file.
-            new: Name of the copy.
-            data: The content of the file as returned by :meth:`stage`; ``None`` to read the content from the file. The
-                result of :meth:`stage` cannot be used again, even if an exception is raised.
 
         Raises:
             CallError: As for :meth:`read` and :meth:`create`.
         """
-        with _consumed(data):
+        with self._changing() as changed:
             source = self._content(read_name(name))
             place = location.check_can_be_file(self._free(read_name(new)))
-            content = location.read(source) if data is None else data
+            content = location.read(source)
             with map_os_errors(place.name):
                 self._put(place, content)
-        self._notify([str(place.name)])
+            changed[str(place.name)] = True
 
     def move(self, name: str, new: str) -> None:
         """Move or rename a file, or a folder with its content, to a name that does not exist; the dates are kept.
@@ -328,37 +311,45 @@ class FileStore:
             CallError: E_INVALIDARG, also if a folder would be moved into itself; FILE_NOT_FOUND if the file, or the
                 folder of the new name, does not exist; E_CAO_COLLECTION_REGISTERED; E_ACCESSDENIED; E_FAIL.
         """
-        place, target = self._existing(read_name(name)), read_name(new)
-        location.check_not_root(place)
-        with map_os_errors(place.name):
-            entries = (
-                list(location.entries_below(place.path, place.name.parts))
-                if place.is_folder
-                else [(place.name.parts, False)]
-            )
-        goal = self._goal(place, target)
-        goal = goal if place.is_folder else location.check_can_be_file(goal)
-        depth, moved = len(place.name.parts), list[str]()
-        for parts, is_folder in entries:
-            moved_to = join((*goal.name.parts, *parts[depth:]))
-            read_name(moved_to)  # the new name may be too long or too deep
-            moved += [] if is_folder else [join(parts), moved_to]
-        with map_os_errors(goal.name):
-            place.path.rename(goal.path)
-        self._note_moved(place, goal)
-        self._notify(moved)
+        with self._changing() as changed:
+            place, target = self._existing(read_name(name)), read_name(new)
+            location.check_not_root(place)
+            with map_os_errors(place.name):
+                entries = (
+                    list(location.entries_below(place.path, place.name.parts))
+                    if place.is_folder
+                    else [(place.name.parts, False)]
+                )
+            goal = self._goal(place, target)
+            goal = goal if place.is_folder else location.check_can_be_file(goal)
+            depth, moved = len(place.name.parts), dict[str, bool]()
+            for parts, is_folder in entries:
+                moved_to = join((*goal.name.parts, *parts[depth:]))
+                read_name(moved_to)  # the new name may be too long or too deep
+                if not is_folder:
+                    moved |= {join(parts): goal.name.key == place.name.key, moved_to: True}
+            with map_os_errors(goal.name):
+                place.path.rename(goal.path)
+            changed |= moved
+            self._note_moved(place, goal)
 
     # --- locating -------------------------------------------------------------------------------------------------
 
-    def _locate(self, wanted: FileName, *, change: bool = False) -> Location:
-        """Return the place of a name; with ``change``, raise an error if no file can be changed or created there."""
+    def _locate(self, wanted: FileName, *, change: bool = False, exact: bool = False) -> Location:
+        """Return the place of a name.
+
+        Args:
+            wanted: The name.
+            change: True to raise an error if no file can be changed or created there.
+            exact: True to find only a name that is spelled on the disk exactly like ``wanted``.
+        """
         path, status, parts = self.root, disk.status_of(self.root), list[str]()
         for part in wanted.parts:
             if status is None or not disk.is_folder(status):
                 if change:
                     raise errors.not_found(FileName(tuple(parts)))
                 return Location(wanted, path, None)
-            path /= disk.spelling(path, part)
+            path /= part if exact else disk.spelling(path, part)
             parts.append(name_on_disk(path.name) or part)
             status = disk.status_of(path)
             if status is not None and not (disk.is_folder(status) or disk.is_file(status)):
@@ -408,25 +399,41 @@ class FileStore:
 
     # --- changing -------------------------------------------------------------------------------------------------
 
-    def _put(self, place: Location, data: bytes | Staged) -> None:
-        if isinstance(data, bytes) and len(data) > MOST_BYTES:
+    @contextmanager
+    def _changing(self) -> Iterator[dict[str, bool]]:
+        """Hold the lock; then invoke the listeners with the names that the caller has put into the mapping.
+
+        The value of a name is True if the file exists now.
+        """
+        changed = dict[str, bool]()
+        try:
+            with self._lock:
+                yield changed
+        finally:  # if a folder cannot be deleted completely, some of its files may be deleted
+            self._notify(changed)
+
+    def _put(self, place: Location, data: bytes) -> None:
+        if len(data) > MOST_BYTES:
             raise errors.too_large(place.name, MOST_BYTES)
-        growth = (len(data) if isinstance(data, bytes) else data.path.stat().st_size) - _size_of(place)
+        growth = len(data) - _size_of(place)
         self._usage.check_room(int(place.status is None), growth)
         if place.status is not None:
             self._created[place.name.key] = self._creation(place)
-        temporary = disk.write_temporary(place.path.parent, data) if isinstance(data, bytes) else data.path
-        disk.put_in_place(temporary, place.path, self._now())
+        disk.put_in_place(disk.write_temporary(place.path.parent, data), place.path, self._now())
         self._usage.add(int(place.status is None), growth)
         if place.status is None:
             self._note_new(place)
 
-    def _delete_tree(self, place: Location) -> None:
-        entries = location.files_below(place)
+    def _delete_tree(self, place: Location, changed: dict[str, bool]) -> None:
+        names = list(map(join, location.files_below(place)))
         try:
             shutil.rmtree(place.path)  # follows no link
-        finally:  # if it fails, some of the entries may be deleted
-            self._notify(map(join, entries))
+        except BaseException:  # some of the entries may be deleted
+            changed |= {name: self.has(name) for name in names}
+            raise
+        else:
+            changed |= dict.fromkeys(names, False)
+        finally:
             self._usage.count()
 
     def _note_new(self, place: Location) -> None:
@@ -451,23 +458,14 @@ class FileStore:
         known = self._created.get(place.name.key)
         return disk.moment_of(disk.born_ns(place.status)) if known is None else known
 
-    def _notify(self, names: Iterable[str]) -> None:
-        for name in names:
+    def _notify(self, changed: Mapping[str, bool]) -> None:
+        for name, exists in changed.items():
             for listener in tuple(self.changed):
                 try:
-                    listener(name)
+                    listener(name, exists)
                 except Exception:  # the file has already been changed, so the operation must not fail
                     logger.exception("%s has changed", name)
 
 
 def _size_of(place: Location) -> int:
     return 0 if place.status is None or place.is_folder else place.status.st_size
-
-
-@contextmanager
-def _consumed(data: bytes | Staged | None) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        if isinstance(data, Staged):
-            data.discard()

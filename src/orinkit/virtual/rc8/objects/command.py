@@ -24,6 +24,8 @@ from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_CO
 from orinkit.virtual.rc8.objects.extension import EXTENSION_COMMANDS, HAND_NAME
 
 WAIT, AT_ONCE = 0, 1
+MOST_EXECUTING: Final = 256
+"""Maximum number of Command objects of all clients that execute at the same time."""
 _ROBOTS: Final = ("robot", "arm0")
 _OF_HAND: Final = frozenset(command.name.lower() for command in HAND_COMMANDS)
 _NOT_OF_ROBOT: Final = frozenset(name.lower() for name in robot_commands.NOT_SIMULATED)
@@ -77,7 +79,8 @@ class RC8Command(CommandObject):
         completes immediately.
 
         Raises:
-            CallError: E_INVALIDARG if the mode is unknown; E_CAO_CMD_EXECUTE if the command is executing.
+            CallError: E_INVALIDARG if the mode is unknown; E_CAO_CMD_EXECUTE if the command is executing; E_MAX_OBJECT
+                if too many commands are executing.
         """
         if mode not in (WAIT, AT_ONCE):
             raise error_for(
@@ -86,6 +89,11 @@ class RC8Command(CommandObject):
             )
         if self._state is CommandState.EXECUTING:
             raise error_for(hresult.E_CAO_CMD_EXECUTE, self.name)
+        if self._caller.state.executing_commands >= MOST_EXECUTING:
+            raise error_for(
+                hresult.E_MAX_OBJECT,
+                tr("{most} commands are executing. Try: wait until one of them has completed", most=MOST_EXECUTING),
+            )
         self._start()
         return self._finished if mode == WAIT else None
 
@@ -144,6 +152,7 @@ class RC8Command(CommandObject):
 
     def _start(self) -> None:
         self._state = CommandState.EXECUTING
+        self._caller.state.executing_commands += 1
         self._result, self._error, self._cancel_code = None, None, 0
         self._finished = Deferred[None]()
         try:
@@ -155,13 +164,15 @@ class RC8Command(CommandObject):
             self._finish(CommandState.DONE, answer)
             return
         if self._timeout and not answer.done():
-            self._timer = self._caller.state.timers.after(self._timeout, lambda: self._on_timeout(answer))
-        self._inner = answer
-        answer.add_done_callback(lambda: self._on_done(answer))
+            self._timer = self._caller.state.timers.after(self._timeout, self._on_timeout)
+        self._wait_for(answer)
 
-    def _on_timeout(self, inner: Deferred[Any]) -> None:
-        if inner is self._inner:
-            self._cancel(hresult.E_TIMEOUT)
+    def _on_timeout(self) -> None:
+        self._cancel(hresult.E_TIMEOUT)
+
+    def _wait_for(self, inner: Deferred[Any]) -> None:
+        self._inner = inner
+        inner.add_done_callback(lambda: self._on_done(inner))
 
     def _cancel(self, code: int) -> Deferred[None]:
         """Cancel the execution, which then fails with ``code``; return a Deferred that resolves when it has ended."""
@@ -184,12 +195,16 @@ class RC8Command(CommandObject):
         except Exception as error:  # noqa: BLE001 - as in _start
             self._finish(CommandState.FAILED, error=error)
         else:
-            self._finish(CommandState.DONE, result)
+            if isinstance(result, Deferred):  # the motion has been planned
+                self._wait_for(result)
+            else:
+                self._finish(CommandState.DONE, result)
 
     def _finish_cancelled(self) -> None:
         self._finish(CommandState.CANCELLED, error=error_for(self._cancel_code, self.name))
 
     def _finish(self, state: CommandState, result: Any = None, error: BaseException | None = None) -> None:
+        self._caller.state.executing_commands -= 1
         self._state, self._result, self._error, self._inner = state, result, error, None
         if self._timer is not None:
             self._timer.cancel()

@@ -9,6 +9,7 @@ from orinkit.cao.options import Options
 from orinkit.cao.provider import (
     CommandObject,
     ControllerObject,
+    Deferred,
     ExtensionObject,
     FileObject,
     MessageObject,
@@ -82,7 +83,7 @@ class RC8Controller(ControllerObject):
         """Return the names of the robots; there is one."""
         return [ROBOT_NAME]
 
-    def get_task(self, name: str, option: str) -> TaskObject:  # noqa: ARG002
+    def get_task(self, name: str, option: str) -> TaskObject | Deferred[TaskObject]:  # noqa: ARG002
         r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
 
         Raises:
@@ -90,12 +91,13 @@ class RC8Controller(ControllerObject):
         """
         return find_task(self._caller, name)
 
-    def get_task_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_task_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:  # noqa: ARG002
         """Return the names of the tasks, one for each program in the file store."""
         self._caller.require_read()
-        return self._caller.state.tasks.names()
+        state = self._caller.state
+        return state.disk.run(state.tasks.names)
 
-    def get_file(self, name: str, option: str) -> FileObject:
+    def get_file(self, name: str, option: str) -> FileObject | Deferred[FileObject]:
         """Connect to a file or folder; with ``@Create=1`` it is created if it does not exist.
 
         Raises:
@@ -103,10 +105,11 @@ class RC8Controller(ControllerObject):
         """
         return find_file(self._caller, self._caller.state.files, name, option, run_file)
 
-    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_file_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:  # noqa: ARG002
         """Return the names of the files and folders in the root folder."""
         self._caller.require_read()
-        return self._caller.state.files.names("")
+        state = self._caller.state
+        return state.disk.run(lambda: state.files.names(""))
 
     def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
         """Connect to an extension; the only extension is the electric hand, ``Hand0``.
@@ -167,5 +170,5 @@ class RC8Controller(ControllerObject):
         state = self._caller.state
         state.arm.forget(self._caller)  # the client may have taken the arm with a Command object
         if self.events is not None:
-            state.events.unsubscribe(self.events)
+            self.events.close()
         state.log(Operation.DISCONNECT, state.say("Client disconnected"), self._caller.origin)

@@ -3,6 +3,9 @@ r"""File objects: a file or folder of the controller, identified by its path fro
 All names are paths from the root folder (``dir\Pro1.pcs``). Only the name passed to :meth:`RC8File.get_file` is
 relative to the folder of the object. An object reports the current state of the file; if the file no longer exists, the
 methods of the object raise FILE_NOT_FOUND.
+
+The disk is accessed in a thread, one call at a time, because a folder may have thousands of entries and a file may have
+megabytes. The methods therefore return a Deferred, unless the clock is manual.
 """
 
 from __future__ import annotations
@@ -10,10 +13,11 @@ from __future__ import annotations
 import codecs
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import Final, TypeAlias
+from functools import wraps
+from typing import Concatenate, Final, ParamSpec, TypeAlias, TypeVar
 
 from orinkit.cao.options import Options
-from orinkit.cao.provider import BlockingCall, FileObject, VariableObject, not_found, not_implemented
+from orinkit.cao.provider import Deferred, FileObject, VariableObject, not_found, not_implemented
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -22,22 +26,38 @@ from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
 from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
-from orinkit.virtual.rc8.files.store import Staged
 
-Run: TypeAlias = Callable[[ClientContext, str, str], str | BlockingCall]
-"""Function that starts a program, from the client, the path of the file and the option; returns the task name."""
+P = ParamSpec("P")
+T = TypeVar("T")
+
+Run: TypeAlias = Callable[[ClientContext, Callable[[], str], str], str | Deferred[str]]
+"""Function that starts a program and returns the task name.
+
+The arguments are the client, a function that returns the path of the program after accessing the disk, and the option.
+"""
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
 # The characters to which Python decodes bytes that are undefined in Shift_JIS.
 _NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
-_LARGE: Final = 64 * 1024  # bytes or characters; content of at least this size is read and written in a thread
 _SLICE: Final = 64 * 1024
 _LARGEST_SIZE: Final = 2**31 - 1  # limit of VT_I4; a file that another program has written may be larger
 
 
-def find_file(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None = None) -> RC8File:
+def on_disk(method: Callable[Concatenate[RC8File, P], T]) -> Callable[Concatenate[RC8File, P], T | Deferred[T]]:
+    """Execute a method in the thread that accesses the disk."""
+
+    @wraps(method)
+    def in_thread(self: RC8File, /, *arguments: P.args, **named: P.kwargs) -> T | Deferred[T]:
+        return self.caller.state.disk.run(lambda: method(self, *arguments, **named))
+
+    return in_thread
+
+
+def find_file(
+    caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None = None
+) -> FileObject | Deferred[FileObject]:
     r"""Return a file or folder; ``""``, ``"\"`` and ``"/"`` are the root folder.
 
     Args:
@@ -54,6 +74,10 @@ def find_file(caller: ClientContext, store: FileStore, name: str, option: str, r
             :meth:`~orinkit.virtual.rc8.files.FileStore.create` and
             :meth:`~orinkit.virtual.rc8.files.FileStore.make_folder`.
     """
+    return caller.state.disk.run(lambda: _find(caller, store, name, option, run))
+
+
+def _find(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None) -> FileObject:
     caller.require_read()
     if not store.exists(name):
         wanted = read_name(name)
@@ -85,22 +109,27 @@ class RC8File(FileObject):
         store: The files of the controller.
         path: Path from the root folder, as returned by the store.
         run: Callback that starts programs, or None.
+
+    Attributes:
+        caller: The client.
     """
 
     def __init__(self, caller: ClientContext, store: FileStore, path: str, run: Run | None = None) -> None:
         super().__init__(_last_part(path))
-        self._caller = caller
+        self.caller = caller
         self._store = store
         self._path = path
         self._start = run
 
+    @on_disk
     def get_attribute(self) -> int:
         """Return the sum of 1 (readable), 2 (writable) and 16 (folder)."""
-        return int(self._caller.access) | (_FOLDER_BIT if self._is_folder() else 0)
+        return int(self.caller.access) | (_FOLDER_BIT if self._is_folder() else 0)
 
+    @on_disk
     def get_help(self) -> str:
         """Return a description in the controller's language."""
-        say = self._caller.state.say
+        say = self.caller.state.say
         if self._is_folder():
             return say("{path}: folder", path=self._path)
         if extension(self._path) == PROGRAM:
@@ -109,7 +138,8 @@ class RC8File(FileObject):
 
     # --- contents of a folder -------------------------------------------------------------------------------------
 
-    def get_file(self, name: str, option: str) -> RC8File:
+    @on_disk
+    def get_file(self, name: str, option: str) -> FileObject:
         """Connect to a file below this folder by its relative path; for the option see :func:`find_file`.
 
         Raises:
@@ -118,8 +148,9 @@ class RC8File(FileObject):
         if not self._is_folder():
             raise error_for(hresult.FILE_NOT_FOUND, tr("{path} is not a folder", path=self._path))
         whole = f"{self._path}{SEPARATOR}{name}" if read_name(self._path).parts else name
-        return find_file(self._caller, self._store, whole, option, self._start)
+        return _find(self.caller, self._store, whole, option, self._start)
 
+    @on_disk
     def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002 - there are no options
         r"""Return the names in this folder, sorted; names of folders end in ``\``. For a file the list is empty."""
         return self._store.names(self._path) if self._is_folder() else []
@@ -142,36 +173,28 @@ class RC8File(FileObject):
 
     # --- operations -----------------------------------------------------------------------------------------------
 
-    def copy(self, name: str, option: str) -> BlockingCall | None:  # noqa: ARG002
+    @on_disk
+    def copy(self, name: str, option: str) -> None:  # noqa: ARG002
         """Copy the file to an unused name, or into a folder if the name ends in a separator.
 
         Raises:
             CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.copy`.
         """
-        self._caller.require_read()
-        self._caller.require_write()
-        path, target = self._path, self._target(name)
-        if self._store.size(path) < _LARGE:
-            self._store.copy(path, target)
-            return None
+        self.caller.require_read()
+        self.caller.require_write()
+        self._store.copy(self._path, self._target(name))
 
-        def copy() -> None:
-            with self._store.large_content:
-                staged = self._store.stage(path, self._store.read(path))
-            with self._caller.state.cycles:
-                self._store.copy(path, target, staged)
-
-        return BlockingCall(copy)
-
+    @on_disk
     def delete(self, option: str) -> None:
         """Delete the file or folder; a non-empty folder requires the option ``@Recursive=1``.
 
         Raises:
             CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.delete`.
         """
-        self._caller.require_write()
+        self.caller.require_write()
         self._store.delete(self._path, recursive=Options(option).flag("@Recursive"))
 
+    @on_disk
     def move(self, name: str, option: str) -> None:  # noqa: ARG002
         """Move or rename the file to an unused name, or move it into a folder if the name ends in a separator.
 
@@ -180,61 +203,74 @@ class RC8File(FileObject):
         Raises:
             CallError: NO_WRITE_RIGHT; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.move`.
         """
-        self._caller.require_write()
+        self.caller.require_write()
         target = self._target(name)
         self._store.move(self._path, target)
         self._path = self._store.full_name(target)
         self.name = _last_part(self._path)
 
-    def run(self, option: str) -> str | BlockingCall:
+    def run(self, option: str) -> str | Deferred[str]:
         """Run the program and return the name of its task.
 
         Raises:
             CallError: NO_WRITE_RIGHT; FILE_NOT_FOUND; E_INVALIDARG if the file is not a program (``*.pcs``); E_NOTIMPL
                 if programs cannot be started; errors of the start.
         """
-        self._caller.require_write()
+        self.caller.require_write()
+        return self._refuse_run() if self._start is None else self._start(self.caller, self._program, option)
+
+    @on_disk
+    def _refuse_run(self) -> str:
+        self._program()
+        raise not_implemented()
+
+    def _program(self) -> str:
         if self._is_folder() or extension(self._path) != PROGRAM:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr("{path} is not a program: its extension is not .{extension}", path=self._path, extension=PROGRAM),
             )
-        if self._start is None:
-            raise not_implemented()
-        return self._start(self._caller, self._path, option)
+        return self._path
 
     # --- properties -----------------------------------------------------------------------------------------------
 
+    @on_disk
     def get_date_created(self) -> Value:
         """Return the time of creation, ``yyyy-mm-dd HH:MM:SS``."""
-        self._caller.require_read()
+        self.caller.require_read()
         return _written(self._store.dates(self._path).created)
 
+    @on_disk
     def get_date_last_accessed(self) -> Value:
         """Return the time of the last read or write, ``yyyy-mm-dd HH:MM:SS``."""
-        self._caller.require_read()
+        self.caller.require_read()
         return _written(self._store.dates(self._path).accessed)
 
+    @on_disk
     def get_date_last_modified(self) -> Value:
         """Return the time of the last write, ``yyyy-mm-dd HH:MM:SS``."""
-        self._caller.require_read()
+        self.caller.require_read()
         return _written(self._store.dates(self._path).modified)
 
+    @on_disk
     def get_path(self) -> str:
         r"""Return the path from the root folder, ``dir\Pro1.pcs``, as used by Controller_GetFile; the root is ``\``."""
-        self._caller.require_read()
+        self.caller.require_read()
         return self._store.full_name(self._path)
 
+    @on_disk
     def get_size(self) -> int:
         """Return the size of the file in bytes, 0 for a folder."""
-        self._caller.require_read()
+        self.caller.require_read()
         return min(self._store.size(self._path), _LARGEST_SIZE)
 
+    @on_disk
     def get_type(self) -> str:
         """Return the extension in lower case, ``pcs``; ``""`` if there is none; ``folder`` for a folder."""
         return _FOLDER_TYPE if self._is_folder() else extension(self._path)
 
-    def get_value(self) -> Value | BlockingCall:
+    @on_disk
+    def get_value(self) -> Value:
         """Return the content: text as VT_BSTR, other data as an array of VT_UI1.
 
         Text is decoded as UTF-8; a byte order mark is removed. A file with an extension of text files (``.pcs .pac .h
@@ -244,49 +280,26 @@ class RC8File(FileObject):
         Raises:
             CallError: NO_READ_RIGHT; FILE_NOT_FOUND; E_ACCESSDENIED if it is a folder; E_TOO_MUCH_DATA; E_FAIL.
         """
-        self._caller.require_read()
-        path = self._path
+        self.caller.require_read()
+        return _content(self._store.read(self._path), text=extension(self._path) in _TEXTS)
 
-        def read() -> Variant:
-            return _content(self._store.read(path), text=extension(path) in _TEXTS)
-
-        def read_large() -> Variant:
-            with self._store.large_content:
-                return read()
-
-        return read() if self._store.size(path) < _LARGE else BlockingCall(read_large)
-
-    def put_value(self, value: Variant) -> BlockingCall | None:
+    @on_disk
+    def put_value(self, value: Variant) -> None:
         """Set the content: text, which is stored as UTF-8, or an array of VT_UI1; VT_EMPTY empties the file.
 
         Raises:
             CallError: NO_WRITE_RIGHT; DISP_E_TYPEMISMATCH; FILE_NOT_FOUND; E_INVALIDARG if the text is not valid
                 Unicode; errors of :meth:`~orinkit.virtual.rc8.files.FileStore.write`.
         """
-        self._caller.require_write()
-        path = self._path
+        self.caller.require_write()
         _check_content(value)
-        if value.type == VarType.EMPTY or len(value.value) < _LARGE:
-            self._write(path, _data(value))
-            return None
-
-        def write() -> None:
-            with self._store.large_content:
-                staged = self._store.stage(path, _data(value))
-            with self._caller.state.cycles:
-                self._write(path, staged)
-
-        return BlockingCall(write)
-
-    def _write(self, path: str, data: bytes | Staged) -> None:
-        if not self._store.exists(path):
-            if isinstance(data, Staged):
-                data.discard()
-            raise error_for(hresult.FILE_NOT_FOUND, path)
-        self._store.write(path, data)
+        data = _data(value)
+        if not self._store.exists(self._path):
+            raise error_for(hresult.FILE_NOT_FOUND, self._path)
+        self._store.write(self._path, data)
 
     def _is_folder(self) -> bool:
-        self._caller.require_read()
+        self.caller.require_read()
         self._store.full_name(self._path)  # raises FILE_NOT_FOUND if the file no longer exists
         return self._store.is_folder(self._path)
 

@@ -16,12 +16,13 @@ from orinkit.rc8.motion_options import MotionOptions, parse_options
 from orinkit.rc8.pose_arguments import read_targets
 from orinkit.values.poses import PassMark, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant
-from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import robot_commands
+from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.objects.robot_variables import find_robot_variable, robot_variable_names
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.motion_planner import Plans
 from orinkit.virtual.rc8.robot.moves import CURVE
 from orinkit.virtual.rc8.variables import conversion
 
@@ -48,32 +49,32 @@ class RC8Robot(RobotObject):
 
     # --- motion -------------------------------------------------------------------------------------------------
 
-    def move(self, interpolation: int, pose: Variant, option: str) -> Deferred[None] | None:
+    def move(self, interpolation: int, pose: Variant, option: str) -> MotionResult:
         """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with option NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
         number = path_number(pose) if interpolation == CURVE else None
         if number is not None:
-            return self._completion(self._moves.follow(*number, options), options)
-        return self._completion(self._moves.move(interpolation, read_targets(pose), options), options)
+            return self._begin(self._moves.follow(*number, options), options)
+        return self._begin(self._moves.move(interpolation, read_targets(pose), options), options)
 
-    def drive(self, axis: int, value: float, option: str) -> Deferred[None] | None:
+    def drive(self, axis: int, value: float, option: str) -> MotionResult:
         """Move one joint by a distance in deg (mm for a linear axis)."""
         require("Drive", self._arm, self._caller)
         options = parse_options(option)
-        return self._completion(self._moves.drive([(axis, value)], False, None, options), options)
+        return self._begin(self._moves.drive([(axis, value)], False, None, options), options)
 
-    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> Deferred[None] | None:
+    def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> MotionResult:
         """Rotate by an angle in deg about a pivot, in a plane of the work frame or in a plane through three points."""
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
         axis = self._normal(plane)
-        return self._completion(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
+        return self._begin(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
 
-    def go_home(self) -> Deferred[None]:
+    def go_home(self) -> MotionResult:
         """Move to the home pose."""
         require("GoHome", self._arm, self._caller)
-        return self._arm.when_done(self._moves.home()[-1])
+        return self._begin(self._moves.home(), MotionOptions())
 
     def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
         """Stop and discard the motions, also those of another client; the call completes at standstill."""
@@ -136,8 +137,8 @@ class RC8Robot(RobotObject):
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    def _completion(self, tickets: Sequence[Ticket], options: MotionOptions) -> Deferred[None] | None:
-        return None if options.next else self._arm.when_done(tickets[-1])
+    def _begin(self, plans: Plans, options: MotionOptions) -> MotionResult:
+        return begin_motions(self._state, plans, options)
 
     def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:
         if isinstance(plane.value, str) and "(" not in plane.value and "," not in plane.value:

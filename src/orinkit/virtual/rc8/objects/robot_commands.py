@@ -18,9 +18,9 @@ from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions, parse_options
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
-from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import slave_commands as slave
+from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
@@ -115,10 +115,6 @@ def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContex
 # --- motions ----------------------------------------------------------------------------------------------------------
 
 
-def _completion(caller: ClientContext, tickets: list[Ticket], options: MotionOptions) -> Deferred[None] | None:
-    return None if options.next else caller.state.arm.when_done(tickets[-1])
-
-
 def _options(given: list[Variant]) -> MotionOptions:
     texts = [each.value for each in given if each.value is not None]
     for text in texts:
@@ -130,26 +126,27 @@ def _options(given: list[Variant]) -> MotionOptions:
     return parse_options(",".join(texts))
 
 
-def _approach(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
+def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("Approach", caller.state.arm, caller)
     given = _at_least(parameter, 3)
     mark, distance = parameters.marked_number(given[2])
     options = _options(given[3:])
     target = parameters.pose(given[1])
-    tickets = caller.state.moves.approach(conversion.whole(given[0]), target, distance, mark, options)
-    return _completion(caller, tickets, options)
+    plans = caller.state.moves.approach(conversion.whole(given[0]), target, distance, mark, options)
+    return begin_motions(caller.state, plans, options)
 
 
-def _depart(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
+def _depart(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("Depart", caller.state.arm, caller)
     given = _at_least(parameter, 2)
     mark, distance = parameters.marked_number(given[1])
     options = _options(given[2:])
-    return _completion(caller, caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options), options)
+    plans = caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options)
+    return begin_motions(caller.state, plans, options)
 
 
-def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Deferred[None] | None]:
-    def run(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
+def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], MotionResult]:
+    def run(caller: ClientContext, parameter: Variant) -> MotionResult:
         require(name, caller.state.arm, caller)
         given = _at_least(parameter, 1)
         if isinstance(given[0].value, str):
@@ -159,17 +156,17 @@ def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Defe
             rest = [each for each in given if not each.type & ARRAY]
         mark, values = parameters.mark_and_axis_values(pairs)
         options = _options(rest)
-        return _completion(caller, caller.state.moves.drive(values, absolute, mark, options), options)
+        return begin_motions(caller.state, caller.state.moves.drive(values, absolute, mark, options), options)
 
     return run
 
 
-def _rotate_hand(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
+def _rotate_hand(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("RotateH", caller.state.arm, caller)
     given = _at_least(parameter, 1)
     mark, angle = parameters.marked_number(given[0])
     options = _options(given[1:])
-    return _completion(caller, caller.state.moves.rotate_hand(angle, mark, options), options)
+    return begin_motions(caller.state, caller.state.moves.rotate_hand(angle, mark, options), options)
 
 
 def _motion_skip(caller: ClientContext, _: Variant) -> Deferred[None]:

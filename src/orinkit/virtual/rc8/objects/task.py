@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, TypeVar
 
-from orinkit.cao.provider import BlockingCall, TaskObject, VariableObject, not_found
+from orinkit.cao.provider import Deferred, TaskObject, VariableObject, not_found
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, error_for
+from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import Value, Variant, VarType
@@ -18,6 +18,7 @@ from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, ms_from_seconds
 
 E = TypeVar("E", bound=IntEnum)
+T = TypeVar("T")
 
 
 class RC8Task(TaskObject):
@@ -31,34 +32,43 @@ class RC8Task(TaskObject):
         self._path = task.name  # not the task itself: if the program is deleted and created again, it has a new task
 
     @property
-    def _task(self) -> Task:
-        return self._state.tasks.get_or_create(self._path)
+    def task(self) -> Task:
+        """The task."""
+        with self._state.cycles:
+            return self._state.tasks.get_or_create(self._path)
 
-    def start(self, mode: int, option: str) -> BlockingCall | None:  # noqa: ARG002 - there are no options
+    def start(self, mode: int, option: str) -> Deferred[None] | None:  # noqa: ARG002 - there are no options
         """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
-        Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement. A large program is loaded in a
-        thread, so that other calls are not delayed.
+        Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement. The program is loaded in a thread.
+        If it is stopped meanwhile, alone or with all others, the call fails with E_CANCEL.
 
         Raises:
             CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; other codes if the state of
                 the controller does not allow the start.
         """
-        wanted = _mode(TaskMode, mode)
-        require("Task_Start", self._state.arm, self._caller)
-        if self._state.tasks.is_large(self._task):
-            return BlockingCall(lambda: self._load_and_start(wanted))
-        self._state.start_task(self._task, wanted, self._caller.origin)
-        return None
+        return self._state.compiling.run(self._starter(_mode(TaskMode, mode)))
 
-    def _load_and_start(self, mode: TaskMode) -> None:
-        try:
-            self._state.tasks.load(self._task)
-        except CallError:  # the error is cached too; start_task raises it
-            pass
-        with self._state.cycles:
-            require("Task_Start", self._state.arm, self._caller)  # the state may have changed meanwhile
-            self._state.start_task(self._task, mode, self._caller.origin)
+    def run(self) -> str:
+        """Start the task for one cycle, and return its name; call this method in the thread that loads programs."""
+        self._starter(TaskMode.CYCLE)()
+        return self.task.name
+
+    def _starter(self, mode: TaskMode) -> Callable[[], None]:
+        state, task = self._state, self.task
+
+        def start() -> None:
+            program = state.load_program(task, self._caller.origin)
+            with state.cycles:
+                require("Task_Start", state.arm, self._caller)  # the state may have changed meanwhile
+                if state.tasks.stops_of(task) != stops:
+                    raise error_for(hresult.E_CANCEL, task.name)
+                state.tasks.start(task, program, mode)
+
+        with state.cycles:
+            require("Task_Start", state.arm, self._caller)
+            stops = state.tasks.stops_of(task)
+        return start
 
     def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
         """Stop the task (RC8 3.2.2).
@@ -70,27 +80,27 @@ class RC8Task(TaskObject):
         """
         wanted = _mode(StopMode, mode)
         require("Task_Stop", self._state.arm, self._caller)
-        self._task.stop(wanted)
+        self.task.stop(wanted)
 
-    def delete(self, option: str) -> None:  # noqa: ARG002
+    def delete(self, option: str) -> Deferred[None] | None:  # noqa: ARG002
         """Delete the task and its program.
 
         Raises:
             CallError: NO_WRITE_RIGHT; PROGRAM_RUNNING.
         """
         self._caller.require_write()
-        self._state.tasks.delete(self._task)
+        return self._state.disk.run(lambda: self._state.tasks.delete(self.task))
 
     def get_file_name(self) -> str:
         """Return the path of the program's file."""
-        return self._task.name + SUFFIX
+        return self.task.name + SUFFIX
 
-    def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002 - commands have no parameters
+    def execute(self, command: str, parameter: Variant) -> Value | Deferred[Value]:  # noqa: ARG002 - commands have no parameters
         """Execute an extended command: ``GetStatus`` returns a :class:`~orinkit.rc8.task_modes.TaskStatus`, 0 to 4."""
         self._caller.require_read()
         if command.strip().lower() != "getstatus":
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
-        return _status(self)
+        return self.when_found(lambda: _status(self))
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
         """Connect to a variable of the task."""
@@ -104,14 +114,17 @@ class RC8Task(TaskObject):
         return list(TASK_VARIABLES)
 
     @property
-    def task(self) -> Task:
-        """The task."""
-        return self._task
-
-    @property
     def exists(self) -> bool:
-        """True if the program still exists."""
-        return self._state.tasks.exists(self._task)
+        """True if the program still exists; accesses the disk."""
+        return self._state.tasks.exists(self.task)
+
+    def when_found(self, read: Callable[[], T]) -> T | Deferred[T]:
+        """Return the result of a function that uses :attr:`exists`.
+
+        Usually, the program exists and has the same name on the disk as the task, so that it is found immediately.
+        Otherwise, the function is called in the thread that accesses the disk.
+        """
+        return read() if self._state.tasks.is_found(self.task) else self._state.disk.run(read)
 
 
 def _status(served: RC8Task) -> int:
@@ -156,38 +169,39 @@ class TaskVariableObject(VariableObject):
         self._served = served
         self._entry = entry
 
-    def get_value(self) -> Value:
+    def get_value(self) -> Value | Deferred[Value]:
         """Return the current value."""
         self._caller.require_read()
-        return Variant(self._entry.vt, self._entry.read(self._served))
+        return self._served.when_found(lambda: Variant(self._entry.vt, self._entry.read(self._served)))
 
 
-def find_task(caller: ClientContext, name: str) -> RC8Task:
+def find_task(caller: ClientContext, name: str) -> TaskObject | Deferred[TaskObject]:
     """Return a client's Task object for a program.
 
     Raises:
         CallError: NO_READ_RIGHT; E_CAO_OBJECT_NOTFOUND.
     """
     caller.require_read()
+    return caller.state.disk.run(lambda: _find(caller, name))
+
+
+def _find(caller: ClientContext, name: str) -> RC8Task:
     return RC8Task(caller, caller.state.tasks.find(name), name)
 
 
-def run_file(caller: ClientContext, name: str, option: str) -> str | BlockingCall:  # noqa: ARG001 - no options exist
+def run_file(caller: ClientContext, program: Callable[[], str], option: str) -> str | Deferred[str]:  # noqa: ARG001 - no options exist
     """Run a program once (File_Run) and return the name of its task.
 
+    Args:
+        caller: The client.
+        program: Function that returns the path of the program; called in the thread that loads programs.
+        option: Option of File_Run.
+
     Raises:
-        CallError: Errors of :meth:`RC8Task.start`.
+        CallError: Errors of ``program`` and of :meth:`RC8Task.start`.
     """
-    served = find_task(caller, name)
-    loading = served.start(TaskMode.CYCLE, "")
-    if loading is None:
-        return served.task.name
-
-    def run() -> str:
-        loading.run()
-        return served.task.name
-
-    return BlockingCall(run)
+    caller.require_read()
+    return caller.state.compiling.run(lambda: _find(caller, program()).run())
 
 
 def _mode(kind: type[E], mode: int) -> E:

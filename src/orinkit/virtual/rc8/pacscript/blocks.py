@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from orinkit.virtual.rc8.pacscript import tree
-from orinkit.virtual.rc8.pacscript.code import Evaluate, Spot
-from orinkit.virtual.rc8.pacscript.lvalues import Store
+from orinkit.virtual.rc8.pacscript.code import Recipe, Spot
 from orinkit.virtual.rc8.pacscript.tree import Place
 
 
@@ -48,14 +47,14 @@ class IfBlock(Block):
 
 @dataclass(slots=True, eq=False)
 class ForBlock(Block):
-    """A For block: the loop variable, the functions that read and set it, and the jump target at the start of the body.
+    """A For block: the loop variable, recipes to read and set it, and the jump target at the start of the body.
 
     ``slots`` are the indices in the frame at which the limit and the step of the loop are stored.
     """
 
     target: tree.Target | None = None
-    read: Evaluate | None = None
-    put: Store | None = None
+    read: Recipe | None = None
+    put: Recipe | None = None
     slots: tuple[int, int] = (0, 0)
     body: Spot = field(default_factory=Spot)
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Final, TypeAlias
 
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MAX_PERCENT
 from orinkit.virtual.rc8.pacscript import functions, values
-from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op
+from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op, Recipe, maker
 from orinkit.virtual.rc8.pacscript.errors import CompileError, out_of_range
-from orinkit.virtual.rc8.pacscript.expressions import Expressions
+from orinkit.virtual.rc8.pacscript.expressions import Expressions, fixed
+from orinkit.virtual.rc8.pacscript.host_interface import Wait
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
-from orinkit.virtual.rc8.pacscript.lvalues import as_target, store
+from orinkit.virtual.rc8.pacscript.lvalues import Store, as_target, store
 from orinkit.virtual.rc8.pacscript.scope import check_count
 from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetOutput, TakeArm
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, truth
@@ -48,7 +48,7 @@ def compile_take_arm(expressions: Expressions, node: TakeArm) -> None:
     """Emit the instruction of TakeArm; group and Keep default to 0."""
     group = _optional(expressions, node.group, 0)
     keep = _optional(expressions, node.keep, 0)
-    simple(expressions, lambda f: f[WORLD].take_arm(rounded_to_integer(group(f)), truth(keep(f))))
+    simple(expressions, take_arm(group, keep))
 
 
 def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
@@ -66,45 +66,25 @@ def compile_set_reset(expressions: Expressions, node: SetOutput) -> None:
     put = store(expressions, node.target)
     # -1 sets all points of an IOB, IOW or IOD, because all bits of -1 are 1.
     value = (1 if name.key == "io" or name.key[2:].isdigit() else -1) if node.on else 0
-    simple(expressions, lambda f: put(f, value))
+    simple(expressions, put_constant(put, value))
 
 
 def compile_let_part(expressions: Expressions, node: LetPart) -> None:
     """Emit the instruction of LetX or of a similar command, which sets one element of a pose."""
     read, put = expressions.value(node.target), store(expressions, node.target)
     value = expressions.value(node.value)
-    take, place = functions.LET_PARTS[node.word]
-    joint = _optional(expressions, node.joint, 1)
-
-    def run(f: Frame) -> None:
-        elements = list(take(read(f)))
-        index = functions.joint_index(joint(f)) if node.joint else place
-        elements[index] = float(rounded_to_integer(value(f)) if node.word == "LetF" else number(value(f)))
-        put(f, tuple(elements))
-
-    simple(expressions, run)
+    joint = expressions.value(node.joint) if node.joint else None
+    simple(expressions, let_part(node.word, read, put, value, joint))
 
 
-def simple(expressions: Expressions, run: _Run) -> None:
+def simple(expressions: Expressions, run: Recipe) -> None:
     """Emit an instruction that calls ``run`` and continues with the next instruction."""
-
-    def make(following: int) -> Op:
-        def op(f: Frame) -> int:
-            run(f)
-            return following
-
-        return op
-
-    expressions.code.emit(make)
+    expressions.code.emit(do(run))
 
 
-def waiting(expressions: Expressions, begin: Callable[[Frame], Callable[[], bool]]) -> None:
+def waiting(expressions: Expressions, begin: Recipe) -> None:
     """Emit an instruction that starts an operation with ``begin`` and waits until the operation is complete."""
-
-    def make(following: int) -> Op:
-        return lambda f: int(f[MACHINE].wait_for(begin(f), following))
-
-    expressions.code.emit(make)
+    expressions.code.emit(wait_for(begin))
 
 
 def percent(value: AnyValue) -> float:
@@ -132,18 +112,17 @@ def seconds_from_ms(value: AnyValue) -> float:
     raise out_of_range(tr("the time is negative: {time} ms", time=time))
 
 
-def _optional(expressions: Expressions, node: Expression | None, default: int) -> Evaluate:
-    return (lambda _: default) if node is None else expressions.value(node)
+def _optional(expressions: Expressions, node: Expression | None, default: int) -> Recipe:
+    return fixed(default) if node is None else expressions.value(node)
 
 
-def _runs(expressions: Expressions, node: Command) -> list[Evaluate]:
-    return [expressions.value(argument) for argument in node.arguments]
+def _runs(expressions: Expressions, node: Command) -> tuple[Recipe, ...]:
+    return tuple(expressions.value(argument) for argument in node.arguments)
 
 
-def _with_values(act: Callable[..., None], expressions: Expressions, node: Command) -> None:
-    """Emit a command that calls ``act`` with the world and with the values of the command's arguments."""
-    runs = tuple(_runs(expressions, node))
-    simple(expressions, lambda f: act(f[WORLD], *[run(f) for run in runs]))
+def _with_values(expressions: Expressions, node: Command) -> None:
+    """Emit a command that calls its function in _ACTIONS with the world and the values of the arguments."""
+    simple(expressions, command(node.word, _runs(expressions, node)))
 
 
 def _speed(world: Any, value: AnyValue) -> None:
@@ -184,24 +163,29 @@ def _print_message(world: Any, text: AnyValue, style: AnyValue = 0, title: AnyVa
     world.show("msg", values.check_length(values.text(text)), values.string(title))
 
 
+_ACTIONS: Final[Mapping[str, Callable[..., None]]] = {
+    "Accel": _accel,
+    "ChangeTool": _change_tool,
+    "ChangeWork": _change_work,
+    "Decel": _decel,
+    "ExtSpeed": _ext_speed,
+    "GiveArm": _give_arm,
+    "PrintDbg": _print_debug,
+    "PrintMsg": _print_message,
+    "Speed": _speed,
+}
+
+
 def _motor(expressions: Expressions, node: Command) -> None:
-    (on,) = _runs(expressions, node)
-    waiting(expressions, lambda f: f[WORLD].motor(truth(on(f))))
+    waiting(expressions, switch_motor(*_runs(expressions, node)))
 
 
 def _hold(expressions: Expressions, _: Command) -> None:
-    waiting(expressions, lambda f: f[WORLD].hold())
+    waiting(expressions, hold())
 
 
 def _delay(expressions: Expressions, node: Command) -> None:
-    (time,) = _runs(expressions, node)
-
-    def begin(f: Frame) -> Callable[[], bool]:
-        world = f[WORLD]
-        until = world.now() + seconds_from_ms(time(f))
-        return lambda: world.now() >= until
-
-    waiting(expressions, begin)
+    waiting(expressions, delay(*_runs(expressions, node)))
 
 
 def _wait(expressions: Expressions, node: Command) -> None:
@@ -209,42 +193,120 @@ def _wait(expressions: Expressions, node: Command) -> None:
     met = expressions.condition(node.arguments[0])
     expressions.polled = False
     timeout = expressions.value(node.arguments[1]) if len(node.arguments) > 1 else None
-    put = store(expressions, as_target(node.arguments[2])) if len(node.arguments) > 2 else _nowhere
+    put = store(expressions, as_target(node.arguments[2])) if len(node.arguments) > 2 else None
+    waiting(expressions, wait_until(met, timeout, put))
 
-    def begin(f: Frame) -> Callable[[], bool]:
+
+_COMMANDS: Final[Mapping[str, _Row]] = {
+    "Accel": _Row(1, 2, _with_values),
+    "ChangeTool": _Row(1, 1, _with_values),
+    "ChangeWork": _Row(1, 1, _with_values),
+    "Decel": _Row(1, 1, _with_values),
+    "Delay": _Row(1, 1, _delay),
+    "ExtSpeed": _Row(1, 3, _with_values),
+    "GiveArm": _Row(0, 0, _with_values),
+    "Hold": _Row(0, 0, _hold),
+    "Motor": _Row(1, 1, _motor),
+    "PrintDbg": _Row(1, _MAX_PRINTED, _with_values),
+    "PrintMsg": _Row(1, 3, _with_values),
+    "Speed": _Row(1, 1, _with_values),
+    "Wait": _Row(1, 3, _wait),
+}
+
+
+# --- instructions and their parts -------------------------------------------------------------------------------------
+
+
+@maker
+def do(following: int, run: _Run) -> Op:
+    """Return an instruction that calls a function and continues with the next instruction."""
+
+    def op(f: Frame) -> int:
+        run(f)
+        return following
+
+    return op
+
+
+@maker
+def wait_for(following: int, begin: Callable[[Frame], Wait]) -> Op:
+    """Return an instruction that starts an operation and waits until the operation is complete."""
+    return lambda f: int(f[MACHINE].wait_for(begin(f), following))
+
+
+@maker
+def take_arm(group: Evaluate, keep: Evaluate) -> _Run:
+    """Return the function of TakeArm."""
+    return lambda f: f[WORLD].take_arm(rounded_to_integer(group(f)), truth(keep(f)))
+
+
+@maker
+def put_constant(put: Store, value: AnyValue) -> _Run:
+    """Return a function that stores a constant."""
+    return lambda f: put(f, value)
+
+
+@maker
+def let_part(word: str, read: Evaluate, put: Store, value: Evaluate, joint: Evaluate | None) -> _Run:
+    """Return the function of LetX or of a similar command."""
+    take, place = functions.LET_PARTS[word]
+
+    def run(f: Frame) -> None:
+        elements = list(take(read(f)))
+        index = functions.joint_index(joint(f)) if joint else place
+        elements[index] = float(rounded_to_integer(value(f)) if word == "LetF" else number(value(f)))
+        put(f, tuple(elements))
+
+    return run
+
+
+@maker
+def command(word: str, runs: tuple[Evaluate, ...]) -> _Run:
+    """Return the function of a command in _ACTIONS."""
+    act = _ACTIONS[word]
+    return lambda f: act(f[WORLD], *[run(f) for run in runs])
+
+
+@maker
+def switch_motor(on: Evaluate) -> Callable[[Frame], Wait]:
+    """Return the function of Motor."""
+    return lambda f: f[WORLD].motor(truth(on(f)))
+
+
+@maker
+def hold() -> Callable[[Frame], Wait]:
+    """Return the function of Hold."""
+    return lambda f: f[WORLD].hold()
+
+
+@maker
+def delay(time: Evaluate) -> Callable[[Frame], Wait]:
+    """Return the function of Delay."""
+
+    def begin(f: Frame) -> Wait:
+        world = f[WORLD]
+        until = world.now() + seconds_from_ms(time(f))
+        return lambda: world.now() >= until
+
+    return begin
+
+
+@maker
+def wait_until(met: Callable[[Frame], bool], timeout: Evaluate | None, put: Store | None) -> Callable[[Frame], Wait]:
+    """Return the function of Wait; it stores True or False if there is a target."""
+
+    def begin(f: Frame) -> Wait:
         world = f[WORLD]
         until = None if timeout is None else world.now() + seconds_from_ms(timeout(f))
 
         def over() -> bool:
-            if met(f):
-                put(f, _TRUE)
-                return True
-            if until is None or world.now() < until:
+            result = bool(met(f))
+            if not result and (until is None or world.now() < until):
                 return False
-            put(f, _FALSE)
+            if put is not None:
+                put(f, _TRUE if result else _FALSE)
             return True
 
         return over
 
-    waiting(expressions, begin)
-
-
-def _nowhere(_: Frame, __: AnyValue) -> None:
-    """Discard a value."""
-
-
-_COMMANDS: Final[Mapping[str, _Row]] = {
-    "Accel": _Row(1, 2, partial(_with_values, _accel)),
-    "ChangeTool": _Row(1, 1, partial(_with_values, _change_tool)),
-    "ChangeWork": _Row(1, 1, partial(_with_values, _change_work)),
-    "Decel": _Row(1, 1, partial(_with_values, _decel)),
-    "Delay": _Row(1, 1, _delay),
-    "ExtSpeed": _Row(1, 3, partial(_with_values, _ext_speed)),
-    "GiveArm": _Row(0, 0, partial(_with_values, _give_arm)),
-    "Hold": _Row(0, 0, _hold),
-    "Motor": _Row(1, 1, _motor),
-    "PrintDbg": _Row(1, _MAX_PRINTED, partial(_with_values, _print_debug)),
-    "PrintMsg": _Row(1, 3, partial(_with_values, _print_message)),
-    "Speed": _Row(1, 1, partial(_with_values, _speed)),
-    "Wait": _Row(1, 3, _wait),
-}
+    return begin

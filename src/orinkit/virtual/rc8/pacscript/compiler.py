@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import pickle
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from orinkit.core.errors import CallError
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.blocks import SelectBlock
-from orinkit.virtual.rc8.pacscript.code import DONE, Code, Frame, Linked, Op
+from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame, Linked, Op, RoutineCode, maker
 from orinkit.virtual.rc8.pacscript.commands import (
     compile_command,
     compile_let_part,
@@ -19,10 +20,10 @@ from orinkit.virtual.rc8.pacscript.commands import (
 )
 from orinkit.virtual.rc8.pacscript.errors import CompileError, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.expressions import Expressions, whole_at
-from orinkit.virtual.rc8.pacscript.flow import FlowCompiler
-from orinkit.virtual.rc8.pacscript.lvalues import store
+from orinkit.virtual.rc8.pacscript.flow import FlowCompiler, end_program
+from orinkit.virtual.rc8.pacscript.lvalues import Store, store
 from orinkit.virtual.rc8.pacscript.motions import compile_motion
-from orinkit.virtual.rc8.pacscript.parser import parse
+from orinkit.virtual.rc8.pacscript.parser import parse_lines
 from orinkit.virtual.rc8.pacscript.scope import MAX_DIMENSIONS, MAX_ELEMENTS, Routine, Scope, find_type, unknown_routine
 from orinkit.virtual.rc8.pacscript.tree import Place, Statement
 
@@ -38,23 +39,24 @@ class Program:
         lines: Lines at which a statement begins, counted from 1.
         subs: Names of the Subs and Functions, as written.
         linked: Instructions.
-        entry: Index of the first instruction of Main.
-        elements: Total number of elements of the arrays of Main.
-        new_frame: Creates the frame of Main; its arguments are the interface to the controller and the machine that
-            runs the program.
     """
 
     file: str
     lines: tuple[int, ...]
     subs: tuple[str, ...]
     linked: Linked
-    entry: int
-    elements: int
-    new_frame: Callable[[object, object], Frame]
+
+    @property
+    def main(self) -> RoutineCode:
+        """Sub Main."""
+        return self.linked.routines[_MAIN]
 
 
 def compile_program(source: str, file: str) -> Program:
     """Compile a program.
+
+    The syntax tree of a large program consists of hundreds of thousands of objects. Therefore it is encoded line by
+    line, and only one line at a time exists as objects.
 
     Args:
         source: Source in PacScript; at most 256 Ki characters, at most 1,024 bytes in a line.
@@ -63,16 +65,36 @@ def compile_program(source: str, file: str) -> Program:
     Raises:
         ProgramLoadError: If the source has an error; the exception contains the position of the error.
     """
-    statements = parse(source, file)
+    lines = [_Line(pickle.dumps(statements), _declares(statements)) for statements in parse_lines(source, file)]
     compiler = _Compiler()
     try:
-        linked = compiler.compile(statements)
-        main = compiler.main()
+        linked = compiler.compile(lines)
+        compiler.check_main()
     except CompileError as error:
         raise ProgramLoadError(error.message, file, *error.at) from None
-    lines = sorted({line for line, starts in zip(linked.lines, linked.starts_statement, strict=True) if starts})
+    starts = sorted({line for line, starts in zip(linked.lines, linked.starts_statement, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
-    return Program(file, tuple(lines), subs, linked, main.entry.pc, main.elements, main.framer())
+    return Program(file, tuple(starts), subs, linked)
+
+
+class _Line(NamedTuple):
+    """The statements of a line, encoded; ``declares`` is True if one of them declares a routine or constants."""
+
+    code: bytes
+    declares: bool
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        statements: tuple[Statement, ...] = pickle.loads(self.code)  # noqa: S301 - encoded by compile_program
+        return statements
+
+
+def _declares(statements: tuple[Statement, ...]) -> bool:
+    return any(
+        isinstance(each, tree.Routine | tree.Constants)
+        or (isinstance(each, tree.KeywordStatement) and each.word in ("End Sub", "End Function"))
+        for each in statements
+    )
 
 
 class _Compiler:
@@ -82,17 +104,18 @@ class _Compiler:
         self.expressions = Expressions(self.scope, self.code)
         self.flow = FlowCompiler(self.expressions)
 
-    def compile(self, statements: tuple[Statement, ...]) -> Linked:
-        self._collect(statements)
-        for statement in statements:
-            self._statement(statement)
+    def compile(self, lines: list[_Line]) -> Linked:
+        self._collect([line for line in lines if line.declares])
+        for line in lines:
+            for statement in line.statements:
+                self._statement(statement)
         if self.flow.blocks:
             block = self.flow.blocks[-1]
             raise CompileError(tr("{word} has no {closing}", word=block.word, closing=block.closing), block.at)
-        return self.code.link()
+        return self.code.link(self.scope.routines)
 
-    def main(self) -> Routine:
-        """Return Sub Main.
+    def check_main(self) -> None:
+        """Check that there is a Sub Main without parameters.
 
         Raises:
             CompileError: If the program has no Sub Main, or if it has parameters.
@@ -102,24 +125,23 @@ class _Compiler:
             raise CompileError(tr("the program has no Sub Main"), Place(1, 1))
         if main.parameters:
             raise CompileError(tr("Sub Main cannot have parameters"), main.name.at)
-        return main
 
     # --- declarations, before statements are compiled
 
-    def _collect(self, statements: tuple[Statement, ...]) -> None:
+    def _collect(self, lines: list[_Line]) -> None:
         """Declare all Subs and Functions, and the global constants."""
-        headers = [statement for statement in statements if isinstance(statement, tree.Routine)]
-        for header in headers:
+        for header in _headers(lines):
             self.scope.add_routine(Routine(header.name, header.word))
         inside = False
-        for statement in statements:
-            if isinstance(statement, tree.Routine):
-                inside = True
-            elif isinstance(statement, tree.KeywordStatement) and statement.word in ("End Sub", "End Function"):
-                inside = False
-            elif isinstance(statement, tree.Constants) and not inside:
-                self._constants(statement)
-        for header in headers:
+        for line in lines:
+            for statement in line.statements:
+                if isinstance(statement, tree.Routine):
+                    inside = True
+                elif isinstance(statement, tree.KeywordStatement) and statement.word in ("End Sub", "End Function"):
+                    inside = False
+                elif isinstance(statement, tree.Constants) and not inside:
+                    self._constants(statement)
+        for header in _headers(lines):
             self._declare_parameters(header)
 
     def _declare_parameters(self, header: tree.Routine) -> None:
@@ -219,7 +241,7 @@ class _Compiler:
             case "Return":
                 self.flow.return_(at)
             case _:
-                self.code.emit(lambda _: _end)
+                self.code.emit(end_program())
 
     def _require_case_first(self, node: Statement) -> None:
         block = self.flow.blocks[-1] if self.flow.blocks else None
@@ -273,16 +295,7 @@ class _Compiler:
 
     def _assign(self, target: tree.Target, value_node: tree.Expression) -> None:
         value = self.expressions.value(value_node)
-        put = store(self.expressions, target)
-
-        def make(following: int) -> Op:
-            def run(f: Frame) -> int:
-                put(f, value(f))
-                return following
-
-            return run
-
-        self.code.emit(make)
+        self.code.emit(assign(store(self.expressions, target), value))
 
     def _call(self, node: tree.Call) -> None:
         name = node.target
@@ -294,5 +307,17 @@ class _Compiler:
         self.expressions.call(routine, name.at, node.arguments, result=False)
 
 
-def _end(_: Frame) -> int:
-    return DONE
+def _headers(lines: list[_Line]) -> Iterator[tree.Routine]:
+    for line in lines:
+        yield from (statement for statement in line.statements if isinstance(statement, tree.Routine))
+
+
+@maker
+def assign(following: int, put: Store, value: Evaluate) -> Op:
+    """Return the instruction of an assignment."""
+
+    def run(f: Frame) -> int:
+        put(f, value(f))
+        return following
+
+    return run

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
-from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame
+from orinkit.virtual.rc8.pacscript.code import Code, Recipe
 from orinkit.virtual.rc8.pacscript.scope import Scope, Variable
 from orinkit.virtual.rc8.pacscript.tree import Apply, Expression
 
@@ -21,8 +20,8 @@ class ExpressionCompiler(Protocol):
     def code(self) -> Code:
         """The code to which instructions are added."""
 
-    def value(self, node: Expression) -> Evaluate:
-        """Return a function that evaluates an expression."""
+    def value(self, node: Expression) -> Recipe:
+        """Return the recipe of a function that evaluates an expression."""
 
-    def element_offset(self, variable: Variable, node: Apply) -> Callable[[Frame], int]:
-        """Return a function that calculates the position of an array element in the list that stores the array."""
+    def element_offset(self, variable: Variable, node: Apply) -> Recipe:
+        """Return the recipe of a function that calculates the position of an array element in the list of the array."""

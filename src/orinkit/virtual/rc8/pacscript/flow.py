@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree, values
 from orinkit.virtual.rc8.pacscript.blocks import Block, ForBlock, IfBlock, LoopBlock, RoutineBlock, SelectBlock
-from orinkit.virtual.rc8.pacscript.code import MACHINE, RETURNS, Evaluate, Frame, Make, Op, Spot
+from orinkit.virtual.rc8.pacscript.code import DONE, MACHINE, RETURNS, Evaluate, Frame, Op, Recipe, Spot, maker
 from orinkit.virtual.rc8.pacscript.errors import CompileError, out_of_range
-from orinkit.virtual.rc8.pacscript.expressions import RELATIONS
+from orinkit.virtual.rc8.pacscript.expressions import RELATIONS, fixed
 from orinkit.virtual.rc8.pacscript.lvalues import Store, store
 from orinkit.virtual.rc8.pacscript.scope import Routine
 from orinkit.virtual.rc8.pacscript.tree import Place
@@ -67,7 +67,7 @@ class FlowCompiler:
         block = self._close(RoutineBlock, word.removeprefix("End "), word, at)
         if self._returns and not block.has_gosub:
             raise _misplaced("Return", self._returns[0], "Gosub")
-        self._code.emit(_return_from(self._scope.current_routine))
+        self._return_from(self._scope.current_routine)
         self._join_labels()
 
     def leave_routine(self, word: str, at: Place) -> None:
@@ -75,7 +75,7 @@ class FlowCompiler:
         routine = self._scope.current_routine
         if routine.word != word.removeprefix("Exit "):
             raise _misplaced(word, at, routine.word)
-        self._code.emit(_return_from(routine))
+        self._return_from(routine)
 
     def refuse_open(self, at: Place, word: str) -> None:
         """Check that no block is open.
@@ -131,24 +131,10 @@ class FlowCompiler:
         routine = self._scope.current_routine
         put, read = store(expressions, node.target), expressions.value(node.target)
         first, last = expressions.value(node.first), expressions.value(node.last)
-        step = expressions.value(node.step) if node.step else lambda _: 1
-        limit_slot, step_slot = routine.new_slot(), routine.new_slot()
-        block = ForBlock("For", node.at, target=node.target, read=read, put=put, slots=(limit_slot, step_slot))
-
-        def make(following: int) -> Op:
-            end = block.end.pc
-
-            def run(f: Frame) -> int:
-                start = number(first(f))
-                limit = f[limit_slot] = number(last(f))
-                by = f[step_slot] = number(step(f))
-                put(f, start)
-                value = read(f)
-                return following if (value <= limit if by >= 0 else value >= limit) else end
-
-            return run
-
-        self._code.emit(make)
+        step = expressions.value(node.step) if node.step else fixed(1)
+        slots = routine.new_slot(), routine.new_slot()
+        block = ForBlock("For", node.at, target=node.target, read=read, put=put, slots=slots)
+        self._code.emit(begin_for(put, read, first, last, step, *slots, block.end.recipe))
         self._code.put(block.body)
         self.blocks.append(block)
 
@@ -165,9 +151,7 @@ class FlowCompiler:
                 ),
                 node.at,
             )
-        assert block.read is not None
-        assert block.put is not None
-        self._code.emit(_next_of(block, block.read, block.put))
+        self._code.emit(next_of_for(block.put, block.read, *block.slots, block.body.recipe))
         self._code.put(block.end)
 
     # --- Do, While
@@ -191,7 +175,7 @@ class FlowCompiler:
         if test is not None:
             self._branch(test.condition, block.top, unless=not test.until)
         else:
-            self._code.emit(_go_to(block.top))
+            self._code.emit(go_to(block.top.recipe))
         self._code.put(block.end)
 
     def leave_loop(self, word: str, at: Place) -> None:
@@ -199,7 +183,7 @@ class FlowCompiler:
         wanted = word.removeprefix("Exit ")
         for block in reversed(self.blocks):
             if block.word == wanted:
-                self._code.emit(_go_to(block.end))
+                self._code.emit(go_to(block.end.recipe))
                 return
         raise _misplaced(word, at, wanted)
 
@@ -209,37 +193,15 @@ class FlowCompiler:
         """Compile Select Case."""
         value = self._expressions.value(node.value)
         slot = self._scope.current_routine.new_slot()
-
-        def make(following: int) -> Op:
-            def run(f: Frame) -> int:
-                f[slot] = value(f)
-                return following
-
-            return run
-
-        self._code.emit(make)
+        self._code.emit(select(value, slot))
         self.blocks.append(SelectBlock("Select Case", node.at, slot=slot))
 
     def case(self, node: tree.Case) -> None:
         """Compile Case."""
         block = self._next_case("Case", node.at)
-        following = block.following = Spot()
+        block.following = Spot()
         tests = tuple(self._matcher(item) for item in node.items)
-        slot = block.slot
-
-        def make(body: int) -> Op:
-            otherwise = following.pc
-
-            def run(f: Frame) -> int:
-                value = f[slot]
-                for test in tests:
-                    if test(f, value):
-                        return body
-                return otherwise
-
-            return run
-
-        self._code.emit(make)
+        self._code.emit(case(tests, block.slot, block.following.recipe))
 
     def case_else(self, at: Place) -> None:
         """Compile Case Else."""
@@ -268,32 +230,24 @@ class FlowCompiler:
         spot = self._labels.setdefault(node.label.key, _Label(Spot())).spot
         self._jumps.append((node.label, tuple(self.blocks)))
         if node.word == "Goto":
-            self._code.emit(_go_to(spot))
+            self._code.emit(go_to(spot.recipe))
             return
         outermost = self.blocks[0]
         assert isinstance(outermost, RoutineBlock)
         outermost.has_gosub = True
-        self._code.emit(_gosub(spot))
+        self._code.emit(gosub(spot.recipe))
 
     def return_(self, at: Place) -> None:
         """Compile Return, the end of a Gosub."""
         self._returns.append(at)
-        self._code.emit(lambda _: _return_from_gosub)
+        self._code.emit(return_from_gosub())
 
     # --- helpers
 
     def _branch(self, condition: tree.Expression, otherwise: Spot | None, *, unless: bool = False) -> None:
         """Emit a test: continue if the condition is met, otherwise jump to a spot; ``unless`` inverts the condition."""
         assert otherwise is not None
-        met = self._expressions.condition(condition)
-
-        def make(following: int) -> Op:
-            there = otherwise.pc
-            if unless:
-                return lambda f: there if met(f) else following
-            return lambda f: following if met(f) else there
-
-        self._code.emit(make)
+        self._code.emit(branch(self._expressions.condition(condition), unless, otherwise.recipe))
 
     def _next_branch(self, word: str, at: Place) -> IfBlock:
         block = self._innermost(IfBlock, "If", word, at)
@@ -319,13 +273,14 @@ class FlowCompiler:
         block.begun = True
         return block
 
-    def _matcher(self, item: tree.CaseItem) -> Callable[[Frame, AnyValue], bool]:
+    def _matcher(self, item: tree.CaseItem) -> Recipe:
         low = self._expressions.value(item.value)
         if item.high is not None:
-            high = self._expressions.value(item.high)
-            return lambda f, value: not values.less(value, low(f)) and not values.less(high(f), value)
-        compare = RELATIONS[item.relation]
-        return lambda f, value: compare(value, low(f))
+            return is_between(low, self._expressions.value(item.high))
+        return is_related(item.relation, low)
+
+    def _return_from(self, routine: Routine) -> None:
+        self._code.emit(return_from(routine.result.slot if routine.result else None))
 
     def _innermost(self, kind: type[_B], opening: str, word: str, at: Place) -> _B:
         """Return the innermost open block after checking that a keyword belongs to it.
@@ -368,60 +323,132 @@ class FlowCompiler:
                 )
 
 
-def _return_from(routine: Routine) -> Make:
-    slot = routine.result.slot if routine.result else None
+# --- instructions -----------------------------------------------------------------------------------------------------
+
+
+@maker
+def return_from(_following: int, slot: int | None) -> Op:
+    """Return an instruction that ends a Sub or Function, whose result is in the slot."""
 
     def run(f: Frame) -> int:
         return int(f[MACHINE].leave(None if slot is None else f[slot]))
 
-    return lambda _: run
+    return run
 
 
-def _next_of(block: ForBlock, read: Evaluate, put: Store) -> Make:
-    limit_slot, step_slot = block.slots
-
-    def make(following: int) -> Op:
-        body = block.body.pc
-
-        def run(f: Frame) -> int:
-            by = f[step_slot]
-            put(f, values.add(read(f), by))
-            value = read(f)
-            return body if (value <= f[limit_slot] if by >= 0 else value >= f[limit_slot]) else following
-
-        return run
-
-    return make
+@maker
+def end_program(_following: int) -> Op:
+    """Return an instruction that ends the program."""
+    return lambda _: DONE
 
 
-def _go_to(spot: Spot) -> Make:
-    def make(_: int) -> Op:
-        there = spot.pc
-        return lambda _: there
-
-    return make
-
-
-def _gosub(spot: Spot) -> Make:
-    def make(following: int) -> Op:
-        there = spot.pc
-
-        def run(f: Frame) -> int:
-            returns = f[RETURNS] = f[RETURNS] or []
-            if len(returns) >= MAX_GOSUB:
-                raise out_of_range(tr("Gosub is nested more than {most} deep", most=MAX_GOSUB))
-            returns.append(following)
-            return there
-
-        return run
-
-    return make
+@maker
+def branch(following: int, met: Callable[[Frame], bool], unless: bool, there: int) -> Op:
+    """Return an instruction that continues if a condition is met (``unless`` inverts it), and otherwise jumps."""
+    if unless:
+        return lambda f: there if met(f) else following
+    return lambda f: following if met(f) else there
 
 
-def _return_from_gosub(f: Frame) -> int:
-    if f[RETURNS]:
-        return int(f[RETURNS].pop())
-    raise out_of_range(tr("Return without Gosub"))
+@maker
+def begin_for(
+    following: int, put: Store, read: Evaluate, first: Evaluate, last: Evaluate, step: Evaluate, limit_slot: int,
+    step_slot: int, end: int,
+) -> Op:  # fmt: skip
+    """Return the instruction of For."""
+
+    def run(f: Frame) -> int:
+        start = number(first(f))
+        limit = f[limit_slot] = number(last(f))
+        by = f[step_slot] = number(step(f))
+        put(f, start)
+        value = read(f)
+        return following if (value <= limit if by >= 0 else value >= limit) else end
+
+    return run
+
+
+@maker
+def next_of_for(following: int, put: Store, read: Evaluate, limit_slot: int, step_slot: int, body: int) -> Op:
+    """Return the instruction of Next."""
+
+    def run(f: Frame) -> int:
+        by = f[step_slot]
+        put(f, values.add(read(f), by))
+        value = read(f)
+        return body if (value <= f[limit_slot] if by >= 0 else value >= f[limit_slot]) else following
+
+    return run
+
+
+@maker
+def go_to(_following: int, there: int) -> Op:
+    """Return an instruction that jumps."""
+    return lambda _: there
+
+
+@maker
+def gosub(following: int, there: int) -> Op:
+    """Return the instruction of Gosub."""
+
+    def run(f: Frame) -> int:
+        returns = f[RETURNS] = f[RETURNS] or []
+        if len(returns) >= MAX_GOSUB:
+            raise out_of_range(tr("Gosub is nested more than {most} deep", most=MAX_GOSUB))
+        returns.append(following)
+        return there
+
+    return run
+
+
+@maker
+def return_from_gosub(_following: int) -> Op:
+    """Return the instruction of Return."""
+
+    def run(f: Frame) -> int:
+        if f[RETURNS]:
+            return int(f[RETURNS].pop())
+        raise out_of_range(tr("Return without Gosub"))
+
+    return run
+
+
+@maker
+def select(following: int, value: Evaluate, slot: int) -> Op:
+    """Return the instruction of Select Case."""
+
+    def run(f: Frame) -> int:
+        f[slot] = value(f)
+        return following
+
+    return run
+
+
+@maker
+def case(body: int, tests: tuple[Callable[[Frame, AnyValue], bool], ...], slot: int, otherwise: int) -> Op:
+    """Return the instruction of Case."""
+
+    def run(f: Frame) -> int:
+        value = f[slot]
+        for test in tests:
+            if test(f, value):
+                return body
+        return otherwise
+
+    return run
+
+
+@maker
+def is_between(low: Evaluate, high: Evaluate) -> Callable[[Frame, AnyValue], bool]:
+    """Return a function that returns True if a value is in a range."""
+    return lambda f, value: not values.less(value, low(f)) and not values.less(high(f), value)
+
+
+@maker
+def is_related(relation: str, low: Evaluate) -> Callable[[Frame, AnyValue], bool]:
+    """Return a function that compares a value."""
+    compare = RELATIONS[relation]
+    return lambda f, value: compare(value, low(f))
 
 
 def _misplaced(word: str, at: Place, opening: str) -> CompileError:

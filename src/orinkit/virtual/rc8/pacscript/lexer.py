@@ -60,12 +60,17 @@ class PacScriptLexer(Lexer):
         """Create the lexer; lark passes a configuration, which is ignored."""
 
     def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:  # noqa: ARG002 - not needed
-        """Yield the tokens of a program.
+        """Yield the tokens of a program; see :func:`tokens`."""
+        return tokens(str(lexer_state.text.text))
 
-        Raises:
-            CompileError: If a character or word is not allowed, or if a line or the program is too long.
-        """
-        yield from _Scan(_normal(str(lexer_state.text.text))).tokens()
+
+def tokens(source: str) -> Iterator[Token]:
+    """Yield the tokens of a program.
+
+    Raises:
+        CompileError: If a character or word is not allowed, or if a line or the program is too long.
+    """
+    return _Scan(_normal(source)).tokens()
 
 
 class _Scan:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
-from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, Frame
+from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, BuiltCode, Frame, Op
 from orinkit.virtual.rc8.pacscript.compiler import Program, compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, out_of_range
 from orinkit.virtual.rc8.pacscript.host_interface import HostInterface, Wait
@@ -41,16 +41,18 @@ class Machine:
     Args:
         program: The program; it begins at Sub Main.
         world: The interface to the controller.
+        built: The instructions of the controller's programs that exist as functions.
 
     Attributes:
         program: The program.
         frame: The frame of the running Sub or Function, with its variables; used by the instructions.
     """
 
-    def __init__(self, program: Program, world: HostInterface) -> None:
+    def __init__(self, program: Program, world: HostInterface, built: BuiltCode | None = None) -> None:
         self.program = program
         self._world = world
-        self._ops = program.linked.ops
+        self._ops: list[Op | None] = [None] * len(program.linked.recipes)
+        self._built = built or BuiltCode()
         self.restart()
 
     @property
@@ -71,9 +73,8 @@ class Machine:
     def restart(self) -> None:
         """Restart the program at Main."""
         self._stack: list[tuple[Frame, int, int, int]] = []
-        self._elements = self.program.elements
-        self.frame: Frame = self.program.new_frame(self._world, self)
-        self._pc = self.program.entry
+        self._pc, self._elements, new_frame = self.program.main
+        self.frame: Frame = new_frame(self._world, self)
         self._wait: Wait | None = None
         self._after_wait = self._pc
         self._fault: ProgramFault | None = None
@@ -167,13 +168,14 @@ class Machine:
     # --- running
 
     def _execute(self, budget: int, tired: Callable[[], bool] = lambda: False) -> int:
-        ops = self._ops
+        ops, linked = self._ops, self.program.linked
         pc = self._pc
         done = 0
         try:
             while done < budget:
                 done += 1
-                following = ops[pc](self.frame)
+                op = ops[pc] or self._built.op(ops, linked, pc)
+                following = op(self.frame)
                 if following < 0:
                     self._pc = pc
                     if not self._continues(following):

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeAlias, TypeVar
 
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MAX_TIME, MotionOptions
 from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, Kind, PassMark, Target
 from orinkit.virtual.rc8.pacscript import values
-from orinkit.virtual.rc8.pacscript.code import WORLD, Evaluate, Frame
+from orinkit.virtual.rc8.pacscript.code import WORLD, Evaluate, Frame, Recipe, maker
 from orinkit.virtual.rc8.pacscript.commands import percent, waiting
 from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions
 from orinkit.virtual.rc8.pacscript.functions import joint_index
+from orinkit.virtual.rc8.pacscript.host_interface import Wait
 from orinkit.virtual.rc8.pacscript.tree import Binary, ExtraJoints, Item, JointValue, Motion, Name, PassMarkNode, Place
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer
 
@@ -33,24 +34,47 @@ _RIGID: Final = 1  # value of the option Pose: the orientation turns with the po
 _ORIGIN: Final = Target("V", (0.0, 0.0, 0.0))
 
 
+_Mark: TypeAlias = Callable[[Frame], PassMark]
+T = TypeVar("T")
+
+
 @dataclass(slots=True)
 class _Options:
-    """The options of a motion that is being compiled: for each option, a function that evaluates it."""
+    """The options of a motion that is being compiled: for each option, the recipe of its value."""
 
-    fields: dict[str, Evaluate] = field(default_factory=dict)
+    fields: dict[str, Recipe] = field(default_factory=dict)
     next: bool = False
+
+    @property
+    def recipe(self) -> Recipe:
+        """The recipe of an :class:`_Evaluated`."""
+        return motion_options(self.next, *(self.fields.get(name) for name in _VALUES))
+
+
+_VALUES: Final = ("speed", "accel", "decel", "time", "pose")
+
+
+@dataclass(frozen=True, slots=True)
+class _Evaluated:
+    """The options of a motion: for each option that was given, a function that evaluates it."""
+
+    next: bool
+    speed: Evaluate | None
+    accel: Evaluate | None
+    decel: Evaluate | None
+    time: Evaluate | None
+    pose: Evaluate | None
 
     def build(self, f: Frame, mark: PassMark | None = None, pose: int | None = None) -> MotionOptions:
         """Return the values of the options and a pass mark; ``pose`` is used if the option Pose was not given."""
-        given = self.fields
         return MotionOptions(
-            speed=percent(given["speed"](f)) if "speed" in given else None,
-            accel=percent(given["accel"](f)) if "accel" in given else None,
-            decel=percent(given["decel"](f)) if "decel" in given else None,
-            time=_time(given["time"](f)) if "time" in given else None,
+            speed=percent(self.speed(f)) if self.speed else None,
+            accel=percent(self.accel(f)) if self.accel else None,
+            decel=percent(self.decel(f)) if self.decel else None,
+            time=_time(self.time(f)) if self.time else None,
             next=self.next,
             mark=mark,
-            pose=_pose_option(given["pose"](f)) if "pose" in given else pose,
+            pose=_pose_option(self.pose(f)) if self.pose else pose,
         )
 
 
@@ -113,10 +137,7 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
         _require(node, parts, 1, 1, tr("a length"))
         _reject_extra_joints(parts[0])
         length, mark = _amount(expressions, parts[0])
-        waiting(
-            expressions,
-            lambda f: f[WORLD].depart(interpolation, float(number(length(f))), mark(f), options.build(f)),
-        )
+        waiting(expressions, depart(interpolation, length, mark, options.recipe))
     elif interpolation == _INTERPOLATIONS["c"]:
         _require(node, parts, _POSES_ON_ARC, _POSES_ON_ARC, tr("a relay pose and a target"))
         _move(expressions, interpolation, parts, options)
@@ -130,22 +151,14 @@ def _straight(expressions: Expressions, node: Motion, items: list[Item], options
 
 
 def _move(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
-    targets = [_target(expressions, part) for part in parts]
-    waiting(
-        expressions,
-        lambda f: f[WORLD].move(interpolation, tuple(target(f) for target in targets), options.build(f)),
-    )
+    targets = tuple(_target(expressions, part) for part in parts)
+    waiting(expressions, move(interpolation, targets, options.recipe))
 
 
 def _move_path(expressions: Expressions, part: Item, options: _Options) -> None:
     _reject_extra_joints(part)
     path, mark = _amount(expressions, part)
-    waiting(
-        expressions,
-        lambda f: f[WORLD].move(
-            _INTERPOLATIONS["s"], (Target("", (float(rounded_to_integer(path(f))),), mark(f)),), options.build(f)
-        ),
-    )
+    waiting(expressions, move_along_path(path, mark, options.recipe))
 
 
 def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item], options: _Options) -> None:
@@ -154,18 +167,9 @@ def _approach(expressions: Expressions, interpolation: int, parts: Sequence[Item
             tr("the pass mark of Approach must precede the length"),
             parts[0].at,
         )
-    pose, extra = _pose(expressions, parts[0]), _extra(expressions, parts[1].extra or parts[0].extra)
+    target = pose_target(_pose(expressions, parts[0]), None, _extra(expressions, parts[1].extra or parts[0].extra))
     length, mark = _amount(expressions, parts[1])
-
-    def begin(f: Frame) -> Callable[[], bool]:
-        value = _POSE(pose(f))
-        target = Target(_kind(value), value, None, extra(f))
-        wait: Callable[[], bool] = f[WORLD].approach(
-            interpolation, target, float(number(length(f))), mark(f), options.build(f)
-        )
-        return wait
-
-    waiting(expressions, begin)
+    waiting(expressions, approach(interpolation, target, length, mark, options.recipe))
 
 
 def _interpolation(node: Motion, items: list[Item]) -> int:
@@ -194,30 +198,20 @@ def _drive(expressions: Expressions, node: Motion, items: list[Item], options: _
         if item.mark is not None and item is not items[0]:
             raise CompileError(tr("a pass mark is not allowed here"), item.at)
     pairs = _pairs(expressions, items)
-    waiting(expressions, lambda f: f[WORLD].drive(pairs(f), absolute, mark(f), options.build(f)))
+    waiting(expressions, drive(pairs, absolute, mark, options.recipe))
 
 
-def _pairs(expressions: Expressions, items: list[Item]) -> Callable[[Frame], tuple[tuple[int, float], ...]]:
+def _pairs(expressions: Expressions, items: list[Item]) -> Recipe:
     first = items[0].value
     if len(items) == 1 and first is not None and not isinstance(first, JointValue):
-        joints, take = expressions.value(first), values.pose("J")
-        return lambda f: tuple(enumerate(take(joints(f)), 1))
-    runs = [_pair(expressions, item.value, item.at) for item in items]
-    return lambda f: tuple(dict(run(f) for run in runs).items())  # if a joint occurs twice, the last value counts
+        return all_joints(expressions.value(first))
+    return joint_values(tuple(_pair(expressions, item.value, item.at) for item in items))
 
 
-def _pair(expressions: Expressions, node: object, at: Place) -> Callable[[Frame], tuple[int, float]]:
+def _pair(expressions: Expressions, node: object, at: Place) -> Recipe:
     if not isinstance(node, JointValue) or len(node.items) != 2:
         raise CompileError(tr("expected a joint and a value, for example (1, 10)"), at)
-    joint, value = (expressions.value(item) for item in node.items)
-
-    def run(f: Frame) -> tuple[int, float]:
-        index, amount = joint_index(joint(f)), value(f)
-        if isinstance(amount, tuple):
-            amount = values.pose("J")(amount)[index]
-        return index + 1, float(number(amount))
-
-    return run
+    return joint_value(*(expressions.value(item) for item in node.items))
 
 
 # --- Rotate, RotateH --------------------------------------------------------------------------------------------------
@@ -244,13 +238,7 @@ def _rotate(expressions: Expressions, node: Motion, items: list[Item], options: 
     if pivot is None and name.endswith("H"):
         raise CompileError(tr("Rotate {name} requires a pivot", name=name), node.at)
 
-    def begin(f: Frame) -> Callable[[], bool]:
-        turn = float(number(angle(f)))
-        about = None if pivot is None else Target("V", _VECTOR(pivot(f)))
-        wait: Callable[[], bool] = f[WORLD].rotate(name, turn, about, options.build(f, mark(f)))
-        return wait
-
-    waiting(expressions, begin)
+    waiting(expressions, rotate(name, angle, pivot, mark, options.recipe))
 
 
 def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], options: _Options) -> None:
@@ -258,71 +246,40 @@ def _rotate_hand(expressions: Expressions, node: Motion, items: list[Item], opti
     _require(node, items, 1, 1, tr("an angle"))
     _reject_extra_joints(items[0])
     angle, mark = _amount(expressions, items[0])
-    waiting(
-        expressions,
-        lambda f: f[WORLD].rotate("XYH", float(number(angle(f))), _ORIGIN, options.build(f, mark(f), _RIGID)),
-    )
+    waiting(expressions, rotate_hand(angle, mark, options.recipe))
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def _target(expressions: Expressions, item: Item) -> Callable[[Frame], Target]:
-    pose, mark, extra = _pose(expressions, item), _mark(expressions, item.mark), _extra(expressions, item.extra)
-
-    def run(f: Frame) -> Target:
-        value = _POSE(pose(f))
-        return Target(_kind(value), value, mark(f), extra(f))
-
-    return run
+def _target(expressions: Expressions, item: Item) -> Recipe:
+    return pose_target(_pose(expressions, item), _mark(expressions, item.mark), _extra(expressions, item.extra))
 
 
-def _pose(expressions: Expressions, item: Item) -> Evaluate:
+def _pose(expressions: Expressions, item: Item) -> Recipe:
     assert item.value is not None
     return expressions.value(item.value)
 
 
-def _amount(expressions: Expressions, item: Item) -> tuple[Evaluate, Callable[[Frame], PassMark | None]]:
-    """Return a function that evaluates a length or an angle, and a function that evaluates its pass mark."""
+def _amount(expressions: Expressions, item: Item) -> tuple[Recipe, Recipe | None]:
+    """Return the recipes of a length or an angle, and of its pass mark."""
     return _pose(expressions, item), _mark(expressions, item.mark)
 
 
-def _mark(expressions: Expressions, node: PassMarkNode | None) -> Callable[[Frame], PassMark | None]:
+def _mark(expressions: Expressions, node: PassMarkNode | None) -> Recipe | None:
     if node is None:
-        return lambda _: None
-    if node.radius is None:
-        fixed = PASSING if node.mode == "P" else AT_ENCODER
-        return lambda _: fixed
-    radius = expressions.value(node.radius)
-    return lambda f: _radius(radius(f))
+        return None
+    return fixed_mark(node.mode == "P") if node.radius is None else radius_mark(expressions.value(node.radius))
 
 
-def _radius(value: AnyValue) -> PassMark:
-    radius = float(number(value))
-    if radius < 0:
-        raise out_of_range(tr("the radius of a pass mark is negative: {radius:g} mm", radius=radius))
-    return PassMark("n", radius) if radius else AT_COMMAND
-
-
-def _extra(expressions: Expressions, node: ExtraJoints | None) -> Callable[[Frame], Extra | None]:
+def _extra(expressions: Expressions, node: ExtraJoints | None) -> Recipe | None:
     if node is None:
-        return lambda _: None
-    absolute = node.absolute
+        return None
     items = node.items
     if len(items) == 1 and not isinstance(items[0], JointValue):
-        joints, take = expressions.value(items[0]), values.pose("J")
-        return lambda f: Extra(absolute, tuple((n, take(joints(f))[n - 1]) for n in _EXTRA_JOINTS))
+        return extra_joints_of(node.absolute, expressions.value(items[0]))
     pairs = items if isinstance(items[0], JointValue) else (JointValue(node.at, items, 1),)
-    runs = [_pair(expressions, pair, node.at) for pair in pairs]
-
-    def run(f: Frame) -> Extra:
-        given = dict(one(f) for one in runs)
-        for joint in given:
-            if joint not in _EXTRA_JOINTS:
-                raise out_of_range(tr("joint {joint} is not an extended joint (7 or 8)", joint=joint))
-        return Extra(absolute, tuple(given.items()))
-
-    return run
+    return extra_joints(node.absolute, tuple(_pair(expressions, pair, node.at) for pair in pairs))
 
 
 def _kind(value: tuple[float, ...]) -> Kind:
@@ -353,3 +310,165 @@ def _require(node: Motion, items: Sequence[Item], least: int, most: int, what: s
 def _reject_extra_joints(item: Item) -> None:
     if item.extra is not None:
         raise CompileError(tr("Ex and ExA are not allowed here"), item.extra.at)
+
+
+# --- the functions that begin motions ---------------------------------------------------------------------------------
+
+_Begin: TypeAlias = Callable[[Frame], Wait]
+_Pair: TypeAlias = Callable[[Frame], tuple[int, float]]
+
+
+def _value_of(part: Callable[[Frame], T] | None, f: Frame) -> T | None:
+    return None if part is None else part(f)
+
+
+@maker
+def motion_options(
+    next_: bool, speed: Evaluate | None, accel: Evaluate | None, decel: Evaluate | None, time: Evaluate | None,
+    pose: Evaluate | None,
+) -> _Evaluated:  # fmt: skip
+    """Return the options of a motion."""
+    return _Evaluated(next_, speed, accel, decel, time, pose)
+
+
+@maker
+def pose_target(
+    pose: Evaluate, mark: _Mark | None, extra: Callable[[Frame], Extra] | None
+) -> Callable[[Frame], Target]:
+    """Return a function that returns a target."""
+
+    def run(f: Frame) -> Target:
+        value = _POSE(pose(f))
+        return Target(_kind(value), value, _value_of(mark, f), _value_of(extra, f))
+
+    return run
+
+
+@maker
+def fixed_mark(passing: bool) -> _Mark:
+    """Return a function that returns @P or @E."""
+    mark = PASSING if passing else AT_ENCODER
+    return lambda _: mark
+
+
+@maker
+def radius_mark(radius: Evaluate) -> _Mark:
+    """Return a function that returns a pass mark with a radius."""
+
+    def run(f: Frame) -> PassMark:
+        value = float(number(radius(f)))
+        if value < 0:
+            raise out_of_range(tr("the radius of a pass mark is negative: {radius:g} mm", radius=value))
+        return PassMark("n", value) if value else AT_COMMAND
+
+    return run
+
+
+@maker
+def joint_value(joint: Evaluate, value: Evaluate) -> _Pair:
+    """Return a function that returns the number of a joint and its value."""
+
+    def run(f: Frame) -> tuple[int, float]:
+        index, amount = joint_index(joint(f)), value(f)
+        if isinstance(amount, tuple):
+            amount = values.pose("J")(amount)[index]
+        return index + 1, float(number(amount))
+
+    return run
+
+
+@maker
+def joint_values(runs: tuple[_Pair, ...]) -> Callable[[Frame], tuple[tuple[int, float], ...]]:
+    """Return a function that returns joints and their values; if a joint occurs twice, the last value counts."""
+    return lambda f: tuple(dict(run(f) for run in runs).items())
+
+
+@maker
+def all_joints(joints: Evaluate) -> Callable[[Frame], tuple[tuple[int, float], ...]]:
+    """Return a function that returns the joints of a J and their values."""
+    take = values.pose("J")
+    return lambda f: tuple(enumerate(take(joints(f)), 1))
+
+
+@maker
+def extra_joints_of(absolute: bool, joints: Evaluate) -> Callable[[Frame], Extra]:
+    """Return a function that returns the extended joints of a J."""
+    take = values.pose("J")
+    return lambda f: Extra(absolute, tuple((n, take(joints(f))[n - 1]) for n in _EXTRA_JOINTS))
+
+
+@maker
+def extra_joints(absolute: bool, runs: tuple[_Pair, ...]) -> Callable[[Frame], Extra]:
+    """Return a function that returns extended joints."""
+
+    def run(f: Frame) -> Extra:
+        given = dict(one(f) for one in runs)
+        for joint in given:
+            if joint not in _EXTRA_JOINTS:
+                raise out_of_range(tr("joint {joint} is not an extended joint (7 or 8)", joint=joint))
+        return Extra(absolute, tuple(given.items()))
+
+    return run
+
+
+@maker
+def move(interpolation: int, targets: tuple[Callable[[Frame], Target], ...], options: _Evaluated) -> _Begin:
+    """Return a function that begins Move."""
+    return lambda f: f[WORLD].move(interpolation, tuple(target(f) for target in targets), options.build(f))
+
+
+@maker
+def move_along_path(path: Evaluate, mark: _Mark | None, options: _Evaluated) -> _Begin:
+    """Return a function that begins Move along a stored path."""
+
+    def begin(f: Frame) -> Wait:
+        target = Target("", (float(rounded_to_integer(path(f))),), _value_of(mark, f))
+        wait: Wait = f[WORLD].move(_INTERPOLATIONS["s"], (target,), options.build(f))
+        return wait
+
+    return begin
+
+
+@maker
+def approach(
+    interpolation: int, target: Callable[[Frame], Target], length: Evaluate, mark: _Mark | None, options: _Evaluated
+) -> _Begin:
+    """Return a function that begins Approach."""
+    return lambda f: f[WORLD].approach(
+        interpolation, target(f), float(number(length(f))), _value_of(mark, f), options.build(f)
+    )
+
+
+@maker
+def depart(interpolation: int, length: Evaluate, mark: _Mark | None, options: _Evaluated) -> _Begin:
+    """Return a function that begins Depart."""
+    return lambda f: f[WORLD].depart(interpolation, float(number(length(f))), _value_of(mark, f), options.build(f))
+
+
+@maker
+def drive(
+    pairs: Callable[[Frame], tuple[tuple[int, float], ...]], absolute: bool, mark: _Mark | None, options: _Evaluated
+) -> _Begin:
+    """Return a function that begins Drive or DriveA."""
+    return lambda f: f[WORLD].drive(pairs(f), absolute, _value_of(mark, f), options.build(f))
+
+
+@maker
+def rotate(plane: str, angle: Evaluate, pivot: Evaluate | None, mark: _Mark | None, options: _Evaluated) -> _Begin:
+    """Return a function that begins Rotate."""
+
+    def begin(f: Frame) -> Wait:
+        turn = float(number(angle(f)))
+        about = None if pivot is None else Target("V", _VECTOR(pivot(f)))
+        wait: Wait = f[WORLD].rotate(plane, turn, about, options.build(f, _value_of(mark, f)))
+        return wait
+
+    return begin
+
+
+@maker
+def rotate_hand(angle: Evaluate, mark: _Mark | None, options: _Evaluated) -> _Begin:
+    """Return a function that begins RotateH."""
+    return lambda f: f[WORLD].rotate(
+        "XYH", float(number(angle(f))), _ORIGIN, options.build(f, _value_of(mark, f), _RIGID)
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, Final, cast
 
@@ -14,7 +15,7 @@ from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.errors import CompileError, ProgramLoadError
 from orinkit.virtual.rc8.pacscript.grammar import GRAMMAR
 from orinkit.virtual.rc8.pacscript.keywords import canonical
-from orinkit.virtual.rc8.pacscript.lexer import PacScriptLexer
+from orinkit.virtual.rc8.pacscript.lexer import PacScriptLexer, tokens
 from orinkit.virtual.rc8.pacscript.tree import Expression, Place, Statement, depth_over
 
 _INTEGER_BITS: Final = 32
@@ -28,7 +29,14 @@ _MISSING: Final = (
 
 
 def parse(source: str, file: str) -> tuple[Statement, ...]:
-    """Return the statements of a program.
+    """Return the statements of a program; see :func:`parse_lines`."""
+    return tuple(statement for line in parse_lines(source, file) for statement in line)
+
+
+def parse_lines(source: str, file: str) -> Iterator[tuple[Statement, ...]]:
+    """Yield the statements of a program, one line after the other; lines without statements are omitted.
+
+    A statement never extends beyond its line, except with ``_`` at the end of the line.
 
     Args:
         source: Source; at most 256 Ki characters, at most 1,024 bytes in a line.
@@ -37,13 +45,26 @@ def parse(source: str, file: str) -> tuple[Statement, ...]:
     Raises:
         ProgramLoadError: If the source has a syntax error or an unsupported statement.
     """
+    begin = _lark().parse_interactive
+    parser: Any = begin()  # lark's methods have no types
     try:
-        return cast("tuple[Statement, ...]", _lark().parse(source))
+        for token in tokens(source):
+            parser.feed_token(token)
+            if token.type == "_LINE":
+                statements = cast("tuple[Statement, ...]", parser.feed_eof(token))
+                if statements:
+                    yield statements
+                parser = begin()
     except UnexpectedToken as error:
         line, column = _place(error.token)
-        raise ProgramLoadError(_unexpected(error), file, line, column) from None
+        raise ProgramLoadError(_unexpected(error, parser), file, line, column) from None
     except CompileError as error:
         raise ProgramLoadError(error.message, file, *error.at) from None
+
+
+def prepare() -> None:
+    """Build the parser, which takes 0.1 s; otherwise it is built when the first program is loaded."""
+    _lark()
 
 
 @cache
@@ -55,9 +76,9 @@ def _place(token: Token) -> Place:
     return Place(token.line or 1, token.column or 1)
 
 
-def _unexpected(error: UnexpectedToken) -> str:
+def _unexpected(error: UnexpectedToken, parser: Any) -> str:
     token = cast("Token", error.token)
-    possible = error.accepts or ()  # not error.expected, which includes tokens that are not allowed at this position
+    possible = parser.accepts()  # not error.expected, which includes tokens that are not allowed at this position
     missing = next((shown for name, shown in _MISSING if name in possible), "")
     if token.type in ("_LINE", "$END"):
         problem = tr("unexpected end of line")

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
-from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, Spot
+from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, RoutineCode, Spot
 from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported
 from orinkit.virtual.rc8.pacscript.keywords import (
     CONSTANTS,
@@ -28,6 +28,8 @@ MAX_DIMENSIONS: Final = 3
 """Maximum number of dimensions of an array."""
 MAX_ELEMENTS: Final = 100_000
 """Maximum number of elements of the arrays of all running Subs and Functions together."""
+MAX_ROUTINES: Final = 1_000
+"""Maximum number of Subs and Functions of a program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class TypeOf:
     convert: Callable[[AnyValue], AnyValue]
 
 
-_TYPES: Final[Mapping[str, TypeOf]] = {
+TYPES_BY_NAME: Final[Mapping[str, TypeOf]] = {
     kind.name: kind
     for kind in (
         TypeOf("integer", 0, values.rounded_to_integer),
@@ -60,11 +62,12 @@ _TYPES: Final[Mapping[str, TypeOf]] = {
         TypeOf("trans", (*(0.0,) * (values.T_LENGTH - 1), -1.0), values.pose("T")),
     )
 }
-VARIANT: Final = _TYPES["variant"]
+"""The types, by name."""
+VARIANT: Final = TYPES_BY_NAME["variant"]
 """The type that accepts any value."""
 BY_CLASS: Final[Mapping[str, TypeOf]] = {
-    "I": _TYPES["integer"], "F": _TYPES["single"], "D": _TYPES["double"], "S": _TYPES["string"],
-    "V": _TYPES["vector"], "P": _TYPES["position"], "J": _TYPES["joint"], "T": _TYPES["trans"],
+    "I": TYPES_BY_NAME["integer"], "F": TYPES_BY_NAME["single"], "D": TYPES_BY_NAME["double"], "S": TYPES_BY_NAME["string"],
+    "V": TYPES_BY_NAME["vector"], "P": TYPES_BY_NAME["position"], "J": TYPES_BY_NAME["joint"], "T": TYPES_BY_NAME["trans"],
 }  # fmt: skip
 """The types of the global variables, by the name of their class."""
 
@@ -109,11 +112,11 @@ class Routine:
         self.template.append(default)
         return len(self.template) - 1
 
-    def framer(self) -> Callable[[Any, Any], Frame]:
-        """Return a function that creates a frame of this Sub or Function.
+    def linked(self, spots: Mapping[int, int]) -> RoutineCode:
+        """Return the linked Sub or Function; ``spots`` are the indices of the instructions at the spots."""
+        return RoutineCode(spots[self.entry.number], self.elements, self._framer())
 
-        Its arguments are the interface to the controller and the machine that runs the program.
-        """
+    def _framer(self) -> Callable[[Any, Any], Frame]:
         template = self.template
         arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
 
@@ -146,10 +149,14 @@ class Scope:
         """Add a Sub or Function.
 
         Raises:
-            CompileError: If the name is already declared or not allowed.
+            CompileError: If the name is already declared or not allowed, or if there are too many.
         """
         self.check_name(routine.name)
         self._reject_duplicate(routine.name, routine.name.key in self.routines)
+        if len(self.routines) >= MAX_ROUTINES:
+            raise CompileError(
+                tr("the program has more than {most} Subs and Functions", most=MAX_ROUTINES), routine.name.at
+            )
         self.routines[routine.name.key] = routine
 
     def add_variable(
@@ -245,7 +252,7 @@ def find_type(name: Name | None) -> TypeOf:
     """
     if name is None:
         return VARIANT
-    kind = _TYPES.get("integer" if name.key == "long" else name.key)
+    kind = TYPES_BY_NAME.get("integer" if name.key == "long" else name.key)
     if kind is None:
         raise CompileError(tr("unknown type {name}", name=name.text), name.at)
     return kind

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Final
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
@@ -14,7 +16,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.motion.planner import Motion
-from orinkit.virtual.engine.motion.queue import MotionQueue, QueueState, Ticket, TicketState
+from orinkit.virtual.engine.motion.queue import ROOM, MotionQueue, QueueState, Ticket, TicketState
 from orinkit.virtual.engine.servo import ControlLog, Servo
 from orinkit.virtual.rc8.error_list import ErrorList
 from orinkit.virtual.rc8.robot.arm_owner import Operator
@@ -26,6 +28,7 @@ from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 _PASSED = (TicketState.PASSED, TicketState.DONE)
+_TAKERS: Final = 100  # operators waiting for the arm that are answered in a cycle
 
 
 @dataclass(slots=True)
@@ -43,6 +46,28 @@ class _Waiting:
     passing: bool
     arrived: bool
     done: Deferred[None]
+
+
+@dataclass(slots=True)
+class _Taker:
+    """The arguments of :meth:`RC8Arm.take_later`, and the Deferred that it returned."""
+
+    keep: bool
+    check: Callable[[], None]
+    done: Deferred[None]
+
+
+@dataclass(slots=True, eq=False)
+class PendingMotions:
+    """Motions of one call that are being planned.
+
+    Attributes:
+        count: Number of motions.
+        done: The Deferred of the call.
+    """
+
+    count: int
+    done: Deferred[Any]
 
 
 class RC8Arm:
@@ -88,9 +113,10 @@ class RC8Arm:
         self.held = False
         self._cycles = cycles
         self._objects: Counter[Operator] = Counter()
+        self._pending: list[PendingMotions] = []
         self._waiting: list[_Waiting] = []
         self._still: list[Deferred[None]] = []
-        self._takers: list[tuple[Operator, Deferred[None]]] = []  # operators waiting for standstill to take the arm
+        self._takers: dict[Operator, _Taker] = {}  # operators waiting for standstill to take the arm
         self._stop_code: int | None = None  # during a stop: the code with which motions fail; 0 if they are skipped
         self._cut = False
 
@@ -98,8 +124,25 @@ class RC8Arm:
 
     @property
     def busy(self) -> bool:
-        """True while a motion runs, is paused or is being stopped; in slave mode, while the command position moves."""
+        """True while a motion is being planned, runs, is paused or is being stopped.
+
+        In slave mode, it is True while the command position moves.
+        """
+        return self._moving or self.planning
+
+    @property
+    def planning(self) -> bool:
+        """True while a motion is being planned in a thread."""
+        return bool(self._pending)
+
+    @property
+    def _moving(self) -> bool:
         return self.queue.state is not QueueState.IDLE
+
+    @property
+    def room(self) -> int:
+        """Number of motions that can be added to those that are queued or being planned."""
+        return ROOM - len(self.queue.tickets) - sum(each.count for each in self._pending)
 
     @property
     def stopping(self) -> bool:
@@ -124,7 +167,7 @@ class RC8Arm:
             self.space.tools.current = self.space.works.current = 0
 
     def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Deferred[None]:
-        """Give the arm to an operator at the next standstill.
+        """Give the arm to an operator at the next standstill; the first operator that waits receives it.
 
         Args:
             operator: New holder of the arm.
@@ -132,23 +175,23 @@ class RC8Arm:
             check: Called at that standstill; if it raises an exception, the operator does not receive the arm, and the
                 Deferred fails with the exception.
         """
-        deferred = Deferred[None]()
-        self._takers.append((operator, deferred))
+        if operator in self._takers:
+            return self._takers[operator].done
+        taker = self._takers[operator] = _Taker(keep, check, Deferred[None]())
+        if self._at_rest():
+            self._serve_takers()
+        return taker.done
 
-        def take() -> None:
-            self._takers.remove((operator, deferred))
-            if deferred.done():  # the operator has disconnected
-                return
+    def _serve_takers(self) -> None:
+        for operator in list(itertools.islice(self._takers, _TAKERS)):
+            taker = self._takers.pop(operator)
             try:
-                check()
+                taker.check()
             except Exception as error:  # noqa: BLE001 - passed to the operator
-                deferred.set_exception(error)
+                taker.done.set_exception(error)
             else:
-                self.take(operator, keep=keep)
-                deferred.set_result()
-
-        self.when_still().add_done_callback(take)
-        return deferred
+                self.take(operator, keep=taker.keep)
+                taker.done.set_result()
 
     def give(self) -> None:
         """Release the arm semaphore; running motions are not affected."""
@@ -170,19 +213,32 @@ class RC8Arm:
     def forget(self, operator: Operator) -> None:
         """Remove a disconnected operator: stop its motions and release the arm."""
         self._objects.pop(operator, None)
-        for taker, deferred in self._takers:
-            if taker is operator:
-                deferred.set_exception(error_for(hresult.E_ABORT))
+        taker = self._takers.pop(operator, None)
+        if taker is not None:
+            taker.done.set_exception(error_for(hresult.E_ABORT))
         if self.holder is operator:
             self.holder = None
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     # --- motion -------------------------------------------------------------------------------------------------
 
+    def expect_motions(self, pending: PendingMotions) -> None:
+        """Count motions that are being planned as motions of the arm, so that a stop discards them."""
+        self._pending.append(pending)
+
+    def forget_motions(self, pending: PendingMotions) -> bool:
+        """Remove motions that have been planned; return False if a stop has discarded them."""
+        if pending not in self._pending:
+            return False
+        self._pending.remove(pending)
+        return True
+
     def enqueue(self, motion: Motion) -> Ticket:
-        """Append a motion to the queue; it starts in the next cycle if no other motion runs."""
+        """Append a motion to the queue; it starts in the next cycle if no other motion runs and the arm is not held."""
         self._cycles.require_open()
         ticket = self.queue.add(motion)
+        if self.held:  # Hold was called while the motion was planned
+            self.queue.hold()
         self._cycles.wake()
         return ticket
 
@@ -216,11 +272,20 @@ class RC8Arm:
         self.held = False
         if self.slave.on:
             self.slave.end(code)
-        if self.busy:
+        self._discard_pending(code)
+        if self._moving:
             self._stop_code = code if self._stop_code is None else self._stop_code
             self.queue.halt()
             self._answer()  # a paused arm is already at standstill, so its calls complete now
             self._cycles.wake()
+
+    def _discard_pending(self, code: int) -> None:
+        pending, self._pending = self._pending, []
+        for each in pending:
+            if code == hresult.S_OK:
+                each.done.set_result()
+            else:
+                each.done.set_exception(error_for(code))
 
     def stop_and_power_off(self, code: int) -> None:
         """Stop the arm and then switch its motor off: for an emergency stop or a severe error."""
@@ -303,9 +368,14 @@ class RC8Arm:
         error = error_for(hresult.E_ABORT)
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
-        for done in (*(deferred for _, deferred in self._takers), *(wait.done for wait in self._waiting), *self._still):
+        self._discard_pending(hresult.E_ABORT)
+        for done in (
+            *(taker.done for taker in self._takers.values()),
+            *(wait.done for wait in self._waiting),
+            *self._still,
+        ):
             done.set_exception(error)
-        self._waiting, self._still, self._takers = [], [], []
+        self._waiting, self._still, self._takers = [], [], {}
         self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold the present position
         self.motor.cut()
 
@@ -328,8 +398,8 @@ class RC8Arm:
         if self.slave.on:
             self.slave.complete_waiting()
         paused = self.queue.state is QueueState.HELD
-        commanding = (self.busy and not paused) or not self.queue.standing or self.slave.has_work
-        return commanding or moving or switching or self.log.running
+        commanding = (self._moving and not paused) or not self.queue.standing or self.slave.has_work
+        return commanding or moving or switching or self.log.running or bool(self._takers)
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""
@@ -357,7 +427,7 @@ class RC8Arm:
         return self.queue.state in (QueueState.IDLE, QueueState.HELD)
 
     def _come_to_rest(self) -> None:
-        if not self.busy:
+        if not self._moving:
             self._stop_code = None
             if self._cut:
                 self._cut = False
@@ -366,3 +436,5 @@ class RC8Arm:
             still, self._still = self._still, []
             for done in still:
                 done.set_result()
+        if self._takers and self._at_rest():
+            self._serve_takers()

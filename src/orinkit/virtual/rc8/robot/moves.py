@@ -4,57 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 
+from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
-from orinkit.rc8.motion_options import MotionOptions, VariableRef, resolve
-from orinkit.values.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
-from orinkit.virtual.engine.motion import planner
-from orinkit.virtual.engine.motion.planner import Motion, Rates
-from orinkit.virtual.engine.motion.queue import ROOM, Ticket
-from orinkit.virtual.rc8.robot.arm import RC8Arm
-from orinkit.virtual.rc8.robot.speeds import FULL, SpeedSet
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Goal, Joints, check_reach
-from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
+from orinkit.rc8.motion_options import MotionOptions
+from orinkit.values.poses import PassMark, Target
+from orinkit.virtual.engine.control_loop import ControlLoop
+from orinkit.virtual.engine.lane import Lane
+from orinkit.virtual.engine.motion.joint_path import TooManySteps
+from orinkit.virtual.engine.motion.planner import Motion
+from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.robot.arm import PendingMotions, RC8Arm
+from orinkit.virtual.rc8.robot.motion_planner import LINE, PTP, MotionPlanner, Plans
+from orinkit.virtual.rc8.robot.target import FrameContext, Joints, check_reach
+from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables.table import VariableTable
-from orinkit.virtual.rc8.variables.types import CLASSES
 
-PTP: Final = 1
-LINE: Final = 2
 ARC: Final = 3
 CURVE: Final = 4
 
 _NO_OPTIONS: Final = MotionOptions()
-_AXES: Final = {"XY": (0.0, 0.0, 1.0), "YZ": (1.0, 0.0, 0.0), "ZX": (0.0, 1.0, 0.0)}
-_KEEP_ORIENTATION: Final = 2
 _RAISED_LEVEL: Final = 3
 _LONGEST_PATH: Final = 5000
 _PATHS: Final = 20
-_LEAST_RATE: Final = 1e-15  # slower than any valid motion, but not rounded to 0
+_AXES: Final = {"XY": (0.0, 0.0, 1.0), "YZ": (1.0, 0.0, 0.0), "ZX": (0.0, 1.0, 0.0)}
 
-_Plan: TypeAlias = Callable[[Joints], Motion]
-"""Plans a motion that starts from a joint position."""
+T = TypeVar("T")
+
+OfTool: TypeAlias = Callable[[Matrix], Matrix]
+"""Returns a vector of the base frame; its argument is the tool frame at the start."""
 
 
 class Moves:
     """Plans motions for an arm and puts them into its queue.
 
-    Every method that begins motions returns their tickets. Callers first check the conditions
-    (:mod:`orinkit.virtual.rc8.robot.conditions`).
+    Every motion function returns the plans of its motions, which :meth:`begin` executes. Callers first check the
+    conditions (:mod:`orinkit.virtual.rc8.robot.conditions`).
 
     Args:
         arm: The arm.
+        cycles: The control loop, which is the lock of the controller.
+        lane: The thread in which motions are planned.
         variables: Global variables, for poses and speeds that refer to a variable.
         report: Callback that raises an error of the controller; invoked with code and detail of a planning error whose
             level stops the robot.
     """
 
-    def __init__(self, arm: RC8Arm, variables: VariableTable, report: Callable[[int, str], None]) -> None:
+    def __init__(
+        self, arm: RC8Arm, cycles: ControlLoop, lane: Lane, variables: VariableTable,
+        report: Callable[[int, str], None],
+    ) -> None:  # fmt: skip
         self._arm = arm
+        self._cycles = cycles
+        self._lane = lane
         self._variables = variables
         self._report = report
         self._paths: dict[int, list[Target]] = {}
@@ -65,27 +72,89 @@ class Moves:
 
     # --- motions ------------------------------------------------------------------------------------------------
 
-    def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> list[Ticket]:
+    def begin(self, plans: Plans, then: Callable[[Sequence[Ticket]], T], *, pauses: bool = False) -> T | Deferred[T]:
+        """Plan motions in sequence, and queue them if all of them are possible.
+
+        A single PTP motion or line is planned immediately if this takes a few milliseconds at most, other motions in a
+        thread. Until these are queued, the arm is busy, as if they were queued already. A stop discards them: the Deferred then fails with the code of the stop, or its result
+        is ``None`` after a skip.
+
+        Args:
+            plans: The motions.
+            then: Callback invoked inside the lock of the controller with the tickets of the motions.
+            pauses: True to run no cycles until the motions are queued.
+
+        Returns:
+            The result of ``then``; from a thread as a Deferred (``brief``).
+
+        Raises:
+            CallError: ROBOT_MOVING if the queue has not enough room; STOPPING_MOTION; errors of planning, unless there
+                is a thread.
+        """
+        arm = self._arm
+        if arm.room < len(plans.makes):
+            raise error_for(
+                hresult.ROBOT_MOVING,
+                tr("the motion queue is full"),
+            )
+        arm.queue.require_accepting()
+        if plans.quick and not arm.planning:
+            planned = plans.planned(arm.queue.end_joints)
+            if not isinstance(planned, TooManySteps):
+                return then(self._queue(planned))
+        plans.planner.capture()
+        if self._lane.immediate:
+            return then(self._queue(plans.planned(arm.queue.end_joints)))
+        return self._begin_in_thread(plans, then, pauses=pauses)
+
+    def _begin_in_thread(self, plans: Plans, then: Callable[[Sequence[Ticket]], T], *, pauses: bool) -> Deferred[T]:
+        arm, cycles = self._arm, self._cycles
+        pending = PendingMotions(len(plans.makes), Deferred(brief=True))
+
+        def job() -> T | None:
+            with cycles:  # after the caller has left the lock
+                start = arm.queue.end_joints
+            planned = plans.planned(start)
+            with cycles:
+                return then(self._queue(planned)) if arm.forget_motions(pending) else None
+
+        self._lane.submit(job, pending.done)
+        arm.expect_motions(pending)
+        if pauses:
+            cycles.suspend()
+            pending.done.add_done_callback(cycles.resume)
+        return pending.done
+
+    def _queue(self, planned: list[Motion] | Exception) -> Sequence[Ticket]:
+        if isinstance(planned, CallError):
+            raise self._report_error(planned)
+        if isinstance(planned, Exception):
+            raise planned
+        return [self._arm.enqueue(motion) for motion in planned]
+
+    def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> Plans:
         """Move with an interpolation (RC8 3.3.4): 1 PTP, 2 linear, 3 arc, 4 free curve.
 
         PTP and linear move to each of the poses in turn. An arc moves through the first pose to the second. A free
         curve moves through all poses to the last one.
 
         Raises:
-            CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG; errors of planning.
+            CallError: INTERPOLATION_NOT_SUPPORTED, E_INVALIDARG.
         """
+        planner = self._planner(options, targets)
         if interpolation in (PTP, LINE):
-            make = self._ptp_to if interpolation == PTP else self._line_to
-            return self._begin(*(partial(make, target, options) for target in targets))
+            make = planner.ptp_to if interpolation == PTP else planner.line_to
+            makes = [partial(make, target) for target in targets]
+            return Plans(planner, makes, quick=len(makes) == 1)
         if interpolation == ARC:
             if len(targets) != 2:
                 raise error_for(
                     hresult.E_INVALIDARG,
                     tr("an arc requires two poses: the via point and the end point"),
                 )  # fmt: skip
-            return self._begin(partial(self._arc, targets[0], targets[1], options))
+            return Plans(planner, [partial(planner.arc, targets[0], targets[1])])
         if interpolation == CURVE:
-            return self._begin(partial(self._curve, targets, targets[-1].mark, options))
+            return Plans(planner, [partial(planner.curve, targets, targets[-1].mark)])
         raise self._report_error(
             error_for(
                 hresult.INTERPOLATION_NOT_SUPPORTED,
@@ -96,81 +165,74 @@ class Moves:
             )
         )  # fmt: skip
 
-    def follow(self, number: int, mark: PassMark | None, options: MotionOptions) -> list[Ticket]:
+    def follow(self, number: int, mark: PassMark | None, options: MotionOptions) -> Plans:
         """Move along a stored path, as a free curve.
 
         Raises:
-            CallError: E_INVALIDARG if the path does not exist or has no points; errors of planning.
+            CallError: E_INVALIDARG if the path does not exist or has no points.
         """
-        return self._begin(partial(self._curve, self._stored(number), mark, options))
+        planner = self._planner(options)
+        return Plans(planner, [partial(planner.curve, self._stored(number), mark)])
 
     def approach(
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
-    ) -> list[Ticket]:
+    ) -> Plans:
         """Move to a position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
-        mark = mark or target.mark
+        planner = self._planner(options, (target,))
+        make = partial(planner.approach, interpolation, target, distance, mark)
+        return Plans(planner, [make], quick=True)
 
-        def make(start: Joints) -> Motion:
-            return self._retreat(interpolation, self._space.goal(target, start), distance, mark, options, start)
-
-        return self._begin(make)
-
-    def depart(
-        self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions
-    ) -> list[Ticket]:
+    def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Plans:
         """Move by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
-
-        def make(start: Joints) -> Motion:
-            here = Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
-            return self._retreat(interpolation, here, distance, mark, options, start)
-
-        return self._begin(make)
+        planner = self._planner(options)
+        return Plans(planner, [partial(planner.depart, interpolation, distance, mark)], quick=True)
 
     def drive(
         self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
-    ) -> list[Ticket]:
+    ) -> Plans:
         """Move axes by distances, or with ``absolute`` to positions, in deg (mm for linear axes).
 
         Each pair is the number of an axis, counted from 1, and its distance or position.
 
         Raises:
-            CallError: E_INVALIDARG if an axis does not exist; errors of planning.
+            CallError: E_INVALIDARG if an axis does not exist.
         """
-        joints = list(self._arm.queue.end_joints)
-        for axis, value in pairs:
-            if not 1 <= axis <= len(joints):
+        count = len(self._arm.model.axes)
+        for axis, _ in pairs:
+            if not 1 <= axis <= count:
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=len(joints)),
+                    tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=count),
                 )
-            joints[axis - 1] = value if absolute else joints[axis - 1] + value
-        return self._begin(partial(self._ptp, tuple(joints), mark or options.mark, options))
+        planner = self._planner(options)
+        return Plans(planner, [partial(planner.drive, pairs, absolute, mark)], quick=True)
 
-    def rotate(self, axis: Matrix, point: Matrix, angle: float, options: MotionOptions) -> list[Ticket]:
+    def rotate(self, axis: Matrix | OfTool, point: Matrix | OfTool, angle: float, options: MotionOptions) -> Plans:
         """Rotate by ``angle`` deg about an axis through a point (RC8 provider guide, Rotate).
 
-        The direction of the axis and the point (mm) are vectors of the base frame, three numbers each.
+        The direction of the axis and the point (mm) are vectors of the base frame, three numbers each. They may depend
+        on the tool frame at the start.
         """
+        planner = self._planner(options)
 
         def make(start: Joints) -> Motion:
-            return planner.plan_rotation(
-                self._space.kinematics, start, axis, point, angle, self._tool, self._path_rates(options),
-                options.mark or AT_COMMAND, keep_orientation=options.pose == _KEEP_ORIENTATION,
-            )  # fmt: skip
+            tcp = planner.tcp(start)
+            direction, origin = (part(tcp) if callable(part) else part for part in (axis, point))
+            return planner.rotate(direction, origin, angle, start)
 
-        return self._begin(make)
+        return Plans(planner, [make])
 
-    def rotate_hand(self, angle: float, mark: PassMark | None, options: MotionOptions) -> list[Ticket]:
+    def rotate_hand(self, angle: float, mark: PassMark | None, options: MotionOptions) -> Plans:
         """Rotate by an angle (deg) about the tool's Z axis."""
-        tcp = self._space.tcp(self._arm.queue.end_joints)
         rotation = MotionOptions(
             options.speed, options.accel, options.decel, options.time, options.next, mark or options.mark
         )
-        return self.rotate(tcp[:3, 2], tcp[:3, 3], angle, rotation)
+        return self.rotate(lambda tcp: tcp[:3, 2], lambda tcp: tcp[:3, 3], angle, rotation)
 
-    def home(self) -> list[Ticket]:
+    def home(self) -> Plans:
         """Move to the home pose by PTP."""
-        return self._begin(partial(self._ptp, self._arm.model.home, None, _NO_OPTIONS))
+        planner = self._planner(_NO_OPTIONS)
+        return Plans(planner, [partial(planner.ptp, self._arm.model.home, None)], quick=True)
 
     def plane(self, name: str) -> Matrix:
         """Return the normal of a plane of the work frame, in the base frame.
@@ -195,7 +257,7 @@ class Moves:
         if target.kind == "V":
             values = target.value
             if isinstance(values, int):
-                values = tuple(self._variables.read(CLASSES["V"], values).value)
+                values = self._space.read_variable("V", values)
             check_reach(*values)
             return np.asarray((self._space.works.matrix() @ np.array([*values, 1.0]))[:3])
         start = self._arm.queue.end_joints
@@ -231,86 +293,17 @@ class Moves:
 
     # --- helpers ------------------------------------------------------------------------------------------------
 
-    @property
-    def _tool(self) -> Matrix:
-        return self._space.tools.matrix()
+    def _planner(self, options: MotionOptions, targets: Sequence[Target] = ()) -> MotionPlanner:
+        return MotionPlanner(self._arm.space, self._arm.speeds, self._variables, options, targets)
 
-    def _ptp_to(self, target: Target, options: MotionOptions, start: Joints) -> Motion:
-        return self._ptp(self._space.joints(target, start), target.mark or options.mark, options, start)
-
-    def _line_to(self, target: Target, options: MotionOptions, start: Joints) -> Motion:
-        goal = self._space.path_goal(target, start)
-        return self._line(goal.tcp, goal.extra, target.mark or options.mark, options, start)
-
-    def _ptp(self, end: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
-        rates = self._rates(self._arm.speeds.joint, options)
-        return planner.plan_ptp(self._space.kinematics, start, end, rates, mark or AT_COMMAND, self._tool)
-
-    def _line(self, end: Matrix, extra: Joints, mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
-        rates = self._path_rates(options)
-        return planner.plan_line(self._space.kinematics, start, end, self._tool, rates, mark or AT_COMMAND, extra)
-
-    def _arc(self, via: Target, target: Target, options: MotionOptions, start: Joints) -> Motion:
-        middle, end = self._space.path_goal(via, start), self._space.path_goal(target, start)
-        return planner.plan_arc(
-            self._space.kinematics, start, middle.tcp, end.tcp, self._tool, self._path_rates(options),
-            target.mark or via.mark or options.mark or AT_COMMAND, end.extra,
-        )  # fmt: skip
-
-    def _curve(self, targets: Sequence[Target], mark: PassMark | None, options: MotionOptions, start: Joints) -> Motion:
-        goals = [self._space.path_goal(target, start) for target in targets]
-        return planner.plan_curve(
-            self._space.kinematics, start, [goal.tcp for goal in goals], self._tool, self._path_rates(options),
-            mark or options.mark or AT_COMMAND, goals[-1].extra,
-        )  # fmt: skip
-
-    def _stored(self, number: int) -> list[Target]:
+    def _stored(self, number: int) -> tuple[Target, ...]:
         points = self._paths.get(_path(number))
         if not points:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr("path {number} has no points. Try: AddPathPoint", number=number),
             )  # fmt: skip
-        return points
-
-    def _retreat(
-        self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, options: MotionOptions,
-        start: Joints,
-    ) -> Motion:  # fmt: skip
-        check_reach(distance)
-        back = IDENTITY.copy()
-        back[2, 3] = -distance
-        end = goal.tcp @ back
-        if interpolation == PTP:
-            solved = self._space.solve(end, goal.figure, start)
-            return self._ptp((*solved, *goal.extra), mark or options.mark, options, start)
-        if interpolation != LINE:
-            raise error_for(
-                hresult.INTERPOLATION_NOT_SUPPORTED,
-                tr(
-                    "interpolation {interpolation} is not supported for approach and depart motions. Try: 1 (PTP) "
-                    "or 2 (linear)",
-                    interpolation=interpolation,
-                ),
-            )
-        self._space.check_figure(goal, start)
-        return self._line(end, goal.extra, mark or options.mark, options, start)
-
-    def _begin(self, *plans: _Plan) -> list[Ticket]:
-        """Plan motions in sequence, and queue them if all of them are possible."""
-        queue = self._arm.queue
-        if len(queue.tickets) + len(plans) > ROOM:
-            raise error_for(
-                hresult.ROBOT_MOVING,
-                tr("the motion queue is full"),
-            )
-        motions: list[Motion] = []
-        try:
-            for make in plans:
-                motions.append(make(motions[-1].end if motions else queue.end_joints))
-        except CallError as error:
-            raise self._report_error(error) from None
-        return [self._arm.enqueue(motion) for motion in motions]
+        return tuple(points)  # points may be added while the motion is planned
 
     def _report_error(self, error: CallError) -> CallError:
         """Return an error of planning; if its level stops the robot, first report it to the controller.
@@ -323,29 +316,6 @@ class Moves:
         if stops and not (holder is not None and holder.program):
             self._report(error.code, error.detail)
         return error
-
-    def _path_rates(self, options: MotionOptions) -> Rates:
-        return self._rates(self._arm.speeds.path, options)
-
-    def _rates(self, internal: SpeedSet, options: MotionOptions) -> Rates:
-        external = self._arm.speeds.external
-        speed, accel, decel = (
-            self._amount(given, default)
-            for given, default in (
-                (options.speed, internal.speed), (options.accel, internal.accel), (options.decel, internal.decel)
-            )
-        )  # fmt: skip
-        time = None if options.time is None else max(_LEAST_RATE, self._amount(options.time, 0.0) / 1000)
-        speed, accel, decel = (
-            max(_LEAST_RATE, part / FULL**2)
-            for part in (speed * external.speed, accel * external.accel, decel * external.decel)
-        )
-        return Rates(speed, accel, decel, time)
-
-    def _amount(self, given: float | VariableRef | None, default: float) -> float:
-        if given is None:
-            return default
-        return resolve(given, lambda kind, index: self._variables.read(CLASSES[kind], index).value)
 
 
 def _path(number: int) -> int:

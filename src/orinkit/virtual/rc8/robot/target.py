@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+import copy
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,6 +28,8 @@ _FIGURE_LEAST: Final = -3
 _FARTHEST: Final = 1e6  # mm; beyond the reach of any arm, and small enough for calculations
 
 Joints = tuple[float, ...]
+ReadVariable: TypeAlias = Callable[[str, int], tuple[float, ...]]
+"""Returns the value of a global variable of class P, J, T or V; its arguments are the class and the index."""
 
 
 class Goal(NamedTuple):
@@ -51,6 +54,7 @@ class FrameContext:
     Attributes:
         tools, works: The tool frames and the work frames, each with the number of the current frame.
         kinematics: Kinematics of the arm.
+        read_variable: Function that returns the value of a global variable.
     """
 
     def __init__(self, model: ArmModel, variables: VariableTable) -> None:
@@ -58,7 +62,14 @@ class FrameContext:
         self.kinematics = Kinematics(model)
         self.tools: FrameSet = tool_frames()
         self.works: FrameSet = work_frames()
-        self._variables = variables
+        self.read_variable: ReadVariable = lambda kind, index: tuple(variables.read(CLASSES[kind], index).value)
+
+    def copy(self, read_variable: ReadVariable) -> FrameContext:
+        """Return a copy with the present frames, which another thread may use, and another source of variables."""
+        copied = copy.copy(self)
+        copied.tools, copied.works = self.tools.copy(), self.works.copy()
+        copied.read_variable = read_variable
+        return copied
 
     # --- from joints to a pose ----------------------------------------------------------------------------------
 
@@ -105,7 +116,7 @@ class FrameContext:
                 tr("{target} is not a pose of type P, T or J", target=target),
             )
         if isinstance(values, int):
-            values = tuple(self._variables.read(CLASSES[kind], values).value)
+            values = self.read_variable(kind, values)
         elif kind == "J" and len(values) > ROBOT_AXES:
             values = (*values, *start[len(values) :])
         if len(values) < _LEAST_VALUES[kind]:

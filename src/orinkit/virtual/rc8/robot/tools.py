@@ -39,6 +39,10 @@ class FrameSet:
     _values: dict[int, tuple[float, ...]] = field(default_factory=dict)
     _matrices: dict[int, Matrix] = field(default_factory=dict)
 
+    def copy(self) -> FrameSet:
+        """Return a copy with the present frames."""
+        return FrameSet(self.count, self.code, self.current, dict(self._values), dict(self._matrices))
+
     def check(self, number: int, first: int = 0) -> int:
         """Return the number of a frame after checking that it is at least ``first`` and less than ``count``.
 

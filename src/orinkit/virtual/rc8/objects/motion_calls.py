@@ -1,0 +1,32 @@
+"""The results of the calls with which clients move the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+from orinkit.cao.provider import Deferred
+from orinkit.rc8.motion_options import MotionOptions
+from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.robot.motion_planner import Plans
+from orinkit.virtual.rc8.state import RC8State
+
+MotionResult: TypeAlias = Deferred[Any] | None
+"""``None`` if the call completes immediately, otherwise a Deferred.
+
+If the motions are planned in a thread, the Deferred is ``brief``. Its result is ``None`` for the option NEXT, otherwise
+another Deferred, which resolves at the end of the motions.
+"""
+
+
+def begin_motions(state: RC8State, plans: Plans, options: MotionOptions) -> MotionResult:
+    """Plan and queue the motions of a call; the call completes at their end, or immediately with the option NEXT.
+
+    Raises:
+        CallError: As for :meth:`~orinkit.virtual.rc8.robot.moves.Moves.begin`.
+    """
+
+    def completion(tickets: Sequence[Ticket]) -> MotionResult:
+        return None if options.next else state.arm.when_done(tickets[-1])
+
+    return state.moves.begin(plans, completion)

@@ -1,0 +1,106 @@
+"""Calls whose result another thread computes (``Deferred(brief=True)``): order of requests, time limit, disconnection."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import orinkit
+from orinkit.cao.functions import BY_NAME
+from orinkit.cao.provider import Deferred
+from orinkit.core import hresult
+from orinkit.virtual.rc8 import VirtualRC8
+from support.peers import RawClient
+from support.waiting import PATIENCE, until
+
+CURVE = "P(330, 0, 300, 180, 0, 180)"
+
+
+class Planning:
+    """A server whose controller plans no motion until :attr:`going` is set, and a client that holds the arm."""
+
+    def __init__(self) -> None:
+        self.rc8 = VirtualRC8(motor=True, samples=False)
+        self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0")
+        self.going = threading.Event()
+        self.rc8.state.planning.submit(lambda: self.going.wait(PATIENCE), Deferred())
+        self.client = RawClient(self.server.url)
+        self.controller = self.ask("Controller_Connect", "", "CaoProv.DENSO.VRC", "", "")
+        self.robot = self.ask("Controller_GetRobot", self.controller, "Arm", "")
+        self.variable = self.ask("Controller_GetVariable", self.controller, "I1", "")
+        assert self.ask("Robot_Execute", self.robot, "TakeArm", [0, 0]) is None
+
+    def ask(self, function: str, *arguments: Any) -> Any:
+        """Make a call and return its result."""
+        return self.client.ask(BY_NAME[function].id, *arguments)
+
+    def request(self, function: str, *arguments: Any) -> int:
+        """Send a request and return its serial."""
+        return self.client.request(BY_NAME[function].id, *arguments)
+
+    def replies(self, count: int) -> list[tuple[int, int]]:
+        """Return the serials and the codes of the next replies."""
+        packets = [self.client.packet() for _ in range(count)]
+        return [(each.serial, each.code) for each in packets]
+
+    def move(self) -> int:
+        """Request a motion, and return as soon as the server has begun to plan it."""
+        serial = self.request("Robot_Move", self.robot, 4, CURVE, "NEXT")
+        until(lambda: self.rc8.state.arm.planning)
+        return serial
+
+
+@pytest.fixture
+def planning() -> Iterator[Planning]:
+    made = Planning()
+    yield made
+    made.going.set()
+    made.client.close()
+    made.server.close()
+
+
+def test_further_requests_are_executed_after_the_computation(planning, monkeypatch):
+    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", PATIENCE)
+    move = planning.move()
+    reads = [planning.request("Variable_GetValue", planning.variable) for _ in range(3)]
+    planning.going.set()
+    assert planning.replies(4) == [(serial, hresult.S_OK) for serial in (move, *reads)]
+
+
+def test_after_a_time_limit_further_requests_are_refused(planning, monkeypatch):
+    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.05)
+    move = planning.move()
+    read = planning.request("Variable_GetValue", planning.variable)
+    assert planning.replies(1) == [(read, hresult.E_BUSY_PROC)]
+    planning.going.set()
+    assert planning.replies(1) == [(move, hresult.S_OK)]
+    assert planning.ask("Variable_GetValue", planning.variable) == 0
+
+
+def test_a_client_that_disconnects_meanwhile_moves_nothing(planning):
+    planning.move()
+    planning.client.close()
+    until(lambda: not planning.rc8.state.arm.planning)
+    last = planning.rc8.state.planning.submit(lambda: None, Deferred())
+    planning.going.set()
+    until(last.done)
+    with planning.rc8.guard:
+        assert not planning.rc8.state.arm.queue.tickets
+        assert planning.rc8.state.arm.holder is None
+
+
+def test_a_stop_of_another_client_completes_the_call(planning):
+    move = planning.move()
+    planning.rc8.pendant.emergency_stop()
+    assert planning.replies(1) == [(move, hresult.EMERGENCY_STOP_ON)]
+    planning.going.set()
+    assert planning.ask("Variable_GetValue", planning.variable) == 0
+
+
+def test_other_clients_are_served_meanwhile(planning):
+    planning.move()
+    with RawClient(planning.server.url) as other:
+        assert other.ask(BY_NAME["Controller_Connect"].id, "", "CaoProv.DENSO.VRC", "", "") > 0
