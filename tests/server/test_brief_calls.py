@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -90,6 +92,28 @@ def test_a_client_that_disconnects_meanwhile_moves_nothing(planning):
     with planning.rc8.guard:
         assert not planning.rc8.state.arm.queue.tickets
         assert planning.rc8.state.arm.holder is None
+
+
+@pytest.mark.parametrize("how", ["closes", "closes its side", "resets"])
+def test_the_arm_stops_if_the_client_is_lost_while_reading_is_paused(planning, monkeypatch, how):
+    """The end of a connection is detected although requests of the client wait to be read."""
+    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", PATIENCE)
+    assert planning.ask("Robot_Move", planning.robot, 1, "@E J(170, 45, 90, 0, 45, 0)", "NEXT,S=1") is None
+    arm = planning.rc8.state.arm
+    until(lambda: arm.queue.joints[0] > 0)
+    planning.move()
+    for _ in range(100):
+        planning.request("Robot_Move", planning.robot, 4, CURVE, "NEXT")
+    connection = planning.client.socket
+    if how == "closes its side":
+        connection.shutdown(socket.SHUT_WR)
+    else:
+        if how == "resets":
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.close()
+    until(lambda: not arm.busy, PATIENCE / 2)
+    assert arm.holder is None
+    assert arm.queue.joints[0] < 90  # the motion to 170 deg takes longer than the test
 
 
 def test_a_stop_of_another_client_completes_the_call(planning):

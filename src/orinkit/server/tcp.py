@@ -13,6 +13,7 @@ from orinkit.cao.provider import ClientInfo
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
+from orinkit.server.end_watch import EndWatch
 from orinkit.server.peer import Peer
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import keep_from_children
@@ -50,6 +51,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._unread = 0  # bytes of unsent replies at the time from which PATIENCE is measured
         self._reading_timer: asyncio.TimerHandle | None = None
         self._paused = False  # reading
+        self._end_watch: EndWatch | None = None
         self._seen = 0, 0  # at that time: the number of complete packets, and the bytes of the incomplete packet
 
     # --- asyncio calls these ------------------------------------------------------------------------------------
@@ -86,8 +88,24 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         """Process received data: now, or when it is the client's turn; until then, stop reading."""
         self._process(bytes(self._context.view[:nbytes]), self._loop.time())
         if self._waiting:
-            self._paused = True
-            self._transport.pause_reading()
+            self._pause_reading()
+
+    def _pause_reading(self) -> None:
+        self._paused = True
+        self._transport.pause_reading()
+        if self._session is not None:
+            if self._end_watch is None:
+                self._end_watch = EndWatch(self._loop, self._transport, lambda: self._paused, self._handle_early_end)
+            self._end_watch.start()
+
+    def _handle_early_end(self) -> None:
+        """Disconnect a client that has closed the connection while its arm moves; do not process its further requests.
+
+        If its arm does not move, all requests that it has sent before are processed first, as usual.
+        """
+        if self._session is not None and self._session.is_moving():
+            logger.debug("%s has closed the connection; its remaining requests are discarded", self._name)
+            self._transport.abort()
 
     def _on_processed(self) -> None:
         incomplete = self._conversation.incomplete_bytes
@@ -106,8 +124,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def pause_writing(self) -> None:
         """Stop reading, because the client does not read its replies."""
-        self._slow = self._paused = True
-        self._transport.pause_reading()
+        self._slow = True
+        self._pause_reading()
         self._unread = self._transport.get_write_buffer_size()
         self._reading_timer = self._loop.call_later(PATIENCE, self._check_reading)
 
@@ -118,8 +136,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._resume()
 
     def _hold(self) -> None:
-        self._held = self._paused = True
-        self._transport.pause_reading()
+        self._held = True
+        self._pause_reading()
 
     def _unhold(self) -> None:
         self._held = False
@@ -142,6 +160,8 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._context.partial.change(self._partial, 0)
         self._partial = 0
         self._stop_waiting_for_reader()
+        if self._end_watch is not None:
+            self._end_watch.close()
         self._leave(exc)
         self._context.discard(self)
 
