@@ -6,6 +6,10 @@ from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
+
 T = TypeVar("T")
 
 
@@ -32,15 +36,18 @@ class Deferred(Generic[T]):
         brief: True if another thread computes the result and waits for nothing else. On TCP, the next request of the
             client is then executed after the computation, as if the method had returned the result itself; after one
             second of computing, further requests return E_BUSY_PROC.
+        revocable: True if nothing may happen for a client that does not wait any more: :meth:`abandon` then sets
+            E_ABORT. The device checks :meth:`done` before it acts.
 
     Attributes:
         brief: As above. The result may be another Deferred, without ``brief``: the call then continues to wait for it.
     """
 
-    __slots__ = ("_callbacks", "_done", "_error", "_value", "brief")
+    __slots__ = ("_callbacks", "_done", "_error", "_revocable", "_value", "brief")
 
-    def __init__(self, *, brief: bool = False) -> None:
+    def __init__(self, *, brief: bool = False, revocable: bool = False) -> None:
         self.brief = brief
+        self._revocable = revocable
         self._done = False
         self._value: T | None = None
         self._error: BaseException | None = None
@@ -53,6 +60,11 @@ class Deferred(Generic[T]):
     def set_exception(self, error: BaseException) -> None:
         """Set an exception instead of a result; do nothing if a result or an exception has been set."""
         self._settle(None, error)
+
+    def abandon(self) -> None:
+        """Set E_ABORT if the result is ``revocable``; servers call this after E_TIMEOUT or a disconnection."""
+        if self._revocable:
+            self.set_exception(error_for(hresult.E_ABORT, tr("the client no longer waits for the call")))
 
     def done(self) -> bool:
         """Return True if there is a result or an exception."""

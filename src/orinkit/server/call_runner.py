@@ -36,6 +36,12 @@ def is_cancellable(work: Any) -> bool:
     return type(work) is not BlockingCall and not is_brief(work)
 
 
+def abandon(work: Any) -> None:
+    """Inform the device that the client no longer waits for ``Pending.work`` (:meth:`Deferred.abandon`)."""
+    if type(work) is Deferred:
+        work.abandon()
+
+
 async def in_thread(function: Callable[[], Any]) -> Any:
     """Run a function in its own thread; return its result, or raise its exception.
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from orinkit.bcap.profiles import BcapProfile
 from orinkit.bcap.server import Action, Close, Decode, Encoded, EndSession, Execute, Send, ServerConversation
@@ -17,7 +17,7 @@ from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
-from orinkit.server.call_runner import is_brief, is_cancellable, result_of
+from orinkit.server.call_runner import abandon, is_brief, is_cancellable, result_of
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.fair_queue import QueuedClient, queue_of
@@ -75,6 +75,7 @@ class Peer(QueuedClient, ABC):
         self._liveness: LivenessMonitor | None = None
         self._task: asyncio.Task[None] | None = None
         self._cancellable = False
+        self._work: Any = None  # Pending.work of the call in progress
         self._alarm: asyncio.TimerHandle | None = None
         self._queue = queue_of(loop)
         self._waiting: deque[Iterator[Action]] = deque()  # actions that follow from received data, in their order
@@ -112,6 +113,7 @@ class Peer(QueuedClient, ABC):
         self._context.open.discard(self)
         session, self._session = self._session, None  # breaks a reference cycle
         task, self._task = self._task, None
+        self._abandon_call()
         if task is not None and self._cancellable:
             task.cancel()
         if task is None or self._cancellable:  # otherwise, the call continues and still requires its memory
@@ -122,6 +124,10 @@ class Peer(QueuedClient, ABC):
             log_disconnected(session, self._name, reason)
             CLIENT.reset(before)
             self._context.release(session, self._host, self.virtual_time)
+
+    def _abandon_call(self) -> None:
+        work, self._work = self._work, None
+        abandon(work)
 
     @property
     def network(self) -> str:
@@ -329,7 +335,7 @@ class Peer(QueuedClient, ABC):
         self._continue()
 
     def _free(self) -> None:
-        self._task = None
+        self._task = self._work = None
         self._set_alarm(None)
 
     async def _decode(self, action: Decode) -> None:
@@ -355,6 +361,7 @@ class Peer(QueuedClient, ABC):
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
+            self._work = outcome.work
             if is_brief(outcome.work):
                 self._hold()
                 self._hold_timer = self._loop.call_later(_MAX_HOLD, self._end_hold)
@@ -450,6 +457,8 @@ class Peer(QueuedClient, ABC):
         data = self._conversation.tick(self._loop.time())
         if data:
             self._send(data)
+        if self._conversation.timed_out:
+            self._abandon_call()
         self._set_alarm(self._conversation.next_time())
 
 

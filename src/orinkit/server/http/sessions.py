@@ -15,7 +15,7 @@ import logging
 import secrets
 from collections.abc import Hashable
 from inspect import iscoroutine
-from typing import Final
+from typing import Any, Final
 
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
@@ -23,7 +23,7 @@ from orinkit.cao.service_options import ServiceOptions
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
-from orinkit.server.call_runner import is_cancellable, result_of
+from orinkit.server.call_runner import abandon, is_cancellable, result_of
 from orinkit.server.context import ServerContext
 from orinkit.server.liveness import LivenessMonitor, log_disconnected
 from orinkit.transport.address import network_of
@@ -47,22 +47,24 @@ class RunningCall:
 
     Args:
         loop: the event loop of the session.
-        cancellable: True if the call can be cancelled.
+        work: ``Pending.work`` of the call.
 
     Attributes:
+        cancellable: True if the call can be cancelled.
         reply: future of the reply; its result is ``None`` if the client has disconnected.
         task: the task that executes the call.
         client_waits: True if the client will receive the result; False after a time-out or a disconnection.
     """
 
-    __slots__ = ("cancellable", "client_waits", "reply", "task")
+    __slots__ = ("_work", "cancellable", "client_waits", "reply", "task")
 
     task: asyncio.Task[None]
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, *, cancellable: bool) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, work: Any) -> None:
         self.reply: asyncio.Future[CallReply | None] = loop.create_future()
-        self.cancellable = cancellable
+        self.cancellable = is_cancellable(work)
         self.client_waits = True
+        self._work = work
 
     def answer(self, reply: CallReply | None) -> None:
         """Set the reply, unless it has been set already."""
@@ -77,6 +79,7 @@ class RunningCall:
         """
         self.client_waits = False
         self.answer(reply)
+        abandon(self._work)
 
 
 class HttpSession:
@@ -256,7 +259,7 @@ class HttpSession:
 
     def start_call(self, pending: Pending) -> RunningCall:
         """Start a long-running call. If the connection breaks, the call continues until the session ends."""
-        call = RunningCall(self._loop, cancellable=is_cancellable(pending.work))
+        call = RunningCall(self._loop, pending.work)
         call.task = task = self._loop.create_task(self._finish(pending, call))
         self._calls.add(call)
         self._context.tasks.add(task)

@@ -7,8 +7,11 @@ it needs and to apply its result.
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain
+from time import monotonic
 from typing import Any, Final, TypeVar
 
 from orinkit.cao.provider import Deferred
@@ -23,24 +26,53 @@ _IDLE_TIME: Final = 5.0  # s without a job after which the thread ends; starting
 _CLOSING_TIME: Final = 5.0  # s to wait for the job in progress when the controller is switched off
 
 
+@dataclass(frozen=True, slots=True)
+class LaneLimits:
+    """Limits on the jobs that wait for the thread of a lane.
+
+    Attributes:
+        jobs: Maximum number of waiting jobs.
+        of_client: Maximum number of waiting jobs of one client.
+        seconds: Time that a job may wait; a job that has waited longer is not run.
+    """
+
+    jobs: int
+    of_client: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    run: Callable[[], Any]
+    done: Deferred[Any]
+    since: float
+
+
 class Lane:
-    """Runs jobs one at a time, in their order, in a daemon thread, which ends after some seconds without jobs.
+    """Runs jobs one at a time in a daemon thread, which ends after some seconds without jobs.
+
+    The jobs of one client are run in their order. If several clients have waiting jobs, one job of each client is run in
+    turn.
 
     With a manual clock, there is no thread: each job is run immediately, so that tests are deterministic.
 
     Args:
         name: Name of the thread.
         clock: The controller's clock.
+        limits: Limits on waiting jobs; None for no limits.
 
     Attributes:
         immediate: True if jobs are run immediately.
     """
 
-    def __init__(self, name: str, clock: Clock) -> None:
+    def __init__(self, name: str, clock: Clock, limits: LaneLimits | None = None) -> None:
         self.immediate = clock.manual
         self._name = name
+        self._limits = limits
         self._changed = threading.Condition()
-        self._jobs: deque[tuple[Callable[[], Any], Deferred[Any]]] = deque()
+        self._jobs: OrderedDict[object, deque[_Job]] = (
+            OrderedDict()
+        )  # by client; the client whose turn is next is first
         self._running = False  # the thread exists
         self._working = False  # a job is in progress
         self._closed = False
@@ -53,19 +85,26 @@ class Lane:
         """
         return job() if self.immediate else self.submit(job, Deferred(brief=True))
 
-    def submit(self, job: Callable[[], T], done: Deferred[T]) -> Deferred[T]:
+    def submit(self, job: Callable[[], T], done: Deferred[T], client: object = None) -> Deferred[T]:
         """Run a job in the thread, and settle ``done`` with its result; return ``done``.
 
         The job, or another thread, may settle ``done`` earlier. A job whose Deferred is settled before it begins is not
         run.
 
+        Args:
+            job: The job.
+            done: Its result.
+            client: The client, compared by identity or hash; jobs without a client count as those of one client.
+
         Raises:
-            CallError: E_ABORT if the lane is closed.
+            CallError: E_ABORT if the lane is closed; E_BUSY_PROC if a limit is reached.
         """
         with self._changed:
             if self._closed:
                 raise _switched_off()
-            self._jobs.append((job, done))
+            if self._limits is not None:
+                self._require_room(client, self._limits)
+            self._jobs.setdefault(client, deque()).append(_Job(job, done, monotonic()))
             self._changed.notify_all()
             if not self._running:
                 self._running = True
@@ -76,32 +115,63 @@ class Lane:
         """Discard the waiting jobs, whose Deferreds fail with E_ABORT; ``waits`` to wait for the job in progress."""
         with self._changed:
             self._closed = True
-            jobs, self._jobs = self._jobs, deque()
+            jobs, self._jobs = self._jobs, OrderedDict()
             self._changed.notify_all()
-        for _, done in jobs:
-            done.set_exception(_switched_off())
+        for job in chain.from_iterable(jobs.values()):
+            job.done.set_exception(_switched_off())
         if waits:
             with self._changed:
                 self._changed.wait_for(lambda: not self._working, _CLOSING_TIME)
 
-    def _work(self) -> None:
-        while (taken := self._take()) is not None:
-            job, done = taken
-            if not done.done():
-                try:
-                    done.set_result(job())
-                except BaseException as error:  # noqa: BLE001 - passed to the caller of the job
-                    done.set_exception(error)
-            del taken, job, done  # frees the arguments and the result
+    def _require_room(self, client: object, limits: LaneLimits) -> None:
+        for each, jobs in list(self._jobs.items()):
+            waiting = deque(job for job in jobs if not job.done.done())
+            if waiting:
+                self._jobs[each] = waiting
+            else:
+                del self._jobs[each]
+        if len(self._jobs.get(client, ())) >= limits.of_client or sum(map(len, self._jobs.values())) >= limits.jobs:
+            raise _busy()
 
-    def _take(self) -> tuple[Callable[[], Any], Deferred[Any]] | None:
+    def _work(self) -> None:
+        while (job := self._take()) is not None:
+            if not job.done.done():
+                try:
+                    self._require_in_time(job)
+                    job.done.set_result(job.run())
+                except BaseException as error:  # noqa: BLE001 - passed to the caller of the job
+                    job.done.set_exception(error)
+            del job  # frees the arguments and the result
+
+    def _require_in_time(self, job: _Job) -> None:
+        if self._limits is not None and monotonic() - job.since > self._limits.seconds:
+            raise _busy()
+
+    def _take(self) -> _Job | None:
         with self._changed:
             self._working = False
             self._changed.notify_all()
             self._changed.wait_for(lambda: self._jobs or self._closed, _IDLE_TIME)
             self._working = self._running = bool(self._jobs)
-            return self._jobs.popleft() if self._jobs else None
+            return self._next() if self._jobs else None
+
+    def _next(self) -> _Job:
+        """Remove and return the oldest job of the client whose turn it is."""
+        client, jobs = next(iter(self._jobs.items()))
+        job = jobs.popleft()
+        if jobs:
+            self._jobs.move_to_end(client)
+        else:
+            del self._jobs[client]
+        return job
 
 
 def _switched_off() -> BaseException:
     return error_for(hresult.E_ABORT, tr("the controller has been switched off"))
+
+
+def _busy() -> BaseException:
+    return error_for(
+        hresult.E_BUSY_PROC,
+        tr("the controller is executing calls of other clients. Try: repeat the call later"),
+    )

@@ -35,6 +35,7 @@ from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
+from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.switches import ModeSwitch, Switches, Token
 from orinkit.virtual.rc8.tasks import Task, Tasks
 from orinkit.virtual.rc8.translations import translator
@@ -168,7 +169,7 @@ class RC8State:
         self.timers = Timers(self.cycles)
         self.planning = Lane("orinkit-planning", clock)
         self.moves = Moves(self.arm, self.cycles, self.planning, self.variables, self._motion_fault)
-        self.compiling = Lane("orinkit-compiling", clock)
+        self.compiling = Lane("orinkit-compiling", clock, START_LIMITS)
         self.tasks = Tasks(
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,

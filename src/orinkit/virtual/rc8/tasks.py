@@ -12,6 +12,7 @@ from typing import Final
 from orinkit.cao.provider import not_found
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
+from orinkit.core.i18n import tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
@@ -21,6 +22,7 @@ from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.moves import Moves
+from orinkit.virtual.rc8.starts import WaitingStarts
 from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
@@ -35,8 +37,11 @@ PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
 _PART_OF_CYCLE: Final = 0.25  # fraction of a cycle that all programs together may use; some statements take long
+MOST_SOURCE: Final = 1024 * 1024
+"""Maximum number of bytes of a program's source."""
+
 _KEPT: Final = 32
-_KEPT_BYTES: Final = 1024 * 1024  # of source; the compiled form is up to ten times as large
+_KEPT_BYTES: Final = MOST_SOURCE  # of source; the compiled form is up to ten times as large
 
 
 class Task:
@@ -47,7 +52,6 @@ class Task:
     Attributes:
         name: Name without suffix, such as ``Pro1`` or ``folder\\Pro1``.
         status: State of execution.
-        stops: Number of calls of :meth:`stop`.
         deleted: True if the program has been deleted while the task was running.
         cycle_seconds: Duration of the last complete run of the program, s.
     """
@@ -59,7 +63,6 @@ class Task:
     ) -> None:
         self.name = name
         self.status = TaskStatus.READY
-        self.stops = 0
         self.deleted = False
         self.cycle_seconds = 0.0
         self.world = world(self)
@@ -117,11 +120,7 @@ class Task:
         self.world.resume_motion()
 
     def stop(self, mode: StopMode) -> None:
-        """Stop the task; if it is not running, only INITIALIZE has an effect.
-
-        A start for which the program is being loaded is cancelled.
-        """
-        self.stops += 1
+        """Stop the task; if it is not running, only INITIALIZE has an effect."""
         if mode is StopMode.INITIALIZE:
             self.initialize(halt=True)
         elif self.status is TaskStatus.RUNNING:
@@ -190,6 +189,7 @@ class Tasks:
             (PrintDbg), and the text.
 
     Attributes:
+        starts: The starts that wait for the loading of their programs.
         cycle_complete: True if a program has run to its end and no program has been started since.
     """
 
@@ -198,13 +198,13 @@ class Tasks:
         seconds: Callable[[], float], report: Callable[[int, str, str, int], None],
         show: Callable[[str, str, str], None],
     ) -> None:  # fmt: skip
+        self.starts = WaitingStarts()
         self.cycle_complete = False
         self._cycles = cycles
         self._files = files
         self._report = report
         self._tasks: dict[str, Task] = {}
         self._begun: list[Task] = []  # tasks that are running, suspended or have ended in this cycle
-        self._stops = 0
         files.changed.append(self._file_changed)
         self._programs: OrderedDict[str, tuple[bytes, Program | CallError]] = OrderedDict()
         self._built = BuiltCode()
@@ -262,10 +262,6 @@ class Tasks:
         """Return True if a program exists whose name on the disk is spelled exactly like the name of the task."""
         return self._files.has(task.name + SUFFIX)
 
-    def stops_of(self, task: Task) -> tuple[int, int]:
-        """Return numbers that change if the task, or every task, is stopped."""
-        return self._stops, task.stops
-
     def start(self, task: Task, program: Program, mode: TaskMode) -> None:
         """Run the program of a task.
 
@@ -285,12 +281,17 @@ class Tasks:
         if self.running >= MOST_RUNNING:
             raise error_for(hresult.TASKS_TOO_MANY, str(MOST_RUNNING))
 
+    def stop(self, task: Task, mode: StopMode) -> None:
+        """Stop a task, and cancel the waiting starts of its program."""
+        self.starts.cancel(program=task.name)
+        task.stop(mode)
+
     def stop_all(self) -> None:
         """Reset every program, so that its next start is from the beginning. The caller stops the arm.
 
-        A start for which the program is being loaded is cancelled.
+        Waiting starts are cancelled.
         """
-        self._stops += 1
+        self.starts.cancel()
         for task in self._begun:
             task.initialize(halt=False)
 
@@ -355,8 +356,8 @@ class Tasks:
         Compiling takes long. Therefore call this method outside the lock.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; TASKS_TOO_MANY; SYNTAX_ERROR with file, line and column in its detail;
-                otherwise the error of the file store.
+            CallError: E_CAO_OBJECT_NOTFOUND; TASKS_TOO_MANY; E_TOO_MUCH_DATA if the source has more than
+                :data:`MOST_SOURCE` bytes; SYNTAX_ERROR with file, line and column in its detail; otherwise the error of the file store.
         """
         self._cycles.require_open()
         if not self.exists(task):
@@ -364,6 +365,11 @@ class Tasks:
         with self._cycles:
             self._require_room()
         key, source = task.name.lower(), self._files.read(task.name + SUFFIX)
+        if len(source) > MOST_SOURCE:
+            raise error_for(
+                hresult.E_TOO_MUCH_DATA,
+                tr("the program has {size} bytes; the limit is {most}", size=len(source), most=MOST_SOURCE),
+            )
         with self._cycles:
             cached = self._programs.get(key)
         if cached is None or cached[0] != source:

@@ -157,17 +157,19 @@ class RC8Controller(ControllerObject):
         return arm.holder is self._caller and arm.busy
 
     def stop_moving(self) -> None:
-        """Stop the arm and discard its motions, if the client holds the arm."""
+        """Stop the arm and discard its motions, if the client holds the arm; cancel its waiting starts of programs."""
+        self._caller.state.tasks.starts.cancel(client=self._caller)
         arm = self._caller.state.arm
         if arm.holder is self._caller:
             arm.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     def release(self) -> None:
-        """Release the object: unsubscribe from events, and release the arm if the client holds it."""
+        """Release the object: unsubscribe from events, cancel waiting starts of programs, and release the arm."""
         if not self._connected:
             return
         self._connected = False
         state = self._caller.state
+        state.tasks.starts.cancel(client=self._caller)
         state.arm.forget(self._caller)  # the client may have taken the arm with a Command object
         if self.events is not None:
             self.events.close()

@@ -30,10 +30,10 @@ from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_nam
 P = ParamSpec("P")
 T = TypeVar("T")
 
-Run: TypeAlias = Callable[[ClientContext, Callable[[], str], str], str | Deferred[str]]
+Run: TypeAlias = Callable[[ClientContext, str, str], str | Deferred[str]]
 """Function that starts a program and returns the task name.
 
-The arguments are the client, a function that returns the path of the program after accessing the disk, and the option.
+The arguments are the client, the path, which may not be that of a program, and the option.
 """
 
 _TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
@@ -217,20 +217,12 @@ class RC8File(FileObject):
                 if programs cannot be started; errors of the start.
         """
         self.caller.require_write()
-        return self._refuse_run() if self._start is None else self._start(self.caller, self._program, option)
+        return self._refuse_run() if self._start is None else self._start(self.caller, self._path, option)
 
     @on_disk
     def _refuse_run(self) -> str:
-        self._program()
+        require_program(self.caller, self._store, self._path)
         raise not_implemented()
-
-    def _program(self) -> str:
-        if self._is_folder() or extension(self._path) != PROGRAM:
-            raise error_for(
-                hresult.E_INVALIDARG,
-                tr("{path} is not a program: its extension is not .{extension}", path=self._path, extension=PROGRAM),
-            )
-        return self._path
 
     # --- properties -----------------------------------------------------------------------------------------------
 
@@ -300,14 +292,32 @@ class RC8File(FileObject):
 
     def _is_folder(self) -> bool:
         self.caller.require_read()
-        self._store.full_name(self._path)  # raises FILE_NOT_FOUND if the file no longer exists
-        return self._store.is_folder(self._path)
+        return _is_folder(self._store, self._path)
 
     def _target(self, name: str) -> str:
         target = read_name(name)
         if not name:
             raise error_for(hresult.E_INVALIDARG, tr("the new name is empty"))
         return join((*target.parts, self.name)) if target.folder else name
+
+
+def require_program(caller: ClientContext, store: FileStore, path: str) -> None:
+    """Check that a path is the path of a program; accesses the disk.
+
+    Raises:
+        CallError: NO_READ_RIGHT; FILE_NOT_FOUND; E_INVALIDARG if the file is not a program (``*.pcs``).
+    """
+    caller.require_read()
+    if _is_folder(store, path) or extension(path) != PROGRAM:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("{path} is not a program: its extension is not .{extension}", path=path, extension=PROGRAM),
+        )
+
+
+def _is_folder(store: FileStore, path: str) -> bool:
+    store.full_name(path)  # raises FILE_NOT_FOUND if the file no longer exists
+    return store.is_folder(path)
 
 
 def _last_part(path: str) -> str:

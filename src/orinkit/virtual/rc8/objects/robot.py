@@ -77,8 +77,12 @@ class RC8Robot(RobotObject):
         return self._begin(self._moves.home(), MotionOptions())
 
     def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
-        """Stop and discard the motions, also those of another client; the call completes at standstill."""
+        """Stop and discard the motions, also those of another client; the call completes at standstill.
+
+        Waiting starts of programs are cancelled, because a program may move the arm.
+        """
         require("Halt", self._arm, self._caller)
+        self._caller.state.tasks.starts.cancel()
         self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
         return self._arm.when_still()
 

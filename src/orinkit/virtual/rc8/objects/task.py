@@ -14,6 +14,8 @@ from orinkit.core.i18n import N_, tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.files.names import SEPARATOR
+from orinkit.virtual.rc8.objects.file import require_program
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, ms_from_seconds
 
@@ -41,34 +43,33 @@ class RC8Task(TaskObject):
         """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
         Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement. The program is loaded in a thread.
-        If it is stopped meanwhile, alone or with all others, the call fails with E_CANCEL.
+        If it is stopped meanwhile, alone or with all others, the call fails with E_CANCEL. If the client disconnects
+        meanwhile, the program is not started.
 
         Raises:
-            CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; other codes if the state of
-                the controller does not allow the start.
+            CallError: SYNTAX_ERROR; PROGRAM_RUNNING; E_INVALIDARG if the mode is unknown; E_BUSY_PROC if other programs
+                are being loaded; other codes if the state of the controller does not allow the start.
         """
-        return self._state.compiling.run(self._starter(_mode(TaskMode, mode)))
+        wanted = _mode(TaskMode, mode)
+        return _when_loaded(self._caller, self._path, lambda done: self.load_and_start(wanted, done))
 
-    def run(self) -> str:
-        """Start the task for one cycle, and return its name; call this method in the thread that loads programs."""
-        self._starter(TaskMode.CYCLE)()
-        return self.task.name
+    def load_and_start(self, mode: TaskMode, done: Deferred[Any]) -> None:
+        """Load the program and start the task; call this method in the thread that loads programs.
 
-    def _starter(self, mode: TaskMode) -> Callable[[], None]:
+        Args:
+            mode: The mode.
+            done: The result of the call; if it is set, the start has been cancelled.
+
+        Raises:
+            CallError: As for :meth:`start`.
+        """
         state, task = self._state, self.task
-
-        def start() -> None:
-            program = state.load_program(task, self._caller.origin)
-            with state.cycles:
-                require("Task_Start", state.arm, self._caller)  # the state may have changed meanwhile
-                if state.tasks.stops_of(task) != stops:
-                    raise error_for(hresult.E_CANCEL, task.name)
-                state.tasks.start(task, program, mode)
-
+        program = state.load_program(task, self._caller.origin)
         with state.cycles:
-            require("Task_Start", state.arm, self._caller)
-            stops = state.tasks.stops_of(task)
-        return start
+            if done.done():
+                raise error_for(hresult.E_CANCEL, task.name)
+            require("Task_Start", state.arm, self._caller)  # the state may have changed meanwhile
+            state.tasks.start(task, program, mode)
 
     def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
         """Stop the task (RC8 3.2.2).
@@ -80,7 +81,7 @@ class RC8Task(TaskObject):
         """
         wanted = _mode(StopMode, mode)
         require("Task_Stop", self._state.arm, self._caller)
-        self.task.stop(wanted)
+        self._state.tasks.stop(self.task, wanted)
 
     def delete(self, option: str) -> Deferred[None] | None:  # noqa: ARG002
         """Delete the task and its program.
@@ -189,19 +190,48 @@ def _find(caller: ClientContext, name: str) -> RC8Task:
     return RC8Task(caller, caller.state.tasks.find(name), name)
 
 
-def run_file(caller: ClientContext, program: Callable[[], str], option: str) -> str | Deferred[str]:  # noqa: ARG001 - no options exist
+def run_file(caller: ClientContext, path: str, option: str) -> str | Deferred[str]:  # noqa: ARG001 - no options exist
     """Run a program once (File_Run) and return the name of its task.
 
     Args:
         caller: The client.
-        program: Function that returns the path of the program; called in the thread that loads programs.
+        path: Path of the file.
         option: Option of File_Run.
 
     Raises:
-        CallError: Errors of ``program`` and of :meth:`RC8Task.start`.
+        CallError: Errors of :func:`~orinkit.virtual.rc8.objects.file.require_program` and of :meth:`RC8Task.start`.
     """
-    caller.require_read()
-    return caller.state.compiling.run(lambda: _find(caller, program()).run())
+
+    def run(done: Deferred[Any]) -> str:
+        require_program(caller, caller.state.files, path)
+        served = _find(caller, path)
+        served.load_and_start(TaskMode.CYCLE, done)
+        return served.task.name
+
+    return _when_loaded(caller, path.lstrip(SEPARATOR)[: -len(SUFFIX)], run)
+
+
+def _when_loaded(caller: ClientContext, program: str, job: Callable[[Deferred[Any]], T]) -> T | Deferred[T]:
+    """Load and start a program in the thread that loads programs, unless the start is cancelled meanwhile.
+
+    Args:
+        caller: The client.
+        program: Name of the program, without suffix.
+        job: Function that loads and starts the program; its argument is the result of the call.
+
+    Raises:
+        CallError: E_BUSY_PROC if too many starts wait; other codes if the state of the controller does not allow the
+            start.
+    """
+    state = caller.state
+    lane, done = state.compiling, Deferred[T](brief=True, revocable=True)
+    with state.cycles:
+        require("Task_Start", state.arm, caller)
+        if not lane.immediate:
+            lane.submit(lambda: job(done), done, caller)
+            state.tasks.starts.add(caller, program, done)
+            return done
+    return job(done)
 
 
 def _mode(kind: type[E], mode: int) -> E:
