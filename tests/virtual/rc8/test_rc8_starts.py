@@ -18,7 +18,6 @@ from orinkit.virtual.engine.lane import Lane
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.state import Operation
-from orinkit.virtual.rc8.tasks import MOST_SOURCE
 from support.cell import Cell
 from support.peers import RawClient
 from support.waiting import PATIENCE, until
@@ -178,16 +177,15 @@ def test_a_start_that_has_waited_too_long_is_refused(cell, kind, monkeypatch):
     assert cell.code(call) == hresult.E_BUSY_PROC
 
 
-def test_the_size_of_a_program_is_limited():
+def test_a_source_that_is_too_large_does_not_discard_compiled_programs():
     cell = Cell(samples=False)
-    file = cell.controller.get_file("Test.pcs", "@Create=1")
-    comments = f"'{'x' * 1022}\n" * (MOST_SOURCE // 1024 - 1)
-    source = ("Sub Main\nEnd Sub\n" + comments + "'").ljust(MOST_SOURCE, "x")
-    file.put_value(variant(source))
-    assert cell.code_of(lambda: file.run("")) == 0
-    cell.trace(5)
-    file.put_value(variant(source + "x"))
-    assert cell.code_of(lambda: file.run("")) == hresult.E_TOO_MUCH_DATA
+    for name, source in (("Small", SOURCE), ("Large", "'" * 1_100_000)):
+        file = cell.controller.get_file(f"{name}.pcs", "@Create=1")
+        file.put_value(variant(source))
+    task = cell.controller.get_task("Small", "").task
+    program = cell.rc8.state.tasks.load(task)
+    assert cell.code_of(lambda: file.run("")) == hresult.SYNTAX_ERROR
+    assert cell.rc8.state.tasks.load(task) is program
     cell.close()
 
 

@@ -173,5 +173,5 @@ def _switched_off() -> BaseException:
 def _busy() -> BaseException:
     return error_for(
         hresult.E_BUSY_PROC,
-        tr("the controller is executing calls of other clients. Try: repeat the call later"),
+        tr("too many calls wait, or this call has waited too long. Try: repeat the call later"),
     )

@@ -12,7 +12,6 @@ from typing import Final
 from orinkit.cao.provider import not_found
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
-from orinkit.core.i18n import tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
@@ -37,11 +36,8 @@ PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
 _PART_OF_CYCLE: Final = 0.25  # fraction of a cycle that all programs together may use; some statements take long
-MOST_SOURCE: Final = 1024 * 1024
-"""Maximum number of bytes of a program's source."""
-
 _KEPT: Final = 32
-_KEPT_BYTES: Final = MOST_SOURCE  # of source; the compiled form is up to ten times as large
+_KEPT_BYTES: Final = 1024 * 1024  # of source; the compiled form is up to ten times as large
 
 
 class Task:
@@ -356,8 +352,8 @@ class Tasks:
         Compiling takes long. Therefore call this method outside the lock.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND; TASKS_TOO_MANY; E_TOO_MUCH_DATA if the source has more than
-                :data:`MOST_SOURCE` bytes; SYNTAX_ERROR with file, line and column in its detail; otherwise the error of the file store.
+            CallError: E_CAO_OBJECT_NOTFOUND; TASKS_TOO_MANY; SYNTAX_ERROR with file, line and column in its detail;
+                otherwise the error of the file store.
         """
         self._cycles.require_open()
         if not self.exists(task):
@@ -365,22 +361,23 @@ class Tasks:
         with self._cycles:
             self._require_room()
         key, source = task.name.lower(), self._files.read(task.name + SUFFIX)
-        if len(source) > MOST_SOURCE:
-            raise error_for(
-                hresult.E_TOO_MUCH_DATA,
-                tr("the program has {size} bytes; the limit is {most}", size=len(source), most=MOST_SOURCE),
-            )
         with self._cycles:
             cached = self._programs.get(key)
         if cached is None or cached[0] != source:
             cached = source, _compiled(source, task.name + SUFFIX)
-            with self._cycles:
-                self._programs[key] = cached
-                while len(self._programs) > _KEPT or self._kept_bytes > _KEPT_BYTES:
-                    self._programs.popitem(last=False)  # a running task has its own reference
+            self._keep(key, *cached)
         if isinstance(cached[1], CallError):
             raise error_for(cached[1].code, cached[1].detail)
         return cached[1]
+
+    def _keep(self, key: str, source: bytes, program: Program | CallError) -> None:
+        with self._cycles:
+            self._programs.pop(key, None)
+            if len(source) > _KEPT_BYTES:  # far too long to be compiled, so the same error is found immediately
+                return
+            self._programs[key] = source, program
+            while len(self._programs) > _KEPT or self._kept_bytes > _KEPT_BYTES:
+                self._programs.popitem(last=False)  # a running task has its own reference
 
 
 def _compiled(source: bytes, file: str) -> Program | CallError:
