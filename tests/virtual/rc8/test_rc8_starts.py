@@ -21,6 +21,7 @@ from orinkit.virtual.rc8.state import Operation
 from support.cell import Cell
 from support.peers import RawClient
 from support.waiting import PATIENCE, until
+from support.web import Web, connect, request
 
 SOURCE = "Sub Main\n  TakeArm\n  I1 = 1\n  Move P, @E J(20, 45, 90, 0, 45, 0)\nEnd Sub\n"
 
@@ -199,7 +200,7 @@ class Served:
         self.rc8 = VirtualRC8(motor=True, samples=False)
         self.state = self.rc8.state
         self.state.files.write("Test.pcs", SOURCE.encode())
-        self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0")
+        self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
         self.going = threading.Event()
         self.state.compiling.submit(lambda: self.going.wait(PATIENCE), Deferred())
         self.client = RawClient(self.server.url)
@@ -249,3 +250,26 @@ def test_a_start_after_the_time_limit_of_the_call_is_not_executed(served, kind):
     served.request(kind, "InvokeTimeout=100")
     assert served.client.packet().code == hresult.E_TIMEOUT
     assert not served.started()
+
+
+@pytest.mark.parametrize("how", ["the connection breaks", "the session ends", "the call times out"])
+def test_a_start_over_http_that_nobody_waits_for_is_not_executed(served, how):
+    url = served.server.urls[1]
+    with Web(url, keeps_cookies=True) as web:
+        assert web.call(1, "InvokeTimeout=100" if how == "the call times out" else "").code == 0
+        task = web.call(BY_NAME["Controller_GetTask"].id, connect(web, "CaoProv.DENSO.VRC"), "Test", "").handle
+        body = request(BY_NAME["Task_Start"].id, task, 1, "")
+        web.send(web.head(body) + body.encode())
+        waiting = served.state.tasks.starts._starts
+        if how == "the call times out":
+            assert web.answer().code == hresult.E_TIMEOUT
+        else:
+            until(lambda: waiting)
+        if how == "the session ends":
+            with Web(url, keeps_cookies=True) as other:
+                other.cookie = web.cookie
+                assert other.call(2).code == 0
+        elif how == "the connection breaks":
+            web.close()
+        until(lambda: not waiting)
+        assert not served.started()
