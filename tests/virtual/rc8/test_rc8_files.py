@@ -5,7 +5,6 @@ import os
 import resource
 import shutil
 import stat
-from collections.abc import Callable
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -24,7 +23,7 @@ from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import StateError, VirtualRC8
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk, usage
-from orinkit.virtual.rc8.objects.file import RC8File, find_file
+from orinkit.virtual.rc8.objects.file import RC8File, find_file, require_program
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.state import Origin
 
@@ -1057,11 +1056,11 @@ def test_a_folder_is_deleted_with_its_content_on_demand(open_file, store, refuse
     assert store.names() == []
 
 
-def test_run_passes_the_program_to_its_callback(open_file, refused):
+def test_run_passes_the_program_to_its_callback(open_file, store, refused):
     runs = []
 
-    def run(caller: ClientContext, program: Callable[[], str], option: str) -> str:
-        name = program()
+    def run(caller: ClientContext, name: str, option: str) -> str:
+        require_program(caller, store, name)
         runs.append((caller.origin.address, name, option))
         return name.removesuffix(".pcs")
 
