@@ -70,9 +70,7 @@ class Lane:
         self._name = name
         self._limits = limits
         self._changed = threading.Condition()
-        self._jobs: OrderedDict[object, deque[_Job]] = (
-            OrderedDict()
-        )  # by client; the client whose turn is next is first
+        self._jobs: OrderedDict[object, deque[_Job]] = OrderedDict()  # by client, in the order of their turns
         self._running = False  # the thread exists
         self._working = False  # a job is in progress
         self._closed = False
@@ -94,7 +92,7 @@ class Lane:
         Args:
             job: The job.
             done: Its result.
-            client: The client, compared by identity or hash; jobs without a client count as those of one client.
+            client: The client, any hashable object; jobs without a client count as those of one client.
 
         Raises:
             CallError: E_ABORT if the lane is closed; E_BUSY_PROC if a limit is reached.
