@@ -101,11 +101,14 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
     def _handle_early_end(self) -> None:
         """Disconnect a client that has closed the connection while its arm moves; do not process its further requests.
 
-        If its arm does not move, all requests that it has sent before are processed first, as usual.
+        If its arm does not move, all requests that it has sent before are processed first, as usual. The client does
+        not wait for its call in progress.
         """
         if self._session is not None and self._session.is_moving():
             logger.debug("%s has closed the connection; its remaining requests are discarded", self._name)
             self._transport.abort()
+        else:
+            self._abandon_call()
 
     def _on_processed(self) -> None:
         incomplete = self._conversation.incomplete_bytes

@@ -202,7 +202,9 @@ class Served:
         self.state.files.write("Test.pcs", SOURCE.encode())
         self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
         self.going = threading.Event()
-        self.state.compiling.submit(lambda: self.going.wait(PATIENCE), Deferred())
+        begun = threading.Event()
+        self.state.compiling.submit(lambda: begun.set() or self.going.wait(PATIENCE), Deferred())
+        assert begun.wait(PATIENCE)
         self.client = RawClient(self.server.url)
 
     def request(self, kind: str, option: str = "") -> None:
@@ -237,10 +239,14 @@ def served() -> Iterator[Served]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_start_of_a_lost_client_is_not_executed(served, kind, monkeypatch):
-    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.05)
+@pytest.mark.parametrize("reads", [False, True])
+def test_the_start_of_a_lost_client_is_not_executed(served, kind, reads, monkeypatch):
+    """The server detects the loss while it does not read from the client, and otherwise when it reads."""
+    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.001 if reads else PATIENCE)
     served.request(kind)
     served.client.close()
+    until(lambda: not served.state.tasks.starts._starts)
+    served.going.set()
     until(lambda: served.state.operations.newest.code == Operation.DISCONNECT)
     assert not served.started()
 
