@@ -15,6 +15,7 @@ from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
 from orinkit.bcap.serial_framer import LEAST, LineFramer
+from orinkit.bcap.server import Continue, Execute, ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS
@@ -217,6 +218,29 @@ def test_noise_that_is_slow_to_search_is_discarded():
     while framer.pending:
         framer.discard_incomplete()
     assert frames(framer, WHOLE) == [WHOLE]
+
+
+def test_the_search_in_an_incomplete_packet_is_limited():
+    header = b"\x01" + (50_000).to_bytes(4, "little")
+    inner = b"\x01" + (4000).to_bytes(4, "little") + b"\x04" * 3
+    framer = LineFramer(ON_A_LINE)
+    assert frames(framer, header + inner * 5000) == []
+    pending = framer.pending
+    assert framer.resync() is None
+    assert framer.pending == 0
+    assert framer.skipped_bytes >= pending
+    assert frames(framer, WHOLE) == [WHOLE]
+
+
+@pytest.mark.parametrize("noise", [b"\x01" * 3000, b"\x01\x12\0\0\0" * 3000])
+def test_a_server_searches_in_slices(noise):
+    server = ServerConversation(profile=LINE)
+    actions = list(server.receive(noise + WHOLE, 1.0))
+    while server.discardable_bytes:
+        actions += server.discard_incomplete(2.0)
+    assert len([each for each in actions if isinstance(each, Continue)]) > 3
+    (call,) = (each for each in actions if isinstance(each, Execute))
+    assert (call.serial, call.function_id) == (7, 101)
 
 
 # --- the dialect ------------------------------------------------------------------------------------------------------
