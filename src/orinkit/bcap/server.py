@@ -236,18 +236,9 @@ class ServerConversation:
                 return
             take, took = following, True
             action = self._request(frame)
-            if action is not None:
+            while action is not None:
                 yield action
-            while self._next is not None:
                 action, self._next = self._next, None
-                yield action
-
-    def _with_next(self, action: Action | None) -> Iterator[Action]:
-        if action is not None:
-            yield action
-        while self._next is not None:
-            action, self._next = self._next, None
-            yield action
 
     def _inside(self, took: bool) -> bytes | None:
         """Return a packet that follows the header of an overdue incomplete packet; ``None`` if there is none."""
@@ -336,7 +327,10 @@ class ServerConversation:
         if self.timed_out:
             self.timed_out = False
             return
-        yield from self._with_next(self._call(decode.serial, decode.function_id, arguments))
+        action: Action | None = self._call(decode.serial, decode.function_id, arguments)
+        while action is not None:
+            yield action
+            action, self._next = self._next, None
 
     def _call(self, serial: int, function_id: int, arguments: list[Variant] | ProtocolError) -> Action:
         """Return the action that executes or refuses a decoded request."""
