@@ -87,6 +87,7 @@ def build() -> App:
     app.command(_command_of("stream"), name="stream", sort_key=11, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
     app.command(_command_of("plot"), name="plot", sort_key=12, help=tr("Plot a recorded motion."))  # fmt: skip
     app.command(_command_of("gateway"), name="gateway", sort_key=13, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
+    app.command(_command_of("tester"), name="tester", sort_key=3, usage="orinkit tester [OPTIONS] [URL ...]", help=tr("Open the Tester in a browser: connections, objects, packets, motions, the arm in 3D."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
     for each in (app, serve, abh3):

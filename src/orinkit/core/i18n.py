@@ -34,6 +34,7 @@ def _from_environment() -> Language:
 
 
 _current: Language = _from_environment()
+_source: Callable[[], Language | None] | None = None
 
 
 def use(language: Language) -> None:
@@ -46,7 +47,16 @@ def use(language: Language) -> None:
 
 def current() -> Language:
     """Return the current language."""
-    return _current
+    return (_source and _source()) or _current
+
+
+def set_source(source: Callable[[], Language | None] | None) -> None:
+    """Set the callback that returns the language of the current context, for programs with users of both languages.
+
+    If the callback returns ``None``, or is ``None``, the language is the one set with :func:`use`.
+    """
+    global _source
+    _source = source
 
 
 def tr(message: str, /, **values: object) -> str:
@@ -56,12 +66,12 @@ def tr(message: str, /, **values: object) -> str:
         message: English text, a literal, with placeholders as for ``str.format``.
         values: Values of the placeholders. Without values, braces in the message are literal.
     """
-    return translate(_current, message, **values)
+    return translate(current(), message, **values)
 
 
 def choose(en: str, ja: str) -> str:
     """Return the text in the current language, out of an English and a Japanese one."""
-    return ja if _current == "ja" else en
+    return ja if current() == "ja" else en
 
 
 def N_(message: str) -> str:  # noqa: N802 - the name that gettext requires
