@@ -22,7 +22,7 @@ STATE_TEXTS = {
 
 
 class PageRow(Protocol):
-    """What the navigation requires of a row of the table of pages."""
+    """A row of the table of pages, as the navigation uses it."""
 
     @property
     def path(self) -> str:
