@@ -455,10 +455,10 @@ class Peer(QueuedClient, ABC):
 
     def _tick(self) -> None:
         data = self._conversation.tick(self._loop.time())
+        if self._conversation.timed_out:
+            self._abandon_call()  # before E_TIMEOUT is sent, after which nothing may start
         if data:
             self._send(data)
-        if self._conversation.timed_out:
-            self._abandon_call()
         self._set_alarm(self._conversation.next_time())
 
 
