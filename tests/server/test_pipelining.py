@@ -22,7 +22,8 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.server import udp
 from orinkit.server.aio_server import AsyncServer
