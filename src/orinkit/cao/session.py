@@ -305,12 +305,18 @@ class Session:
 
     def stop_moving(self) -> None:
         """Stop the motions of the client; its objects are kept."""
+        self._notify_controllers(
+            lambda controller: controller.stop_moving(), "while stopping the motions of a silent client"
+        )
+
+    def _notify_controllers(self, notify: Callable[[ControllerObject], object], when: str) -> None:
+        """Invoke a callback with each controller object of the client; log the exceptions of the device."""
         for entry in self._controllers():
             try:
                 with entry.guard:
-                    cast("ControllerObject", entry.served).stop_moving()
+                    notify(cast("ControllerObject", entry.served))
             except Exception:
-                logger.exception("%s: error while stopping the motions of a silent client", entry.label)
+                logger.exception("%s: error %s", entry.label, when)
 
     def _controllers(self) -> list[_Entry]:
         return [entry for entry in self._entries.values() if entry.interface == "Controller"]
@@ -370,12 +376,7 @@ class Session:
     def close(self) -> None:
         """Release all objects, newest first, after the client has disconnected; create no more objects."""
         self._closed = True
-        for entry in self._controllers():
-            try:
-                with entry.guard:
-                    cast("ControllerObject", entry.served).connection_lost()
-            except Exception:
-                logger.exception("%s: error after the loss of its client", entry.label)
+        self._notify_controllers(lambda controller: controller.connection_lost(), "after the loss of its client")
         self._release_all()
 
     def _release_all(self) -> None:
