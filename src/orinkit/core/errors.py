@@ -123,6 +123,10 @@ class ObjectReleased(OrinError):
     """An object of a controller was used after it had been closed locally; nothing was sent."""
 
 
+class MessagesDisabled(OrinError):
+    """A message function was called on a connection with ``messages=False``; nothing was sent."""
+
+
 class StreamError(OrinError):
     """Streaming in slave mode ended or could not start, for a reason other than an error of the controller.
 

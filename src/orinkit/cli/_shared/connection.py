@@ -17,7 +17,8 @@ from orinkit.cao.dialect import Dialect
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
-from orinkit.client._shared.common import RC8, check_timeout, dialect_of
+from orinkit.client._shared.common import LOCALHOST, RC8, check_timeout, dialect_of
+from orinkit.client._shared.connection_string import ConnectArguments, evaluate
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
 from orinkit.core.i18n import printable, tr
@@ -25,7 +26,6 @@ from orinkit.transport.registry import examples
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
 
-LOCALHOST: Final = "localhost"
 _OF_DENSO: Final = ("caoprov.denso.", "ve026a")
 _DESCRIPTION_TIMEOUT: Final = 1.0  # s
 _MAX_DESCRIPTION: Final = 1000  # characters
@@ -34,13 +34,21 @@ OBJECT = Group(tr("Object"), sort_key=7)
 
 Url: TypeAlias = Annotated[
     str,
-    Parameter(help=tr("Address of the controller: {examples}. A host name alone means TCP.", examples=examples())),
+    Parameter(
+        help=tr(
+            "Address of the controller: {examples}. A host name alone means TCP. A connection string is accepted, "
+            'too: "Server=192.168.0.1, UDP=True".',
+            examples=examples(),
+        )
+    ),
 ]
 SlaveModeUrl: TypeAlias = Annotated[
     str,
     Parameter(
         help=tr(
-            "Address of the controller: {examples}. A host name alone means TCP.", examples=examples(slave_mode=True)
+            "Address of the controller: {examples}. A host name alone means TCP. A connection string is accepted, "
+            'too: "Server=192.168.0.1, UDP=True".',
+            examples=examples(slave_mode=True),
         )
     ),
 ]
@@ -99,10 +107,15 @@ class ConnectionOptions:
         ),
     ] = None
 
-    @property
-    def known_dialect(self) -> Dialect:
-        """The dialect that the options determine; RC8 if they do not determine one."""
-        return dialect_of(self.dialect, self.provider) or RC8_DIALECT
+    def known_dialect(self, url: str) -> Dialect:
+        """Return the dialect that the options determine; RC8 if they do not determine one."""
+        return dialect_of(self.dialect, self.with_url(url).provider) or RC8_DIALECT
+
+    def with_url(self, url: str) -> ConnectArguments:
+        """Return the options together with those of a connection string in place of the URL."""
+        return evaluate(
+            ConnectArguments(url, self.provider, self.machine, self.option or "", self._timeout(), self.tries)
+        )
 
     def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
         """Connect to the controller; for ``alive`` see :func:`orinkit.connect`."""
@@ -127,15 +140,9 @@ class ConnectionOptions:
             try:
                 yield controller
             except CallError as error:
-                if not error.detail and not self._denso:
+                if not error.detail and not _is_denso(self.with_url(url).provider):
                     error.detail = _description(controller, error)
                 raise
-
-    @property
-    def _denso(self) -> bool:
-        """True if the provider is one of DENSO's, whose return codes are in the table of orinkit."""
-        provider = self.provider.strip().casefold()
-        return not provider or any(name in provider for name in _OF_DENSO)
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection without calling Controller_Connect."""
@@ -160,6 +167,12 @@ class ConnectionOptions:
 
     def _transcript(self) -> Transcript | None:
         return Transcript(_to_stderr) if self.trace else None
+
+
+def _is_denso(provider: str) -> bool:
+    """Return True if the provider is one of DENSO's, whose return codes are in the table of orinkit."""
+    name = provider.strip().casefold()
+    return not name or any(known in name for known in _OF_DENSO)
 
 
 def _description(controller: orinkit.Controller, error: CallError) -> str:

@@ -140,7 +140,8 @@ def _call_service(
     entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: ConnectionOptions
 ) -> tuple[tuple[Any, ...], Any]:
     if entry is functions.controller_connect and not texts:
-        texts = ("", connection.provider, connection.machine, connection.option or "")
+        given = connection.with_url(url)
+        texts = ("", given.provider, given.machine, given.option)
     arguments = read_arguments(entry, entry.arguments, texts)
     with connection.open_client(url) as client:
         if entry is not functions.service_start:
