@@ -9,7 +9,10 @@ import pytest
 
 import orinkit
 from orinkit.bcap import packet
+from orinkit.cli.commands.gateway import _named, _settings
+from orinkit.client._shared.connection_string import ConnectArguments
 from orinkit.core.hresult import S_OK
+from orinkit.gateway import RemoteProvider, Upstream
 from orinkit.virtual.rc8 import VirtualRC8
 
 
@@ -98,3 +101,18 @@ def test_the_hint_of_an_error_can_be_pasted_into_a_shell(run, rc8, place):
 )
 def test_strings_that_a_gateway_refuses(refused, text, reason):
     assert reason in refused("gateway", "--upstream", text, code=2)
+
+
+def test_a_string_for_each_controller_of_a_gateway():
+    cells = _named(("cell1=Server=10.0.0.1, UDP=1, TORetry=2, Machine=VRC", "cell2=tcp://10.0.0.2"))
+    assert [name for name, _ in cells] == ["cell1", "cell2"]
+    given = ConnectArguments(cells[0][1], tries=5)
+    assert _settings(given) == ConnectArguments("udp://10.0.0.1:5007", machine="VRC", timeout=0.5, tries=2)
+    assert _named(("Server=10.0.0.1",)) == [("", "Server=10.0.0.1")]
+
+
+def test_a_gateway_to_a_string(run, place, rc8):
+    rc8.raise_error(0x83204071, "axis 1 is at its limit")
+    found = _settings(ConnectArguments(f"Server={place}, Timeout=20000"))
+    with orinkit.serve(RemoteProvider({"": Upstream(found.url, timeout=found.timeout)}), "tcp://127.0.0.1:0") as server:
+        assert "axis 1 is at its limit" in run("info", server.url).out

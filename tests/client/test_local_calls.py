@@ -202,7 +202,7 @@ def test_a_repeated_request_is_the_last_packet_sent(both: Both) -> None:
         thread = threading.Thread(target=answer, args=(line,))
         thread.start()
         try:
-            client = both.client(f"Server=127.0.0.1:{line.getsockname()[1]}, UDP, Timeout=200, TORetry=7, Debug")
+            client = both.client(f"Server=127.0.0.1:{line.getsockname()[1]}, UDP, Timeout=400, TORetry=7, Debug")
             both.run(client.call(f.service_start))
             handle = both.run(client.call(f.controller_get_variable, 1, SENT))
             last = both.run(client.call(f.variable_get_value, handle))
