@@ -15,6 +15,7 @@
     ├── MissingExtra (ImportError)         a feature needs a package that is not installed
     ├── ProviderLoadFailed                 a user-written provider could not be loaded
     ├── ObjectReleased                     an object was used after it was closed
+    ├── MessagesDisabled                   a message function on a connection with messages=False
     ├── StreamError                        streaming in slave mode ended or could not start
     ├── CallTimeout (TimeoutError)         no reply in time; the call may or may not have been executed
     │   └── DriverTimeout                  the same, from an ABH3 motor driver
