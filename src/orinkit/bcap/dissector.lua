@@ -104,7 +104,7 @@ local function shortened(text)
     if #text <= SHOWN then
         return text
     end
-    local last = SHOWN - 3
+    local last = SHOWN - 1
     while last > 0 and string.byte(text, last + 1) >= 0x80 and string.byte(text, last + 1) < 0xC0 do
         last = last - 1 -- do not cut a character of several bytes
     end
@@ -117,7 +117,7 @@ local function visible(text)
     end))
 end
 
--- The shortest text that denotes the number.
+-- The shortest text of 15 or more digits that denotes the number, without trailing zeros.
 local function real(number)
     if number ~= number then
         return "nan"
@@ -500,16 +500,17 @@ end
 
 local calls = {} -- by stream and serial: the latest call
 local seen = {} -- by frame, kind and serial: the call of a packet
-local tcp_stream, udp_stream = Field.new("tcp.stream"), Field.new("udp.stream")
 
 bcap.init = function()
     calls, seen = {}, {}
 end
 
+-- The connection of a packet, the same in both directions.
 local function stream_of(pinfo)
-    local tcp, udp = tcp_stream(), udp_stream()
-    local name = tcp and "tcp" .. tostring(tcp) or udp and "udp" .. tostring(udp)
-    return name or tostring(pinfo.src) .. tostring(pinfo.dst)
+    local source = tostring(pinfo.src) .. " " .. pinfo.src_port
+    local target = tostring(pinfo.dst) .. " " .. pinfo.dst_port
+    local places = source < target and source .. " " .. target or target .. " " .. source
+    return pinfo.port_type .. " " .. places
 end
 
 local function from_server(pinfo)

@@ -85,7 +85,9 @@ class CaptureConnection:
 
     def __post_init__(self) -> None:
         if self.transport not in ("tcp", "udp"):
-            raise InvalidValue(tr('the transport of a capture must be "tcp" or "udp", not {value!r}', value=self.transport))
+            raise InvalidValue(
+                tr('the transport of a capture must be "tcp" or "udp", not {value!r}', value=self.transport)
+            )
         versions = {_address(host).version for host, _ in (self.local, self.remote)}
         if len(versions) > 1:
             text = tr("{local} and {remote} have different IP versions", local=self.local[0], remote=self.remote[0])
@@ -143,7 +145,9 @@ class PcapngWriter:
 
     def _datagram(self, source: Place, target: Place, data: bytes) -> bytes:
         if len(data) > LONGEST_DATAGRAM:
-            text = tr("{size} bytes exceed the limit of {most} bytes of a datagram", size=len(data), most=LONGEST_DATAGRAM)
+            text = tr(
+                "{size} bytes exceed the limit of {most} bytes of a datagram", size=len(data), most=LONGEST_DATAGRAM
+            )
             raise InvalidValue(text)
         size = _UDP_HEADER.size + len(data)
         header = _UDP_HEADER.pack(source[1], target[1], size, 0)
