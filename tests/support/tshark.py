@@ -14,8 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from orinkit.bcap import packet
 from orinkit.bcap.dissector import lua
 from orinkit.bcap.pcapng import CaptureConnection, PcapngWriter
+from orinkit.cao.functions import FUNCTIONS
+from orinkit.core import hresult
 
 TSHARK = shutil.which("tshark")
 needs_tshark = pytest.mark.skipif(TSHARK is None, reason="requires tshark (Debian, Ubuntu: apt-get install tshark)")
@@ -88,7 +91,7 @@ def _leaves(tree: ET.Element) -> Iterator[ET.Element]:
 
 
 class Result:
-    """What tshark reports about a capture.
+    """The report of tshark about a capture.
 
     Attributes:
         packets: The packets of b-CAP, in order.
@@ -152,3 +155,22 @@ class Tshark:
             for number, (direction, data, connection) in enumerate(packets):
                 writer.packet(START + number * 1_000_000, direction, data, connection=connection)
         return Result(self, capture, options)
+
+
+def assert_named(found: Result, packets: list[Sent]) -> None:
+    """Check that every packet is one of b-CAP, is not malformed, has its function, and each reply its request."""
+    assert found.experts == []
+    assert [frame[-1] for frame in found.frames] == ["bcap"] * len(packets)
+    for (direction, data, _), shown, info in zip(packets, found.packets, found.infos, strict=True):
+        assert not shown.malformed
+        _, _, serial, _, code, _ = packet.HEADER.unpack_from(data)
+        assert shown.show("bcap.serial") == str(serial)
+        function = FUNCTIONS[int(shown.show("bcap.function"))]
+        assert function.name in info
+        if direction == ">":
+            assert function.id == code
+            assert shown.shows("bcap.response_in") != []
+        else:
+            assert int(shown.show("bcap.return_code"), 16) == code
+            assert hresult.lookup(code).name in info
+            assert shown.shows("bcap.request_in") != []

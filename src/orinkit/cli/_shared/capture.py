@@ -6,8 +6,8 @@ import os
 import socket
 import time
 import weakref
+from io import FileIO
 from ipaddress import ip_address
-from pathlib import Path
 from typing import Final
 
 from orinkit import __version__
@@ -42,7 +42,7 @@ class CaptureFile:
         self._path = path
         self._connection = connection_of(address)
         try:
-            self._file = Path(path).open("xb", buffering=0, opener=_private)  # noqa: SIM115 - closed by the finalizer
+            self._file = FileIO(path, "x", opener=_private)  # unbuffered
         except FileExistsError:
             raise usage_error(tr("--capture {path}: the file exists. Try: another name", path=path)) from None
         except (OSError, ValueError) as error:
