@@ -15,6 +15,7 @@ import orinkit
 from orinkit import HttpOptions
 from orinkit.bcap.dissector import lua
 from orinkit.bcap.pcapng import SERIAL_LINE
+from orinkit.cao.functions import FUNCTIONS
 from orinkit.cli._shared.capture import connection_of
 from orinkit.transport.address import DEFAULT_PORT, parse_address
 from orinkit.virtual.clock import Clock
@@ -43,6 +44,12 @@ def test_the_dissector_is_written_to_stdout_or_a_file(run, tmp_path):
     path.write_text("old")
     assert run("dissector", "--output", str(path)) == (0, "", "")
     assert path.read_text(encoding="utf-8") == text
+
+
+def test_the_dissector_is_utf_8_in_any_environment(program):
+    environment = {**os.environ, "PYTHONIOENCODING": "latin-1", "ORINKIT_LANG": "ja"}
+    done = subprocess.run([*program, "dissector"], env=environment, stdout=subprocess.PIPE, check=True)
+    assert FUNCTIONS[1].ja in done.stdout.decode("utf-8")
 
 
 def test_a_file_that_cannot_be_written(refused, tmp_path):

@@ -97,7 +97,6 @@ bcap.prefs.short_errors = Pref.bool("VT_ERROR has 2 bytes", false, "In packets o
 
 -- Values as text ------------------------------------------------------------------------------------------------------
 
-local SHOWN = 80 -- characters of a value in the info column
 local SHOWN_ELEMENTS = 1000 -- elements of an array that have an item of their own
 
 local function shortened(text)
@@ -455,11 +454,14 @@ function Packet:one_argument(tree, name, at, last, missing)
     return fits and stop or nil, after and text or "?"
 end
 
+local library = bit or bit32 -- which one exists depends on the version of Wireshark; the operator only in Lua 5.3 or later
+local bxor = library and library.bxor or load("return function(a, b) return a ~ b end")()
+
 local CRC = {}
 for value = 0, 255 do
     local crc = value * 256
     for _ = 1, 8 do
-        crc = bit.band(crc >= 0x8000 and bit.bxor(crc * 2, 0x1021) or crc * 2, 0xFFFF)
+        crc = (crc >= 0x8000 and bxor(crc * 2, 0x1021) or crc * 2) % 0x10000
     end
     CRC[value] = crc
 end
@@ -468,7 +470,7 @@ local function checksum(range)
     local bytes, crc = range:bytes(), 0xFFFF
     for index = 0, bytes:len() - 1 do
         local high = math.floor(crc / 256)
-        crc = bit.bxor(crc % 256 * 256, CRC[bit.bxor(high, bytes:get_index(index))])
+        crc = bxor(crc % 256 * 256, CRC[bxor(high, bytes:get_index(index))])
     end
     return crc
 end
@@ -689,7 +691,7 @@ local function dissect(tvb, pinfo, root)
         add_links(tree, pinfo, packet, packet.call)
     end
     local text = summary(packet, texts)
-    tree:append_text(", " .. (packet.is_request and "request " or "reply ") .. packet.serial .. ", " .. text)
+    tree:append_text(string.format(", %s %d, %s", packet.is_request and "request" or "reply", packet.serial, text))
     return text
 end
 

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.dissect import LAST_FUNCTION_ID
+from orinkit.bcap.dissect import LAST_FUNCTION_ID, LONGEST_VALUE
 from orinkit.bcap.profiles import LINE
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
@@ -50,6 +50,7 @@ def _tables(port: int) -> list[str]:
             "depth": DEFAULT_LIMITS.depth,
             "variants": DEFAULT_LIMITS.variants,
         },
+        "SHOWN": LONGEST_VALUE,
         "LAST_FUNCTION_ID": LAST_FUNCTION_ID,
         "EXECUTING": hresult.S_EXECUTING,
         "ARRAY": ARRAY,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -29,7 +30,9 @@ def dissector(
 
     text = lua(__version__, DEFAULT_PORT)
     if output is None:
-        sys.stdout.write(text)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # as Wireshark requires, on any terminal
+        print(text, end="")
         return
     try:
         Path(output).write_text(text, encoding="utf-8", newline="\n")
