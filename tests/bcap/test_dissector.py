@@ -52,7 +52,8 @@ def test_the_text_contains_every_row_of_the_tables():
     text = lua("1.2.3", 5008)
     assert "orinkit 1.2.3" in text
     assert 'local DEFAULT_PORTS = "5008"' in text
-    assert "@" not in text.partition("-- Fields")[0].replace("@", "", 0).partition("local FUNCTIONS")[0]
+    assert "@VERSION@" not in text
+    assert "@TABLES@" not in text
     for code, function in FUNCTIONS.items():
         assert f'[{code}] = {{name = "{function.name}"' in text
     for code, row in hresult.CODES.items():
@@ -222,7 +223,7 @@ def test_retries_refer_to_the_first_attempt(tshark):
         "Retry of 7: Variable_GetValue(3)",
         "Variable_GetValue: S_OK -> 5",
     ]
-    assert [each.shows("bcap.retry") for each in found.packets] == [[], ["1"], ["1"], [], []]
+    assert [each.shows("bcap.retry") != [] for each in found.packets] == [False, True, True, False, False]
     assert second.show("bcap.first_attempt_in") == third.show("bcap.first_attempt_in") == "1"
     assert first.shows("bcap.retry_in") == ["2", "3"]
     assert [each.show("bcap.response_in") for each in (first, second, third)] == ["4", "4", "4"]

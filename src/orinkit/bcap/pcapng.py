@@ -22,6 +22,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from typing import Final, Literal, TypeAlias
 
@@ -59,6 +60,7 @@ _TCP_HEADER: Final = struct.Struct(">HHIIBBHHH")
 _UDP_HEADER: Final = struct.Struct(">HHHH")
 
 
+@lru_cache(maxsize=1024)
 def _address(host: str) -> IPv4Address | IPv6Address:
     try:
         return ip_address(host)
