@@ -6,6 +6,7 @@ import json
 import math
 import random
 import struct
+import subprocess
 from datetime import datetime, timedelta
 from decimal import Decimal
 from itertools import pairwise
@@ -25,7 +26,7 @@ from orinkit.values.conversions import ole_datetime, ole_days
 from orinkit.values.types import ARRAY, TABLE, TypeRow, type_name
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 from support import paths
-from support.tshark import TCP, UDP, Dissected, Tshark, needs_tshark
+from support.tshark import TCP, UDP, Dissected, Result, Tshark, needs_tshark
 
 VECTORS = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 SEED = 5007
@@ -446,6 +447,24 @@ def test_garbage_in_a_stream_is_marked_and_the_next_segment_is_dissected(tshark)
     found = tshark.dissect([(">", request(1) + b"GET / HTTP/1.1", TCP), (">", request(2), TCP)])
     assert [each.malformed for each in found.packets] == [False, True, False]
     assert found.infos == ["Variable_GetValue(3); not a packet", "Variable_GetValue(3)"]
+
+
+@needs_tshark
+def test_packets_that_the_capture_has_cut_off(tshark):
+    """Each packet of the capture contains its first 90 bytes only, as with the option -s of tcpdump."""
+    connections = [CaptureConnection(TCP.transport, ("127.0.0.1", port), TCP.remote) for port in range(20000, 20100)]
+    rng = random.Random(SEED)
+    stream = [(">", request(1) + request(2) + request(3, 102, 3, "x" * 50_000), TCP), (">", request(4), TCP)]
+    other = [(">", random_packet(rng, 1) + random_packet(rng, 2), each) for each in (*connections, UDP)]
+    tshark.dissect([*stream, *other])
+    cut = tshark.directory / "cut.pcapng"
+    subprocess.run(["editcap", "-s", "90", str(tshark.directory / "capture.pcapng"), str(cut)], check=True)
+    found = Result(tshark, cut, ())
+    assert [each.frame for each in found.packets][:3] == [1, 1, 2]
+    assert [bool(each.shows("bcap.cut")) for each in found.packets[:3]] == [False, True, False]
+    assert found.infos[0] == "Variable_GetValue(3); Variable_GetValue(?)"
+    whole = Result(tshark, cut, ("-o", "tcp.desegment_tcp_streams:FALSE"))
+    assert len(whole.frames) == len(found.frames)
 
 
 @needs_tshark

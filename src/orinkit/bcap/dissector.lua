@@ -88,9 +88,10 @@ local note = {
     malformed = ProtoExpert.new("bcap.malformed", "Malformed packet", expert.group.MALFORMED, expert.severity.ERROR),
     unknown = ProtoExpert.new("bcap.unknown_function", "Unknown function", expert.group.UNDECODED, expert.severity.WARN),
     failed = ProtoExpert.new("bcap.failed", "The call failed", expert.group.RESPONSE_CODE, expert.severity.NOTE),
+    cut = ProtoExpert.new("bcap.cut", "The capture contains only a part", expert.group.UNDECODED, expert.severity.WARN),
     retry = ProtoExpert.new("bcap.repeated", "Retry", expert.group.SEQUENCE, expert.severity.NOTE),
 }
-bcap.experts = { note.malformed, note.unknown, note.failed, note.retry }
+bcap.experts = { note.malformed, note.unknown, note.failed, note.cut, note.retry }
 
 bcap.prefs.ports = Pref.range("Ports", DEFAULT_PORTS, "TCP and UDP ports of b-CAP", 65535)
 bcap.prefs.short_errors = Pref.bool("VT_ERROR has 2 bytes", false, "In packets of a VE026A, a VT_ERROR has 2 bytes")
@@ -663,13 +664,16 @@ local function end_of(self, length)
     return fits and length or self.size
 end
 
--- Dissect one packet, possibly malformed; return its text for the info column.
-local function dissect(tvb, pinfo, root)
+-- Dissect one packet, possibly malformed or cut off by the capture; return its text for the info column.
+local function dissect(tvb, pinfo, root, cut)
     local self = setmetatable({ tvb = tvb, size = tvb:len(), left = LIMITS.variants }, Packet)
     if self.size == 0 then
         return ""
     end
     local tree = root:add(bcap, tvb(0, self.size))
+    if cut then
+        tree:add_proto_expert_info(note.cut)
+    end
     if tvb(0, 1):uint() ~= SOH then
         wrong(tree, tvb(0, self.size), "a packet must begin with SOH 01")
         return "not a packet"
@@ -720,8 +724,23 @@ local function one_of_stream(tvb, pinfo, root)
     return tvb:len()
 end
 
+-- A segment that the capture has cut off cannot be reassembled.
+local function dissect_cut(tvb, pinfo, root)
+    local at, size = 0, tvb:len()
+    while size - at >= 5 and packet_length(tvb, pinfo, at) <= size - at do
+        local length = packet_length(tvb, pinfo, at)
+        show(pinfo, dissect(tvb(at, length):tvb(), pinfo, root))
+        at = at + length
+    end
+    if at < size then
+        show(pinfo, dissect(tvb(at):tvb(), pinfo, root, true))
+    end
+end
+
 function bcap.dissector(tvb, pinfo, root)
-    if pinfo.port_type == 2 then -- TCP
+    if tvb:len() < tvb:reported_len() then
+        dissect_cut(tvb, pinfo, root)
+    elseif pinfo.port_type == 2 then -- TCP
         dissect_tcp_pdus(tvb, root, 5, packet_length, one_of_stream)
     else
         show(pinfo, dissect(tvb, pinfo, root))
@@ -741,7 +760,7 @@ local function plausible(tvb)
 end
 
 bcap:register_heuristic("udp", function(tvb, pinfo, root)
-    if not plausible(tvb) or tvb(1, 4):le_uint() ~= tvb:len() then
+    if not plausible(tvb) or tvb(1, 4):le_uint() ~= tvb:reported_len() then
         return false
     end
     bcap.dissector(tvb, pinfo, root)
