@@ -1,6 +1,6 @@
 """A dissector of b-CAP for Wireshark, in Lua.
 
-The template ``dissector.lua`` beside this module contains the code. The tables of functions, VARIANT types, return codes
+The templates ``dissector_values.lua`` and ``dissector_packets.lua`` beside this module contain the code. The tables of functions, VARIANT types, return codes
 and limits are generated from the tables of orinkit.
 """
 
@@ -21,7 +21,7 @@ from orinkit.values.types import ARRAY, TABLE, UI1_ARRAY, VarType
 
 _LuaValue: TypeAlias = "int | str | list[_LuaValue] | Mapping[str, _LuaValue]"
 
-_TEMPLATE: Final = "dissector.lua"
+_TEMPLATES: Final = ("dissector_values.lua", "dissector_packets.lua")
 _VERSION: Final = "@VERSION@"
 _TABLES: Final = "@TABLES@"
 
@@ -33,7 +33,8 @@ def lua(version: str, port: int) -> str:
         version: version of orinkit, which the text mentions.
         port: default port of b-CAP.
     """
-    template = files("orinkit.bcap").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    folder = files("orinkit.bcap")
+    template = "\n".join(folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES)
     return template.replace(_VERSION, version).replace(_TABLES, "\n".join(_tables(port)))
 
 
