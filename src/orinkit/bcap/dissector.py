@@ -1,7 +1,7 @@
 """A dissector of b-CAP for Wireshark, in Lua.
 
-The templates ``dissector_values.lua`` and ``dissector_packets.lua`` beside this module contain the code. The tables of functions, VARIANT types, return codes
-and limits are generated from the tables of orinkit.
+The templates ``dissector_values.lua`` and ``dissector_packets.lua`` beside this module contain the code. The tables of
+functions, VARIANT types, return codes and limits are generated from the tables of orinkit.
 """
 
 from __future__ import annotations
