@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import CONNECTION, ConnectionOptions
+from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOptions
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.client._shared.connection_string import url_of
@@ -186,6 +186,7 @@ def pendant(
         ),
     ] = DEFAULT_TIMEOUT,
     trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Print every packet to stderr."))] = False,
+    capture: Annotated[Capture, Parameter(group=CONNECTION)] = None,
 ) -> None:
     """Press a button of a virtual RC8 and print the resulting state."""
     from orinkit.cli._shared.output import print_json
@@ -197,7 +198,9 @@ def pendant(
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
     seconds = None if timeout == DEFAULT_TIMEOUT else timeout  # a connection string may contain another one
-    connection = ConnectionOptions(PROVIDER, seconds, trace, option=f"Secret={secret}" if secret else None)
+    connection = ConnectionOptions(
+        PROVIDER, seconds, trace, option=f"Secret={secret}" if secret else None, capture=capture
+    )
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
     if json:
         print_json(status)
