@@ -51,7 +51,7 @@ def serving(role: Role, **more) -> RawOptions:
 
 async def until(condition) -> None:
     async with asyncio.timeout(PATIENCE):
-        while not condition():
+        while not condition():  # noqa: ASYNC110 - there is no event
             await asyncio.sleep(0.005)
 
 
@@ -98,7 +98,9 @@ def test_a_ve026a_on_a_serial_line():
 
 
 def test_printed_packets_arrive_unchanged_and_have_replies(rc8):
-    printed = [bytes.fromhex(each["hex"]) for each in PRINTED if each["transport"] == "tcp" and each["kind"] == "request"]
+    printed = [
+        bytes.fromhex(each["hex"]) for each in PRINTED if each["transport"] == "tcp" and each["kind"] == "request"
+    ]
 
     async def body(url: str) -> None:
         async with await RawExchange.open(options(url)) as raw:
@@ -248,13 +250,15 @@ def test_a_server_talks_to_a_client(role):
 
 def test_a_server_waits_for_the_next_request():
     async def body() -> None:
-        async with await RawExchange.open(serving(Role.TCP_SERVER)) as server:
-            async with await RawExchange.open(options(server.url, sync=False)) as client:
-                await until(lambda: server.peers)
-                pending = asyncio.create_task(server.send(b"go"))
-                assert (await client.receive(PATIENCE) or RawPacket(0, "<", "", b"")).data == b"go"
-                await client.send(START)
-                assert await pending == START
+        async with (
+            await RawExchange.open(serving(Role.TCP_SERVER)) as server,
+            await RawExchange.open(options(server.url, sync=False)) as client,
+        ):
+            await until(lambda: server.peers)
+            pending = asyncio.create_task(server.send(b"go"))
+            assert (await client.receive(PATIENCE) or RawPacket(0, "<", "", b"")).data == b"go"
+            await client.send(START)
+            assert await pending == START
 
     asyncio.run(body())
 

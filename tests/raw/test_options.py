@@ -69,7 +69,9 @@ def test_defaults_of_the_table():
 
 @pytest.mark.parametrize("mode", PACKET_MODES, ids=lambda mode: mode.name)
 def test_modes_for_other_data_are_refused_by_name(mode):
-    with pytest.raises(InvalidValue, match=rf"the mode {mode.name} \({mode.value}\) does not apply here: .*PacketOpt=0:0:0"):
+    with pytest.raises(
+        InvalidValue, match=rf"the mode {mode.name} \({mode.value}\) does not apply here: .*PacketOpt=0:0:0"
+    ):
         RawOptions.parse(f"Conn=eth:h, PacketOpt={mode.value}:0:0")
 
 

@@ -27,7 +27,7 @@ from orinkit.cao.argument_text import read_argument
 from orinkit.cao.functions import FUNCTIONS, find
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.raw.hex_text import masked
+from orinkit.raw.hex_text import PREFIXES, masked
 from orinkit.values.codec import DEFAULT_LIMITS
 
 MOST_PROBLEMS: Final = 50
@@ -165,15 +165,16 @@ def _not_hex(plain: str, text: str, start: int, end: int, number: int) -> Iterat
     """Yield the words that are not hex, at most :data:`MOST_PROBLEMS`."""
     count = 0
     for word in _WORD.finditer(plain, start, end):
-        shown = text[word.start() : word.end()]
+        begin = word.start() - 2 if text[word.start() - 2 : word.start()] in PREFIXES else word.start()
+        shown = text[begin : word.end()]
         if _DIGITS.fullmatch(word[0]) and len(word[0]) % 2 == 0:
             continue
         if _DIGITS.fullmatch(word[0]):
             kind = ProblemKind.ODD_DIGITS
-            description = tr("{text!r:.40} has an odd number of hex digits ({count})", text=shown, count=len(shown))
+            description = tr("{text!r:.40} has an odd number of hex digits ({count})", text=shown, count=len(word[0]))
         else:
             kind, description = ProblemKind.NOT_HEX, tr("{text!r:.40} is not hex", text=shown)
-        yield Problem(kind, word.start(), word.end(), description, number)
+        yield Problem(kind, begin, word.end(), description, number)
         count += 1
         if count >= MOST_PROBLEMS:
             return

@@ -14,6 +14,7 @@ import orinkit
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
+from orinkit.cao.replies import Trace
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
@@ -104,8 +105,14 @@ class ConnectionOptions:
         """The dialect that the options determine; RC8 if they do not determine one."""
         return dialect_of(self.dialect, self.provider) or RC8_DIALECT
 
-    def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
-        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`."""
+    def open(self, url: str, alive: float | None = None, trace: Trace | None = None) -> orinkit.Controller:
+        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`.
+
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+            trace: Callback instead of the option ``--trace``.
+        """
         return orinkit.connect(
             url,
             provider=self.provider,
@@ -113,7 +120,7 @@ class ConnectionOptions:
             option=self.option or "",
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._transcript(),
+            trace=trace or self._transcript(),
             dialect=self.dialect,
             token=self._token(),
             cafile=self.cafile or "",
@@ -121,15 +128,25 @@ class ConnectionOptions:
         )
 
     @contextmanager
-    def opened(self, url: str) -> Iterator[orinkit.Controller]:
-        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls."""
-        with self.open(url) as controller:
-            try:
-                yield controller
-            except CallError as error:
-                if not error.detail and not self._denso:
-                    error.detail = _description(controller, error)
-                raise
+    def opened(self, url: str, alive: float | None = None) -> Iterator[orinkit.Controller]:
+        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls.
+
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+        """
+        with self.open(url, alive) as controller, self.described(controller):
+            yield controller
+
+    @contextmanager
+    def described(self, controller: orinkit.Controller) -> Iterator[None]:
+        """Add the controller's own description to errors of calls."""
+        try:
+            yield
+        except CallError as error:
+            if not error.detail and not self._denso:
+                error.detail = _description(controller, error)
+            raise
 
     @property
     def _denso(self) -> bool:
@@ -159,7 +176,7 @@ class ConnectionOptions:
         return token
 
     def _transcript(self) -> Transcript | None:
-        return Transcript(_to_stderr) if self.trace else None
+        return Transcript(print_packet) if self.trace else None
 
 
 def _description(controller: orinkit.Controller, error: CallError) -> str:
@@ -176,7 +193,8 @@ def _description(controller: orinkit.Controller, error: CallError) -> str:
     return printable(" ".join(words.split()), _MAX_DESCRIPTION)
 
 
-def _to_stderr(packet: TracedPacket) -> None:
+def print_packet(packet: TracedPacket) -> None:
+    """Print a packet to stderr."""
     for line in packet.lines():
         print(line, file=sys.stderr)
 

@@ -72,7 +72,7 @@ def call(
     """Call a function of the table and print its result."""
     from orinkit.cli._shared.output import jsonable, print_json, text, typed_document
 
-    entry = _find(function)
+    entry = find(function)
     _check_options(entry, owning, other)
     if entry.interface == "Service" or entry is functions.controller_connect:
         arguments, reply = _call_service(entry, args, url, connection)
@@ -127,7 +127,8 @@ def _no_message() -> CommandError:
     return CommandError(tr("the controller has no message"))
 
 
-def _find(name: str) -> Function[..., Any]:
+def find(name: str) -> Function[..., Any]:
+    """Return a function by its id, name or Python name; raise CommandError if it is unknown."""
     try:
         return functions.find(name)
     except KeyError as error:
