@@ -16,7 +16,9 @@ import pytest
 
 import orinkit
 from orinkit.bcap import packet
+from orinkit.bcap.profiles import LINE
 from orinkit.raw.packets import assemble
+from orinkit.virtual.ve026a import VirtualVE026A
 from support.peers import BadPeer, Line, reply
 from support.waiting import PATIENCE, until
 
@@ -145,13 +147,24 @@ def test_a_lost_connection_can_be_opened_again(script):
             line.send(reply(request, *([2] if request.code == 3 else ["name"] if request.code == 21 else [])))
 
     with BadPeer(controller) as peer:
-        name = "call Controller_GetName"
+        url, name = peer.url, "call Controller_GetName"
         done = script(peer.url, name, name, "reconnect", name, options=("--keep-going", "--timeout", "30"))
     lost, missing = done.err.splitlines()
     assert "closed the connection" in lost
-    assert missing == f"orinkit: there is no connection to {peer.url}. Try: reconnect"
+    assert missing == f"orinkit: there is no connection to {url}. Try: reconnect"
     assert (done.code, done.out) == (1, "name\n")
     assert seen.count(21) == 2
+
+
+def test_a_serial_line(script):
+    arm = VirtualVE026A()
+    with orinkit.serve(arm, "pty://") as server:
+        name = assemble("Controller_GetRobot", ["1", "VE", ""], 40000, LINE)
+        lines = ("get @VERSION", "execute Motor 1 --robot VE", f"raw --hex {name.hex()}")
+        done = script(server.url, *lines, options=("--timeout", "10"))
+        assert arm.motor_on
+    arm.close()
+    assert "VT_EMPTY" in done.out
 
 
 def test_no_controller(refused):

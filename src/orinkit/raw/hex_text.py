@@ -11,7 +11,7 @@ PREFIXES: Final = ("0x", "0X", "\\x", "&h", "&H")
 PER_LINE: Final = 16
 
 _TO_SPACES: Final = str.maketrans(dict.fromkeys(SEPARATORS, " "))
-_SINGLE: Final = re.compile(r"(?:0[xX]|\\x|&[hH])([0-9A-Fa-f])(?![0-9A-Fa-f])")  # 0x1
+_SINGLE: Final = re.compile(r"(?:0[xX]|\\x|&[hH])([0-9A-Fa-f])(?![0-9A-Za-z])")  # 0x1
 
 
 def masked(text: str) -> str:

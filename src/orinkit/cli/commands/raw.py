@@ -38,9 +38,9 @@ def raw(
     *hex_bytes: Annotated[
         str,
         Parameter(
-            name="HEX",
-            required=True,
+            "HEX",
             allow_leading_hyphen=True,
+            required=True,
             help=tr(
                 "Packets in hex, one per argument; arguments of one byte are joined to a packet. @FILE reads a file and - "
                 "stdin, in which blank lines separate packets."
