@@ -89,9 +89,9 @@ def test_invalid_parameters(refused, url):
 
 def test_no_reply(run):
     with BadPeer(Line.wait_for_end) as peer:
-        done = run("raw", f"Conn=eth:127.0.0.1:{peer.port}, Timeout=200", START.hex())
+        done = run("raw", f"Conn=eth:127.0.0.1:{peer.port}, Timeout=1000", START.hex())
         assert (done.code, done.out) == (1, "")
-        assert done.err == "orinkit: packet 1: no reply within 0.2 s\n"
+        assert done.err == "orinkit: packet 1: no reply within 1 s\n"
         assert run("raw", f"Conn=eth:127.0.0.1:{peer.port}, Sync=False", START.hex()) == (0, "", "")
 
 

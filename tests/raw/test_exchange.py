@@ -173,7 +173,8 @@ def test_a_flood_does_not_prevent_the_end(flood, monkeypatch):
 
     async def body(url: str) -> None:
         async with await RawExchange.open(options(url)) as raw:
-            assert await raw.send(START) is None
+            answer = await raw.send(START)
+            assert answer is None or not packet.is_whole(answer)  # the beginning of a packet may have arrived
 
     with BadPeer(script) as peer:
         asyncio.run(asyncio.wait_for(body(peer.url), PATIENCE))
