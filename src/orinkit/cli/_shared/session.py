@@ -107,9 +107,9 @@ class Session:
 
     def halt(self) -> None:
         """Halt the robots that calls of this session have set in motion."""
-        while self._moving:
-            name = self._moving.pop()
+        for name in sorted(self._moving):
             self.controller.robot(name).halt()
+            self._moving.discard(name)
             print(tr("robot {name} halted", name=name), file=sys.stderr)
 
     @contextmanager
