@@ -25,13 +25,13 @@ class Receiver(Protocol):
     """Receives the events of a channel."""
 
     def received(self, peer: Peer, data: bytes) -> None:
-        """Bytes have arrived; a datagram is one piece."""
+        """Handle received bytes; a datagram is one piece."""
 
     def connected(self, peer: Peer) -> None:
-        """A client has connected."""
+        """Handle a new peer."""
 
     def disconnected(self, peer: Peer, error: OrinError | None) -> None:
-        """The connection to a peer has ended; ``error`` is the reason if it was not closed regularly."""
+        """Handle the end of a connection; ``error`` is the reason if it was not closed regularly."""
 
 
 class Channel(Protocol):
