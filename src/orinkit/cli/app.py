@@ -29,24 +29,13 @@ _USAGE_ERRORS: Final = (InvalidAddress, InvalidValue, NotationError)
 
 def build() -> App:
     """Return the command line in the current language; the module of a command is imported on first use."""
-    app = App(
-        name="orinkit",
-        help=tr(
+    app = bare_app(
+        "orinkit",
+        tr(
             "Control and simulate DENSO robot controllers (b-CAP) and ABH3 motor drivers (CAN). "
             "Start with: orinkit demo\n"
             "\nThe language follows LANG; ORINKIT_LANG=en or ORINKIT_LANG=ja overrides it."
         ),
-        version=orinkit.__version__,
-        help_format="plaintext",
-        help_formatter=HelpFormatter(),
-        group_commands=Group(tr("Commands")),
-        group_arguments=Group(tr("Arguments"), sort_key=1),
-        group_parameters=Group(tr("Options"), sort_key=9),
-        default_parameter=Parameter(negative=()),
-        suppress_keyboard_interrupt=False,
-        exit_on_error=False,
-        print_error=False,
-        result_action="return_value",
     )
     serve = App(
         name="serve",
@@ -88,11 +77,37 @@ def build() -> App:
     app.command(_command_of("stream"), name="stream", sort_key=12, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
     app.command(_command_of("plot"), name="plot", sort_key=13, help=tr("Plot a recorded motion."))  # fmt: skip
     app.command(_command_of("gateway"), name="gateway", sort_key=14, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
+    app.command(_command_of("raw"), name="raw", sort_key=7, usage="orinkit raw URL|OPTIONS HEX...", help=tr("Send raw packets in hex and explain the replies."))  # fmt: skip
+    app.command(_command_of("shell"), name="shell", sort_key=6, help=tr("Open an interactive session with a controller."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
     for each in (app, serve, abh3):
         _translate_flags(each)
     return app
+
+
+def bare_app(name: str, text: str) -> App:
+    """Return a command line without commands.
+
+    Args:
+        name: Name of the program.
+        text: Help text.
+    """
+    return App(
+        name=name,
+        help=text,
+        version=orinkit.__version__,
+        help_format="plaintext",
+        help_formatter=HelpFormatter(),
+        group_commands=Group(tr("Commands")),
+        group_arguments=Group(tr("Arguments"), sort_key=1),
+        group_parameters=Group(tr("Options"), sort_key=9),
+        default_parameter=Parameter(negative=()),
+        suppress_keyboard_interrupt=False,
+        exit_on_error=False,
+        print_error=False,
+        result_action="return_value",
+    )
 
 
 def _abh3() -> App:
@@ -121,10 +136,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     _escape_unencodable()
     with screened():
-        return _guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
+        return guarded(lambda: build()(list(sys.argv[1:] if argv is None else argv)))
 
 
-def _guarded(run: Callable[[], int | None]) -> int:
+def guarded(run: Callable[[], int | None]) -> int:
     """Run a command; an error becomes one line on stderr and an exit code."""
     try:
         code = run() or DONE

@@ -124,8 +124,14 @@ class ConnectionOptions:
             ConnectArguments(url, self.provider, self.machine, self.option or "", self._timeout(), self.tries)
         )
 
-    def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
-        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`."""
+    def open(self, url: str, alive: float | None = None, trace: Trace | None = None) -> orinkit.Controller:
+        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`.
+
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+            trace: Callback instead of the option ``--trace``.
+        """
         return orinkit.connect(
             url,
             provider=self.provider,
@@ -133,7 +139,7 @@ class ConnectionOptions:
             option=self.option or "",
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._tracer(url),
+            trace=trace or self.tracer(url),
             dialect=self.dialect,
             token=self._token(),
             cafile=self.cafile or "",
@@ -141,15 +147,25 @@ class ConnectionOptions:
         )
 
     @contextmanager
-    def opened(self, url: str) -> Iterator[orinkit.Controller]:
-        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls."""
-        with self.open(url) as controller:
-            try:
-                yield controller
-            except CallError as error:
-                if not error.detail and not _is_denso(self.with_url(url).provider):
-                    error.detail = _description(controller, error)
-                raise
+    def opened(self, url: str, alive: float | None = None) -> Iterator[orinkit.Controller]:
+        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls.
+
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+        """
+        with self.open(url, alive) as controller, self.described(url, controller):
+            yield controller
+
+    @contextmanager
+    def described(self, url: str, controller: orinkit.Controller) -> Iterator[None]:
+        """Add the controller's own description to errors of calls."""
+        try:
+            yield
+        except CallError as error:
+            if not error.detail and not _is_denso(self.with_url(url).provider):
+                error.detail = _description(controller, error)
+            raise
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection without calling Controller_Connect."""
@@ -157,7 +173,7 @@ class ConnectionOptions:
             url,
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._tracer(url),
+            trace=self.tracer(url),
             token=self._token(),
             cafile=self.cafile or "",
         )
@@ -172,13 +188,20 @@ class ConnectionOptions:
         warn_of_exposure("--token-file", self.token_file)
         return token
 
-    def _tracer(self, url: str) -> Trace | None:
-        """Return the callback for packets that ``--trace`` and ``--capture`` require; None without these options."""
-        callbacks: list[Trace] = [Transcript(_to_stderr)] if self.trace else []
-        if self.capture is not None:
-            from orinkit.cli._shared.capture import CaptureFile
+    def capture_file(self, url: str) -> Trace | None:
+        """Create the file of ``--capture``; return the callback that writes packets to it; None without this option."""
+        if self.capture is None:
+            return None
+        from orinkit.cli._shared.capture import CaptureFile
 
-            callbacks.append(CaptureFile(self.capture, parse_address(url)))
+        return CaptureFile(self.capture, parse_address(self.with_url(url).url))
+
+    def tracer(self, url: str) -> Trace | None:
+        """Return the callback for packets that ``--trace`` and ``--capture`` require; None without these options."""
+        callbacks: list[Trace] = [Transcript(print_packet)] if self.trace else []
+        capture = self.capture_file(url)
+        if capture is not None:
+            callbacks.append(capture)
         if len(callbacks) < 2:
             return callbacks[0] if callbacks else None
 
@@ -209,7 +232,8 @@ def _description(controller: orinkit.Controller, error: CallError) -> str:
     return printable(" ".join(words.split()), _MAX_DESCRIPTION)
 
 
-def _to_stderr(packet: TracedPacket) -> None:
+def print_packet(packet: TracedPacket) -> None:
+    """Print a packet to stderr."""
     for line in packet.lines():
         print(line, file=sys.stderr)
 

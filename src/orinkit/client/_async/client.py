@@ -34,6 +34,7 @@ from orinkit.client._shared.endpoint import (
     enable_concurrent_send,
     link_for_closing,
     opening_of,
+    raw_operation,
     send_during_call,
 )
 from orinkit.client._shared.local_calls import local_calls
@@ -45,7 +46,7 @@ from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, arun, asend_close
+from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, Operation, arun, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
@@ -281,6 +282,27 @@ class AsyncClient(AsyncClosing):
         async with self._lock:
             return Reply(*await self._execute(function, bound, seconds, exact, limit))
 
+    async def send_raw(self, data: bytes, *, timeout: float | None = None) -> bytes | None:
+        """Send bytes unchanged on this connection, and return the packet received in reply.
+
+        Args:
+            data: The bytes, usually a b-CAP packet. They are sent once. If a serial number is in them, the packet with
+                the same serial is the reply.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Returns:
+            The packet, or ``None`` if there is none in time.
+
+        Raises:
+            InvalidValue: If the connection uses e-CAP.
+            ConnectionLost: If the connection broke.
+            ProtocolError: If the reply is not b-CAP.
+        """
+        seconds = self.timeout if timeout is None else check_timeout(timeout)
+        operation = raw_operation(self._conversation, data, seconds)
+        async with self._lock:
+            return await self._run(operation)
+
     def set_overall_deadline(self, seconds: float | None) -> None:
         """Set the time in s after which all further calls together must have ended; ``None`` removes this deadline."""
         self._end = None if seconds is None else Deadline(seconds)
@@ -392,15 +414,19 @@ class AsyncClient(AsyncClosing):
                 self._session_deadline = Deadline(self.profile.session_timeout)
 
     async def _execute_now(self, call: CallRequest) -> tuple[int, Any]:
+        operation = self._conversation.call(
+            call.function,
+            call.arguments,
+            call.seconds,
+            exact=call.exact,
+            tries=self._tries,
+            deadline=call.deadline,
+        )
+        return await self._run(operation)
+
+    async def _run(self, operation: Operation[R]) -> R:
+        """Run an operation; close the link if the connection cannot be used any more."""
         try:
-            operation = self._conversation.call(
-                call.function,
-                call.arguments,
-                call.seconds,
-                exact=call.exact,
-                tries=self._tries,
-                deadline=call.deadline,
-            )
             return await arun(operation, self._link, self._conversation.close_sequence)
         except (ConnectFailed, ConnectionLost):
             self._link.close()
