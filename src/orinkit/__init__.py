@@ -11,6 +11,7 @@ from orinkit.can.server import serve_can
 from orinkit.cao import functions
 from orinkit.cao.provider import Provider
 from orinkit.client._shared.common import ErrorInfo
+from orinkit.client._shared.connection_string import ConnectionString
 from orinkit.client._shared.stream import Progress, StreamResult, Timing
 from orinkit.client._sync.client import Client
 from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
@@ -42,6 +43,7 @@ from orinkit.core.errors import (
     InvalidValue,
     LanguageError,
     LimitExceeded,
+    MessagesDisabled,
     MissingExtra,
     MotionError,
     NotationError,
@@ -93,6 +95,7 @@ __all__ = [
     "ConnectFailed",
     "ConnectionClosed",
     "ConnectionLost",
+    "ConnectionString",
     "Controller",
     "ControllerError",
     "Device",
@@ -114,6 +117,7 @@ __all__ = [
     "LimitExceeded",
     "Limits",
     "Message",
+    "MessagesDisabled",
     "MissingExtra",
     "Motion",
     "MotionError",

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from orinkit.cao import functions, provider, table
 from orinkit.cao.functions import BY_NAME, FUNCTIONS, find
 from orinkit.cao.table import Argument, Function, snake_case
-from orinkit.client._async import controller, motion, objects, robot, task
+from orinkit.client._async import controller, file, motion, objects, robot, task
 from orinkit.core import i18n
 from orinkit.rc8.task_modes import StopMode, StopName, TaskMode, TaskName, TaskStatus
 from orinkit.values.variant import VarType
@@ -193,7 +193,7 @@ def test_the_provider_has_no_other_methods():
 
 
 def test_the_client_uses_every_entry():
-    modules = (controller, motion, objects, robot, task)
+    modules = (controller, file, motion, objects, robot, task)
     trees = [ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")) for module in modules]
     used = {
         node.attr

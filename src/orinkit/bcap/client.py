@@ -26,7 +26,7 @@ from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Argument, Function
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, CallTimeout, InvalidValue, error_for
+from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -34,6 +34,7 @@ from orinkit.values.variant import Variant, VarType, variant
 
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
+RawOperation: TypeAlias = Generator[Exchange, bytes | None, bytes | None]
 
 _SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # at offset 5: serial, reserved, code, argument count
 _HEADER: Final = packet.HEADER.pack
@@ -246,6 +247,50 @@ class BcapConversation:
             requests[serial] = self._request(function, arguments, serial, first)
             received = yield requests[serial], timer.bound(max(seconds, retry_timeout))
 
+    def raw(self, data: bytes, seconds: float) -> RawOperation:
+        """Return a generator that sends bytes unchanged, and returns the packet with the same serial, or ``None``.
+
+        The bytes are sent only once. If they are too short for a serial, the first packet is returned. The serial of
+        the next request follows the serial in the bytes, so that a late reply does not match this request.
+
+        Args:
+            data: the bytes, which need not be a valid packet.
+            seconds: time-out, s; every S_EXECUTING from the controller restarts it.
+
+        Raises:
+            ConnectionLost: If the peer has closed the connection.
+            ProtocolError: If the received data is not b-CAP, or if too many packets other than the reply were received.
+        """
+        serial = _serial_of(data)
+        if serial:
+            self._serial = serial % 0xFFFF + 1
+        self._stopped = False
+        timer = CallTimer("raw", None, self._clock)
+        if self.trace is not None:
+            self.trace(">", data)
+        received = yield data, seconds
+        while received is not None:
+            if not received:
+                raise ConnectionLost(
+                    tr("{name}: the peer closed the connection before a reply was received", name="raw")
+                )
+            frame = self._framer.feed(received)
+            wait: float | None = None
+            idle = 0
+            while frame is not None:
+                if self.trace is not None:
+                    self.trace("<", frame)
+                answered, _, code, _ = _SERIAL_AND_CODE(frame, 5)
+                if code == _EXECUTING:
+                    wait = seconds
+                elif answered in (serial, 0) or not serial:
+                    return frame
+                idle += 1
+                frame = self._framer.next_frame()
+            timer.count_other(idle, executing=wait is not None)
+            received = yield b"", wait
+        return None
+
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the Service_Stop packets to send before a UDP link or a serial line is closed.
 
@@ -284,6 +329,11 @@ class BcapConversation:
         else:  # for some functions, a VE026A returns no value, and an RC8 returns VT_EMPTY
             value = Variant(VarType.EMPTY) if exact else None
         return checked(function, value, exact=exact)
+
+
+def _serial_of(data: bytes) -> int:
+    """Return the serial of a packet that may be malformed; 0 if it is too short."""
+    return int.from_bytes(data[5:7], "little") if len(data) >= packet.OVERHEAD else 0
 
 
 def sign_of_life(handle: int) -> bytes:

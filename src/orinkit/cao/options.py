@@ -45,7 +45,7 @@ class Options:
         self.text = text
         self._values: dict[str, str] = {}
         repeated: dict[str, None] = {}
-        for part in _split(text):
+        for part in split_options(text)[0]:
             name, equals, value = part.partition("=")
             name = name.strip().lower()
             if name in self._values:
@@ -86,7 +86,11 @@ class Options:
         raise ValueError(text)
 
 
-def _split(text: str) -> list[str]:
+def split_options(text: str) -> tuple[list[str], str]:
+    """Split an option string at its commas; return the parts, and the bracket or quotation mark that is missing.
+
+    Commas inside brackets and quotation marks do not split. The second result is ``""`` if no mark is missing.
+    """
     parts: list[str] = []
     closing: list[str] = []
     start = 0
@@ -103,7 +107,7 @@ def _split(text: str) -> list[str]:
         elif sign == ",":
             parts.append(text[start:index])
             start = index + 1
-    return [*parts, text[start:]]
+    return [*parts, text[start:]], closing[-1] if closing else ""
 
 
 def _unquoted(value: str) -> str:

@@ -15,6 +15,7 @@
     ├── MissingExtra (ImportError)         a feature needs a package that is not installed
     ├── ProviderLoadFailed                 a user-written provider could not be loaded
     ├── ObjectReleased                     an object was used after it was closed
+    ├── MessagesDisabled                   a message function on a connection with messages=False
     ├── StreamError                        streaming in slave mode ended or could not start
     ├── CallTimeout (TimeoutError)         no reply in time; the call may or may not have been executed
     │   └── DriverTimeout                  the same, from an ABH3 motor driver
@@ -121,6 +122,10 @@ class ProviderLoadFailed(OrinError):
 
 class ObjectReleased(OrinError):
     """An object of a controller was used after it had been closed locally; nothing was sent."""
+
+
+class MessagesDisabled(OrinError):
+    """A message function was called on a connection with ``messages=False``; nothing was sent."""
 
 
 class StreamError(OrinError):

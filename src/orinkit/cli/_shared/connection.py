@@ -14,18 +14,20 @@ import orinkit
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
+from orinkit.cao.replies import Trace
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
-from orinkit.client._shared.common import RC8, check_timeout, dialect_of
+from orinkit.client._shared.common import LOCALHOST, RC8, check_timeout, dialect_of
+from orinkit.client._shared.connection_string import ConnectArguments, evaluate
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
 from orinkit.core.i18n import printable, tr
+from orinkit.transport.address import parse_address
 from orinkit.transport.registry import examples
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
 
-LOCALHOST: Final = "localhost"
 _OF_DENSO: Final = ("caoprov.denso.", "ve026a")
 _DESCRIPTION_TIMEOUT: Final = 1.0  # s
 _MAX_DESCRIPTION: Final = 1000  # characters
@@ -34,15 +36,27 @@ OBJECT = Group(tr("Object"), sort_key=7)
 
 Url: TypeAlias = Annotated[
     str,
-    Parameter(help=tr("Address of the controller: {examples}. A host name alone means TCP.", examples=examples())),
+    Parameter(
+        help=tr(
+            "Address of the controller: {examples}. A host name alone means TCP. A connection string is accepted, "
+            'too: "Server=192.168.0.1, UDP=True".',
+            examples=examples(),
+        )
+    ),
 ]
 SlaveModeUrl: TypeAlias = Annotated[
     str,
     Parameter(
         help=tr(
-            "Address of the controller: {examples}. A host name alone means TCP.", examples=examples(slave_mode=True)
+            "Address of the controller: {examples}. A host name alone means TCP. A connection string is accepted, "
+            'too: "Server=192.168.0.1, UDP=True".',
+            examples=examples(slave_mode=True),
         )
     ),
+]
+Capture: TypeAlias = Annotated[
+    str | None,
+    Parameter(help=tr("Write every packet to a new pcapng file, for Wireshark (see orinkit dissector).")),
 ]
 Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document, with bytes in hex and dates in ISO 8601."))]  # fmt: skip
 
@@ -98,14 +112,26 @@ class ConnectionOptions:
             ),
         ),
     ] = None
+    capture: Capture = None
 
-    @property
-    def known_dialect(self) -> Dialect:
-        """The dialect that the options determine; RC8 if they do not determine one."""
-        return dialect_of(self.dialect, self.provider) or RC8_DIALECT
+    def known_dialect(self, url: str) -> Dialect:
+        """Return the dialect that the options determine; RC8 if they do not determine one."""
+        return dialect_of(self.dialect, self.with_url(url).provider) or RC8_DIALECT
 
-    def open(self, url: str, alive: float | None = None) -> orinkit.Controller:
-        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`."""
+    def with_url(self, url: str) -> ConnectArguments:
+        """Return the options together with those of a connection string in place of the URL."""
+        return evaluate(
+            ConnectArguments(url, self.provider, self.machine, self.option or "", self._timeout(), self.tries)
+        )
+
+    def open(self, url: str, alive: float | None = None, trace: Trace | None = None) -> orinkit.Controller:
+        """Connect to the controller; for ``alive`` see :func:`orinkit.connect`.
+
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+            trace: Callback instead of the option ``--trace``.
+        """
         return orinkit.connect(
             url,
             provider=self.provider,
@@ -113,7 +139,7 @@ class ConnectionOptions:
             option=self.option or "",
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._transcript(),
+            trace=trace or self.tracer(url),
             dialect=self.dialect,
             token=self._token(),
             cafile=self.cafile or "",
@@ -121,21 +147,25 @@ class ConnectionOptions:
         )
 
     @contextmanager
-    def opened(self, url: str) -> Iterator[orinkit.Controller]:
-        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls."""
-        with self.open(url) as controller:
-            try:
-                yield controller
-            except CallError as error:
-                if not error.detail and not self._denso:
-                    error.detail = _description(controller, error)
-                raise
+    def opened(self, url: str, alive: float | None = None) -> Iterator[orinkit.Controller]:
+        """Connect for the duration of a ``with`` statement; add the controller's own description to errors of calls.
 
-    @property
-    def _denso(self) -> bool:
-        """True if the provider is one of DENSO's, whose return codes are in the table of orinkit."""
-        provider = self.provider.strip().casefold()
-        return not provider or any(name in provider for name in _OF_DENSO)
+        Args:
+            url: Address of the controller.
+            alive: See :func:`orinkit.connect`.
+        """
+        with self.open(url, alive) as controller, self.described(url, controller):
+            yield controller
+
+    @contextmanager
+    def described(self, url: str, controller: orinkit.Controller) -> Iterator[None]:
+        """Add the controller's own description to errors of calls."""
+        try:
+            yield
+        except CallError as error:
+            if not error.detail and not _is_denso(self.with_url(url).provider):
+                error.detail = _description(controller, error)
+            raise
 
     def open_client(self, url: str) -> orinkit.Client:
         """Open the connection without calling Controller_Connect."""
@@ -143,7 +173,7 @@ class ConnectionOptions:
             url,
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._transcript(),
+            trace=self.tracer(url),
             token=self._token(),
             cafile=self.cafile or "",
         )
@@ -158,8 +188,34 @@ class ConnectionOptions:
         warn_of_exposure("--token-file", self.token_file)
         return token
 
-    def _transcript(self) -> Transcript | None:
-        return Transcript(_to_stderr) if self.trace else None
+    def capture_file(self, url: str) -> Trace | None:
+        """Create the file of ``--capture``; return the callback that writes packets to it; None without this option."""
+        if self.capture is None:
+            return None
+        from orinkit.cli._shared.capture import CaptureFile
+
+        return CaptureFile(self.capture, parse_address(self.with_url(url).url))
+
+    def tracer(self, url: str) -> Trace | None:
+        """Return the callback for packets that ``--trace`` and ``--capture`` require; None without these options."""
+        callbacks: list[Trace] = [Transcript(print_packet)] if self.trace else []
+        capture = self.capture_file(url)
+        if capture is not None:
+            callbacks.append(capture)
+        if len(callbacks) < 2:
+            return callbacks[0] if callbacks else None
+
+        def both(direction: str, data: bytes) -> None:
+            for callback in callbacks:
+                callback(direction, data)
+
+        return both
+
+
+def _is_denso(provider: str) -> bool:
+    """Return True if the provider is one of DENSO's, whose return codes are in the table of orinkit."""
+    name = provider.strip().casefold()
+    return not name or any(known in name for known in _OF_DENSO)
 
 
 def _description(controller: orinkit.Controller, error: CallError) -> str:
@@ -176,7 +232,8 @@ def _description(controller: orinkit.Controller, error: CallError) -> str:
     return printable(" ".join(words.split()), _MAX_DESCRIPTION)
 
 
-def _to_stderr(packet: TracedPacket) -> None:
+def print_packet(packet: TracedPacket) -> None:
+    """Print a packet to stderr."""
     for line in packet.lines():
         print(line, file=sys.stderr)
 

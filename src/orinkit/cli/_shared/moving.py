@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from shlex import quote
 from typing import Any, Final, Self
 
 import orinkit
@@ -58,7 +59,7 @@ def explain_errors(controller: orinkit.Controller, url: str) -> Iterator[None]:
                 if first in error.detail or errors[-1].code == error.code
                 else tr("the controller reports {error}", error=first)
             )
-            clear = tr("to clear the error: orinkit call {url} Controller_Execute ClearError", url=url)
+            clear = tr("to clear the error: orinkit call {url} Controller_Execute ClearError", url=quote(url))
             error.detail = "; ".join(filter(None, (error.detail, reported, clear)))
         raise
 

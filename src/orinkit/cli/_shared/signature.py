@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from orinkit.cao.argument_text import type_text
 from orinkit.cao.table import Argument, Function
-from orinkit.values.variant import VarType, type_name
 
 
 def signature(function: Function[..., Any]) -> str:
@@ -20,11 +20,6 @@ def result(function: Function[..., Any]) -> str:
     if function.result is None:
         return ""
     return f"{function.creates} handle" if function.creates else type_text(function.result)
-
-
-def type_text(vt: VarType) -> str:
-    """Return the name of a type; ``VARIANT`` stands for any type."""
-    return "VARIANT" if vt is VarType.VARIANT else type_name(vt)
 
 
 def _argument(argument: Argument) -> str:

@@ -8,7 +8,6 @@ controller.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
@@ -16,21 +15,20 @@ from cyclopts import Parameter
 
 import orinkit
 from orinkit import functions
+from orinkit.cao.argument_text import read_argument
 from orinkit.cao.replies import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
-from orinkit.cli._shared.signature import signature, type_text
+from orinkit.cli._shared.signature import signature
 from orinkit.client._sync.objects import ObjectBase
-from orinkit.core.errors import NotationError, ObjectNotFound
-from orinkit.core.hresult import lookup, signed
+from orinkit.core.errors import ObjectNotFound
+from orinkit.core.hresult import lookup
 from orinkit.core.i18n import N_, tr
-from orinkit.values.notation import parse_lenient
-from orinkit.values.variant import Variant, VarType
+from orinkit.values.variant import VarType
 
 _CONNECTION: Final = ConnectionOptions()
 _OWNING: Final = OwnerOptions()
-_CODE: Final = re.compile(r"0[xX][89A-Fa-f][0-9A-Fa-f]{7}")  # an error code in hex, which is sent as a negative VT_I4
 
 
 @Parameter(name="*", group=OBJECT)
@@ -74,7 +72,7 @@ def call(
     """Call a function of the table and print its result."""
     from orinkit.cli._shared.output import jsonable, print_json, text, typed_document
 
-    entry = _find(function)
+    entry = find(function)
     _check_options(entry, owning, other)
     if entry.interface == "Service" or entry is functions.controller_connect:
         arguments, reply = _call_service(entry, args, url, connection)
@@ -129,7 +127,8 @@ def _no_message() -> CommandError:
     return CommandError(tr("the controller has no message"))
 
 
-def _find(name: str) -> Function[..., Any]:
+def find(name: str) -> Function[..., Any]:
+    """Return a function by its id, name or Python name; raise CommandError if it is unknown."""
     try:
         return functions.find(name)
     except KeyError as error:
@@ -140,7 +139,8 @@ def _call_service(
     entry: Function[..., Any], texts: tuple[str, ...], url: str, connection: ConnectionOptions
 ) -> tuple[tuple[Any, ...], Any]:
     if entry is functions.controller_connect and not texts:
-        texts = ("", connection.provider, connection.machine, connection.option or "")
+        given = connection.with_url(url)
+        texts = ("", given.provider, given.machine, given.option)
     arguments = read_arguments(entry, entry.arguments, texts)
     with connection.open_client(url) as client:
         if entry is not functions.service_start:
@@ -195,7 +195,8 @@ def read_arguments(
         texts: The words.
 
     Raises:
-        CommandError: If there are too many or too few words, or a word does not have the type of its argument.
+        CommandError: If there are too many or too few words.
+        InvalidValue: If a word does not have the type of its argument.
         NotationError: If a word is invalid VARIANT notation.
     """
     required = sum(not argument.optional for argument in arguments)
@@ -211,30 +212,7 @@ def read_arguments(
             )
             + (tr(_SEVERAL) if several else "")
         )
-    return tuple(_read(argument, text) for argument, text in zip(arguments, texts, strict=False))
+    return tuple(read_argument(argument, text) for argument, text in zip(arguments, texts, strict=False))
 
 
 _SEVERAL: Final = N_('. Try: pass several values as one argument, for example 8197,10,50 or "8204,(5,1),(11,1)"')
-
-
-def _read(argument: Argument, text: str) -> Any:
-    if argument.vt is VarType.BSTR:
-        return _read_text(text)
-    value = parse_lenient(text) if not _CODE.fullmatch(text) else Variant(VarType.I4, signed(int(text, 16)))
-    if argument.vt is VarType.VARIANT:
-        return value
-    number = value.plain
-    fits = isinstance(number, int if argument.vt is VarType.I4 else int | float) and not isinstance(number, bool)
-    if not fits:
-        name = f"{argument.name} ({type_text(argument.vt)})"
-        raise usage_error(tr("{text!r} is not a valid number for the argument {name}", text=text, name=name))
-    return number
-
-
-def _read_text(text: str) -> str:
-    """Return a word unchanged; for a text in VARIANT notation (``8,100``), return the text alone (``100``)."""
-    try:
-        value = parse_lenient(text)
-    except NotationError:
-        return text
-    return str(value.value) if value.type == VarType.BSTR else text

@@ -11,13 +11,12 @@ from cyclopts import Parameter
 from orinkit.cli._shared.connection import Json
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.core.i18n import tr
+from orinkit.raw.hex_text import masked
 
 # Hex dumps (xxd, hexdump -C, Wireshark) have an offset before the bytes, and the same bytes as text after them.
 _OFFSET: Final = re.compile(r"[ \t]*([0-9A-Fa-f]{4,8})(?::[ \t]|[ \t]{2,})[ \t]*(?=[0-9A-Fa-f]{2})")
 _TEXT_COLUMN: Final = re.compile(r"\|.*$|(?<=[0-9A-Fa-f]{2})[ \t]{3,}\S.*$")  # hexdump -C; Wireshark
 _TEXT_COLUMN_XXD: Final = re.compile(r"[ \t]{2,}\S.*$")
-_BETWEEN: Final = re.compile(r"[\s,;:\[\]{}()'\"]+")
-_PREFIX: Final = re.compile(r"0[xX]|\\x|&[hH]")
 
 
 def decode(
@@ -68,7 +67,7 @@ def read_hex(text: str) -> bytes:
     """
     result = bytearray()
     for line in text.splitlines():
-        for word in filter(None, _BETWEEN.split(_PREFIX.sub(" ", _without_dump(line, len(result))))):
+        for word in masked(_without_dump(line, len(result))).split():
             result += _read_word(word)
     return bytes(result)
 

@@ -79,7 +79,8 @@ def card(entry: Function[..., Any]) -> list[str]:
 
 def document(entry: Function[..., Any]) -> dict[str, Any]:
     """Return a function for JSON."""
-    from orinkit.cli._shared.signature import result, type_text
+    from orinkit.cao.argument_text import type_text
+    from orinkit.cli._shared.signature import result
 
     return {
         "id": entry.id,

@@ -12,7 +12,8 @@ from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.files import read, read_token, warn_of_exposure
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
-from orinkit.client._shared.common import check_timeout
+from orinkit.client._shared.common import LOCALHOST, check_timeout
+from orinkit.client._shared.connection_string import BY_NAME, ConnectArguments, evaluate
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 from orinkit.gateway import AccessRules, RemoteProvider, RestrictedProvider, Upstream
@@ -120,14 +121,16 @@ def gateway(
     try:
         found = {
             name: Upstream(
-                url,
-                timeout=timeout,
-                tries=tries,
+                given.url,
+                timeout=given.timeout,
+                tries=given.tries,
                 dialect=dialect,
-                token=token if _is_web(url) else "",
-                cafile=(upstream_cafile or "") if _is_web(url) else "",
+                machine="" if given.machine == LOCALHOST else given.machine,
+                token=token if _is_web(given.url) else "",
+                cafile=(upstream_cafile or "") if _is_web(given.url) else "",
             )
-            for name, url in _named(upstream)
+            for name, text in _named(upstream)
+            for given in [_settings(ConnectArguments(text, timeout=timeout, tries=tries))]
         }
         remote: Provider = RemoteProvider(found, names=provider)
     except (OrinError, InvalidValue, ValueError) as error:
@@ -145,11 +148,31 @@ def _named(given: tuple[str, ...]) -> list[tuple[str, str]]:
     Raises:
         CommandError: If a name is missing or occurs twice.
     """
-    found = [(match[1].strip(), match[2]) if (match := _NAMED.fullmatch(text)) else ("", text) for text in given]
+    found = [
+        (match[1].strip(), match[2])
+        if (match := _NAMED.fullmatch(text)) and match[1].strip().lower() not in BY_NAME
+        else ("", text)
+        for text in given
+    ]
     names = [name.lower() for name, _ in found]
     if len(found) > 1 and ("" in names or len(set(names)) < len(names)):
         raise usage_error(
             tr("--upstream: several controllers require unique names. Try: cell1=tcp://192.168.0.1:5007"),
+        )
+    return found
+
+
+def _settings(given: ConnectArguments) -> ConnectArguments:
+    """Evaluate a connection string; an option that the clients of a gateway choose is refused."""
+    found = evaluate(given)
+    chosen = ConnectArguments(found.url, machine=found.machine, timeout=found.timeout, tries=found.tries)
+    if found != chosen:
+        raise usage_error(
+            tr(
+                "--upstream {text!r:.80}: the clients of the gateway choose Provider and Option, and Message and Debug "
+                "do not apply. Try: only Server, UDP, Timeout, TORetry and Machine",
+                text=given.url,
+            )
         )
     return found
 

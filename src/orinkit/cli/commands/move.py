@@ -81,7 +81,7 @@ def move(
     parse_target(to_text(pose, mark))
     with (
         show_notes(),
-        connection.open(url, alive or None) as controller,
+        connection.opened(url, alive or None) as controller,
         controller.robot() as robot,
         ExitStack() as stack,
     ):

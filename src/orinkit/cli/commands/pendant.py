@@ -9,9 +9,10 @@ from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import CONNECTION, ConnectionOptions
+from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOptions
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
+from orinkit.client._shared.connection_string import url_of
 from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
 from orinkit.core.hresult import E_CAO_PROV_INVALID
 from orinkit.core.i18n import N_, tr
@@ -185,6 +186,7 @@ def pendant(
         ),
     ] = DEFAULT_TIMEOUT,
     trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Print every packet to stderr."))] = False,
+    capture: Annotated[Capture, Parameter(group=CONNECTION)] = None,
 ) -> None:
     """Press a button of a virtual RC8 and print the resulting state."""
     from orinkit.cli._shared.output import print_json
@@ -195,7 +197,10 @@ def pendant(
     if wait and not wanted.waits:
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
-    connection = ConnectionOptions(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
+    seconds = None if timeout == DEFAULT_TIMEOUT else timeout  # a connection string may contain another one
+    connection = ConnectionOptions(
+        PROVIDER, seconds, trace, option=f"Secret={secret}" if secret else None, capture=capture
+    )
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
     if json:
         print_json(status)
@@ -222,7 +227,7 @@ def _secret(url: str, path: str | None) -> str:
 
     if path is not None:
         return read_secret(path)
-    address = parse_address(url)
+    address = parse_address(url_of(url))
     return find_secret(address) if isinstance(address, Address) and is_loopback(address.host) else ""
 
 

@@ -14,6 +14,7 @@ from orinkit.cli._shared.connection import ConnectionOptions, Json, SlaveModeUrl
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
+from orinkit.client._shared.connection_string import url_of
 from orinkit.client._shared.motion import POLL
 from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
@@ -105,7 +106,7 @@ def stream(
     """
     _check_transport(url)
     job = _job(
-        connection.known_dialect, trajectory, mode, pose, record, speed, model,
+        connection.known_dialect(url), trajectory, mode, pose, record, speed, model,
         retime=retime, move=move, motor=not no_motor,
     )  # fmt: skip
     with show_notes(), connection.open(url) as controller, controller.robot() as robot, ProgressBar() as bar:
@@ -182,7 +183,7 @@ def _job(
 
 def _check_transport(url: str) -> None:
     """Refuse an address over which slave mode is not available, before anything moves."""
-    address = parse_address(url)
+    address = parse_address(url_of(url))
     if not row_of(address).adopt:
         raise usage_error(no_slave_mode(address.scheme, str(address)))
 

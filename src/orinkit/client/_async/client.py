@@ -25,6 +25,7 @@ from orinkit.client._shared.common import (
     check_tries,
     expired_handle_hint,
 )
+from orinkit.client._shared.connection_string import ConnectArguments, evaluate
 from orinkit.client._shared.endpoint import (
     access_to,
     another,
@@ -33,8 +34,10 @@ from orinkit.client._shared.endpoint import (
     enable_concurrent_send,
     link_for_closing,
     opening_of,
+    raw_operation,
     send_during_call,
 )
+from orinkit.client._shared.local_calls import local_calls
 from orinkit.core import hresult
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
@@ -43,7 +46,7 @@ from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, arun, asend_close
+from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, Operation, arun, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
@@ -72,6 +75,8 @@ class AsyncClient(AsyncClosing):
         trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
             the bytes.
         profile: Properties of the transport.
+        messages: False to refuse the message functions (:func:`connect`).
+        debug: True to keep the last packets (:func:`connect`).
 
     Attributes:
         timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
@@ -92,10 +97,13 @@ class AsyncClient(AsyncClosing):
         limits: PacketLimits = DEFAULT_LIMITS,
         trace: Trace | None = None,
         profile: TransportProfile = STREAM,
+        messages: bool = True,
+        debug: bool = False,
     ) -> None:
         self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
         self._link: AsyncLink = link
+        self._local, trace = local_calls(trace, messages=messages, debug=debug)
         self._conversation = conversation(profile, limits, trace)
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
@@ -179,6 +187,8 @@ class AsyncClient(AsyncClosing):
         cafile: str = "",
         dead_after: float = DEAD_AFTER,
         deadline: float | None = None,
+        messages: bool = True,
+        debug: bool = False,
     ) -> Self:
         """Open a connection without calling any function; the caller must call Service_Start.
 
@@ -186,7 +196,7 @@ class AsyncClient(AsyncClosing):
             url: For b-CAP, ``tcp://host:port``, ``udp://host:port`` or
                 ``serial:///dev/ttyUSB0?baudrate=38400&parity=N&bits=8&stop=1&flow=0``. The notation of DENSO is
                 accepted, too: ``tcp:host:port``, ``udp:host:port`` and ``com:1:38400:N:8:1:0``. For e-CAP,
-                ``http://host:port/path`` or ``https://...``.
+                ``http://host:port/path`` or ``https://...``. A connection string is accepted, too (:func:`connect`).
             timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a
                 call may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise; long packets
                 on a slow serial line need more. Only the e-CAP server of orinkit can report that a call is still
@@ -203,6 +213,8 @@ class AsyncClient(AsyncClosing):
                 considered lost (cable pulled, power off): 2 to 7,200.
             deadline: Maximum duration of opening the connection in s; it has an effect only if it is less than the
                 time-out. The deadline of calls is :attr:`AsyncClient.deadline`.
+            messages: False to refuse the message functions (:func:`connect`).
+            debug: True to keep the last packets (:func:`connect`).
 
         Raises:
             InvalidAddress: If the URL is invalid.
@@ -210,11 +222,23 @@ class AsyncClient(AsyncClosing):
             ConnectFailed: If nothing listens at the address; on UDP and HTTP, the first call raises it.
             MissingExtra: If a package is not installed: serialx for serial lines, httpx2 for HTTP.
         """
+        url, *_, timeout, tries, messages, debug = evaluate(
+            ConnectArguments(url, timeout=timeout, tries=tries, messages=messages, debug=debug)
+        )
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
         opening = LinkOptions(seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after))
         link = await open_link(address, opening)
-        return cls(link, timeout=timeout, tries=tries, limits=limits, trace=trace, profile=profile)
+        return cls(
+            link,
+            timeout=timeout,
+            tries=tries,
+            limits=limits,
+            trace=trace,
+            profile=profile,
+            messages=messages,
+            debug=debug,
+        )
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Call a function of CAO (:mod:`orinkit.cao.functions`) and return its result.
@@ -227,6 +251,7 @@ class AsyncClient(AsyncClosing):
             ConnectFailed: If nothing listens at the address (UDP, HTTP).
             ConnectionLost: If the connection broke.
             ProtocolError: If the reply violates the protocol.
+            MessagesDisabled: If messages are disabled and the function is a message function; nothing was sent.
         """
         arguments = function.bind(args, kwargs)
         async with self._lock:
@@ -257,6 +282,27 @@ class AsyncClient(AsyncClosing):
         async with self._lock:
             return Reply(*await self._execute(function, bound, seconds, exact, limit))
 
+    async def send_raw(self, data: bytes, *, timeout: float | None = None) -> bytes | None:
+        """Send bytes unchanged on this connection, and return the packet received in reply.
+
+        Args:
+            data: The bytes, usually a b-CAP packet. They are sent once. If a serial number is in them, the packet with
+                the same serial is the reply.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Returns:
+            The packet, or ``None`` if there is none in time.
+
+        Raises:
+            InvalidValue: If the connection uses e-CAP.
+            ConnectionLost: If the connection broke.
+            ProtocolError: If the reply is not b-CAP.
+        """
+        seconds = self.timeout if timeout is None else check_timeout(timeout)
+        operation = raw_operation(self._conversation, data, seconds)
+        async with self._lock:
+            return await self._run(operation)
+
     def set_overall_deadline(self, seconds: float | None) -> None:
         """Set the time in s after which all further calls together must have ended; ``None`` removes this deadline."""
         self._end = None if seconds is None else Deadline(seconds)
@@ -273,6 +319,10 @@ class AsyncClient(AsyncClosing):
         exact: bool = False,
         deadline: float | None = None,
     ) -> tuple[int, Any]:
+        if self._local is not None:
+            reply = self._local.reply(function, arguments, exact)
+            if reply is not None:
+                return reply
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
@@ -364,15 +414,19 @@ class AsyncClient(AsyncClosing):
                 self._session_deadline = Deadline(self.profile.session_timeout)
 
     async def _execute_now(self, call: CallRequest) -> tuple[int, Any]:
+        operation = self._conversation.call(
+            call.function,
+            call.arguments,
+            call.seconds,
+            exact=call.exact,
+            tries=self._tries,
+            deadline=call.deadline,
+        )
+        return await self._run(operation)
+
+    async def _run(self, operation: Operation[R]) -> R:
+        """Run an operation; close the link if the connection cannot be used any more."""
         try:
-            operation = self._conversation.call(
-                call.function,
-                call.arguments,
-                call.seconds,
-                exact=call.exact,
-                tries=self._tries,
-                deadline=call.deadline,
-            )
             return await arun(operation, self._link, self._conversation.close_sequence)
         except (ConnectFailed, ConnectionLost):
             self._link.close()

@@ -19,6 +19,7 @@ from orinkit.client._async.objects import AsyncNamedObject, AsyncObjectBase, Asy
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.task import AsyncTask
 from orinkit.client._shared.common import (
+    LOCALHOST,
     RC8,
     ErrorInfo,
     ObjectFunctions,
@@ -35,6 +36,7 @@ from orinkit.client._shared.common import (
     text_list,
     with_alive,
 )
+from orinkit.client._shared.connection_string import ConnectArguments, evaluate
 from orinkit.client._shared.robot import sendable
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ObjectNotFound, OrinError
@@ -184,7 +186,11 @@ class AsyncController(AsyncObjectContainer):
         return await self._child(AsyncCommand, f.controller_get_command, name, option)
 
     async def message(self) -> AsyncMessage | None:
-        """Return the oldest pending event; ``None`` if no event is pending."""
+        """Return the oldest pending event; ``None`` if no event is pending.
+
+        Raises:
+            MessagesDisabled: If the controller was connected with ``messages=False``.
+        """
         try:
             handle = await self._call(f.controller_get_message)
         except ObjectNotFound:
@@ -259,7 +265,7 @@ async def connect(
     *,
     provider: str = RC8,
     name: str = "",
-    machine: str = "localhost",
+    machine: str = LOCALHOST,
     option: str = "",
     timeout: float | None = None,
     tries: int = DEFAULT_TRIES,
@@ -272,6 +278,8 @@ async def connect(
     dead_after: float = DEAD_AFTER,
     alive: float | None = None,
     deadline: float | None = None,
+    messages: bool = True,
+    debug: bool = False,
 ) -> AsyncController:
     """Connect to a controller: open the connection, then call Service_Start and Controller_Connect (RC8 3.1).
 
@@ -279,7 +287,9 @@ async def connect(
         url: For b-CAP, ``tcp://192.168.0.1:5007``, ``udp://192.168.0.1:5007`` or
             ``serial:///dev/ttyUSB0?baudrate=38400``. The notation of DENSO is accepted, too: ``tcp:192.168.0.1:5007``,
             ``udp:192.168.0.1:5007``, ``com:1:38400:N:8:1:0``. For e-CAP, ``http://192.168.0.1:8080/path`` or
-            ``https://...``.
+            ``https://...``. A connection string of the b-CAP Tester (RC8 table 5-1) is accepted, too:
+            ``Server=192.168.0.1, UDP=0, Timeout=800`` (:class:`~orinkit.ConnectionString`). Its options replace the
+            arguments; its default time-out is 0.5 s.
         provider: Provider name; RC9 and COBOTTA PRO require ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
         name: Name of the controller within this connection; if empty, the controller chooses the name.
         machine: Machine name; controllers accept ``localhost`` or their own address.
@@ -311,21 +321,28 @@ async def connect(
         deadline: Maximum duration of connecting in s, regardless of S_EXECUTING. The default is three times the
             time-out, on UDP and serial lines also multiplied by ``tries``, but at least 3 s. After connecting, calls
             have no deadline by default; ``controller.client.deadline`` sets one.
+        messages: False to disable messages (RC8 table 5-1: Message): the client refuses Controller_GetMessage and the
+            functions of messages. The controller is not informed; it may still queue events.
+        debug: True for debug mode (RC8 table 5-1: Debug): the client keeps the last packet of each direction, or the
+            last e-CAP body, as the variables ``$LAST_SEND_PACKET$`` and ``$LAST_RECEIVE_PACKET$`` of the controller.
 
     Raises:
-        InvalidAddress: If the URL is invalid.
-        InvalidValue: If another argument is invalid, for example an unknown dialect.
+        InvalidAddress: If the URL or the connection string is invalid.
+        InvalidValue: If another argument is invalid, for example an unknown dialect, or contradicts the connection
+            string.
         ConnectFailed: If nothing listens at the address.
         CallTimeout: If there is no reply in time.
         CallError: If the controller refuses the connection.
         MissingExtra: If a package is not installed: serialx for serial lines, httpx2 for HTTP.
     """
+    given = ConnectArguments(url, provider, machine, option, timeout, tries, messages, debug)
+    url, provider, machine, option, timeout, tries, messages, debug = evaluate(given)
     known = dialect_of(dialect, provider)
     check_alive(alive, service, known or RC8_DIALECT)
     end = Deadline(check_deadline(deadline))
     client = await AsyncClient.open(
         url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after,
-        deadline=deadline,
+        deadline=deadline, messages=messages, debug=debug,
     )  # fmt: skip
     try:
         client.set_overall_deadline(client.connection_deadline() if deadline is None else end.left)

@@ -20,6 +20,8 @@ from orinkit.values.variant import Value, Variant, VarType
 
 RC8: Final = "CaoProv.DENSO.VRC"
 """Provider name of RC8, RC8A and COBOTTA controllers (RC8 3.1.2)."""
+LOCALHOST: Final = "localhost"
+"""Default machine name of Controller_Connect; controllers also accept their own address."""
 
 DEFAULT_TIMEOUT: Final = STREAM.timeout
 MIN_ALIVE: Final = 0.3

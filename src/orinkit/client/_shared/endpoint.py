@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import monotonic
 from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
-from orinkit.bcap.client import BcapConversation
+from orinkit.bcap.client import BcapConversation, RawOperation
 from orinkit.bcap.profiles import BcapProfile
 from orinkit.cao.replies import Trace
 from orinkit.cao.transport_profile import TransportProfile
@@ -61,6 +61,17 @@ def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace |
     from orinkit.ecap.client import EcapConversation as EcapConversation
 
     return EcapConversation(limits, trace, profile, clock=monotonic)
+
+
+def raw_operation(by: AnyConversation, data: bytes, seconds: float) -> RawOperation:
+    """Return the operation that sends bytes unchanged.
+
+    Raises:
+        InvalidValue: If the conversation is not b-CAP.
+    """
+    if isinstance(by, BcapConversation):
+        return by.raw(data, seconds)
+    raise InvalidValue(tr("e-CAP over HTTP has no packets. Try: tcp://, udp:// or serial://"))
 
 
 @runtime_checkable
