@@ -92,6 +92,11 @@ class Jogging:
         """True unless jogging is off."""
         return self.state is not JogState.OFF
 
+    @property
+    def requested(self) -> bool:
+        """True while a motion is requested or executing."""
+        return self._request is not None or self._motion is not None
+
     async def enable(self) -> None:
         """Take the arm and enter slave mode; return when the arm can be jogged.
 
