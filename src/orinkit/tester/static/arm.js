@@ -319,11 +319,11 @@ function press(button) {
   emitEvent("ok-jog", { key: button.dataset.jog });
 }
 
-function release() {
+function release(key = "") {
   if (!held) return;
   held.classList.remove("ok-held");
   held = null;
-  emitEvent("ok-jog", { key: "" });
+  emitEvent("ok-jog", { key });
 }
 
 const target = (event) => event.target.closest?.("[data-jog]");
@@ -333,8 +333,8 @@ document.addEventListener("pointerdown", (event) => {
   if (event.target.hasPointerCapture?.(event.pointerId)) event.target.releasePointerCapture(event.pointerId);
   press(button);
 });
-document.addEventListener("pointerup", release);
-document.addEventListener("pointercancel", release);
+document.addEventListener("pointerup", () => release());
+document.addEventListener("pointercancel", () => release());
 document.addEventListener("pointerout", (event) => {
   if (held && target(event) === held && !held.contains(event.relatedTarget)) release();
 });
@@ -348,13 +348,13 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   if (!event.repeat) press(button);
 });
-document.addEventListener("keyup", release);
+document.addEventListener("keyup", () => release());
 document.addEventListener("focusout", (event) => {
   if (target(event) === held) release();
 });
-document.addEventListener("visibilitychange", release);
-window.addEventListener("blur", release);
-window.addEventListener("pagehide", release);
+document.addEventListener("visibilitychange", () => document.hidden && release("gone"));
+window.addEventListener("blur", () => release());
+window.addEventListener("pagehide", () => release("gone"));
 
 const waiting = window.okArm || [];
 window.okArm = { push: ([name, ...values]) => api[name](...values) };

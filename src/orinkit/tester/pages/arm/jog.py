@@ -44,6 +44,7 @@ class JogCard:
         self._session, self._cell, self._jogging = session, cell, cell.jogging
         self._presence = Presence(session, HEARTBEAT)
         self._mine = False  # True if this page has begun the motion
+        self._enabled = False  # True if this page has enabled jogging
         self._seen: tuple[object, ...] = ()
         self._axes: object = None
         self._buttons: list[ui.element] = []
@@ -55,7 +56,7 @@ class JogCard:
             self._errors = ErrorBox("error-jog")
         self._switch.on("click", self._toggle)
         ui.on("ok-jog", self._event, ["key"])
-        session.client.on_disconnect(self._leave)
+        session.client.on_disconnect(lambda: self._gone(tr("the page was closed")))
         self._refresh()
         ui.timer(_REFRESH, self._refresh)
 
@@ -106,13 +107,17 @@ class JogCard:
         if self._jogging.active:  # everybody may stop
             await self._jogging.disable()
         else:
+            self._enabled = True
             await self._session.guarded(self._jogging.enable, self._show_error)()
         self._refresh()
 
     async def _event(self, event: GenericEventArguments) -> None:
         key = event.args.get("key") if isinstance(event.args, dict) else None
         if not key:
-            self._leave()
+            self._release()
+            return
+        if key == "gone":
+            self._gone(tr("the page is hidden"))
             return
         await self._session.guarded(self._start, self._errors.show)(str(key))
 
@@ -126,10 +131,16 @@ class JogCard:
         self._mine = True
         self._jogging.start(request, self._absent)
 
-    def _leave(self) -> None:
+    def _release(self) -> None:
         """Stop the motion that this page has begun, if there is one."""
         if self._mine:
             self._jogging.release()
+
+    def _gone(self, reason: str) -> None:
+        """End jogging if this page has enabled it or has begun the motion."""
+        if self._mine or self._enabled:
+            self._enabled = False
+            self._jogging.leave(reason)
 
     def _absent(self) -> str:
         if not self._session.in_control:

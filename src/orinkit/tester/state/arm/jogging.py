@@ -153,6 +153,16 @@ class Jogging:
         if self._request is not None and not self._request.step:
             self._halt("")
 
+    def leave(self, reason: str) -> None:
+        """Stop within the limits, leave slave mode and give the arm back, because the user is gone.
+
+        Args:
+            reason: Why the user counts as gone.
+        """
+        if self.active:
+            self._halt(tr("stopped, and jogging was switched off: {reason}", reason=reason))
+            self._ending = True
+
     # --- the task ------------------------------------------------------------------------------------------------
 
     async def _run(self) -> None:
@@ -212,6 +222,8 @@ class Jogging:
                 self._tell(tr("jogging was not used for {seconds:g} s, so it was switched off", seconds=IDLE))
                 break
             self._check_presence()
+            if self._ending:
+                break
             await self._feed(stream)
             await asyncio.sleep(_TICK)
         self._set(JogState.ENDING)
@@ -221,7 +233,7 @@ class Jogging:
         if self._request is not None:
             reason = self._absent()
             if reason:
-                self._halt(tr("stopped: {reason}", reason=reason))
+                self.leave(reason)
 
     async def _feed(self, stream: AsyncStream) -> None:
         """Queue set-points, if there is a motion."""
