@@ -11,7 +11,7 @@ import pytest
 
 import orinkit
 from orinkit.virtual.rc8 import VirtualRC8
-from support.browser import TesterProcess, needs_browser, open_browser, user
+from support.browser import ARGUMENTS, CHROMIUM, TesterProcess, needs_browser, user
 from support.relay import Relay
 from support.streams import Arm
 from support.waiting import until
@@ -29,8 +29,12 @@ class JogPage:
         self.page, self.arm = page, arm
         page.goto(f"{url}/arm")
         page.get_by_test_id("joint-1").wait_for()
+        take = page.get_by_test_id("controls").locator("xpath=..").get_by_role("button")
+        if page.get_by_test_id("controls").inner_text() == "The controls are free":
+            take.click()
 
     def enable(self) -> JogPage:
+        self.page.get_by_test_id("controls").get_by_text("You hold the controls").wait_for()
         self.page.get_by_test_id("jog-enable").click()
         self.button("j1+").and_(self.page.locator('[aria-disabled="false"]')).wait_for()
         self.arm.record()
@@ -64,6 +68,20 @@ class JogPage:
         if self.arm.arm.holder is not None:
             switch.click()
         until(self.arm.free)
+
+
+@pytest.fixture(scope="module")
+def first_user(browser: Any) -> Iterator[Any]:
+    with user(browser) as page:
+        yield page.context
+
+
+@pytest.fixture
+def page(first_user: Any) -> Iterator[Any]:
+    """A page of the same user for all tests, because a new user would have to wait for the controls."""
+    page = first_user.new_page()
+    yield page
+    page.close()
 
 
 @pytest.fixture
@@ -152,8 +170,9 @@ def test_the_arm_moves_while_a_key_is_held(jogging, key):
 
 
 @pytest.mark.soak
-def test_the_arm_stops_when_the_browser_is_killed(bench, arm):
-    with open_browser() as own, user(own) as page:
+def test_the_arm_stops_when_the_browser_is_killed(browser, bench, arm):
+    own = browser.browser_type.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
+    with user(own) as page:
         jogging = JogPage(page, bench.tester.url, arm).enable()
         jogging.hold()
         pid = own.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
@@ -235,6 +254,5 @@ def test_a_pose_is_saved_and_reached(page, bench, arm):
 
 
 def set_slider(page: Any, marker: str, value: int) -> None:
-    slider = page.get_by_test_id(marker).get_by_role("slider")
-    slider.focus()
+    page.get_by_test_id(marker).locator("xpath=descendant-or-self::*[@tabindex]").first.focus()
     page.keyboard.press("End" if value == 100 else "Home")

@@ -176,7 +176,10 @@ class JogCard:
         self._switch.props("color=primary" if not jogging.active else "color=grey-7")
         self._switch.set_enabled(jogging.state not in (JogState.STARTING, JogState.ENDING))
         self._message.text = jogging.message or (
-            tr("Enable jogging takes the arm and enters slave mode. It ends after {seconds:g} s without use.", seconds=IDLE)
+            tr(
+                "Enable jogging takes the arm and enters slave mode. It ends after {seconds:g} s without use.",
+                seconds=IDLE,
+            )
             if not jogging.active
             else tr("Hold a button to move. The arm stops when you let go.")
         )

@@ -88,7 +88,9 @@ class PendantCard:
 
     def _build_workpiece(self) -> None:
         with ui.element("div").classes("ok-row ok-nowrap"):
-            self._width = ui.number(tr("Workpiece in the hand (mm)"), value=20, min=0, max=30, step=1).classes("ok-grow")
+            self._width = ui.number(tr("Workpiece in the hand (mm)"), value=20, min=0, max=30, step=1).classes(
+                "ok-grow"
+            )
             self._width.props("outlined dense data-testid=pendant-workpiece")
             place = ui.button(tr("Place")).props("outline no-caps data-testid=pendant-place")
             remove = ui.button(tr("Remove")).props("outline no-caps data-testid=pendant-remove")

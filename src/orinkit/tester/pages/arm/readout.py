@@ -144,13 +144,19 @@ def status_chips(status: ArmStatus, jogging: JogState) -> list[tuple[str, str, s
     if status.motor is not None:
         chips.append(("motor", tr("Motor on") if status.motor else tr("Motor off"), "ok-good" if status.motor else ""))
     if status.moving is not None:
-        chips.append(("moving", tr("Moving") if status.moving else tr("Standstill"), "ok-warn" if status.moving else ""))
+        chips.append(
+            ("moving", tr("Moving") if status.moving else tr("Standstill"), "ok-warn" if status.moving else "")
+        )
     if status.mode is not None:
         mode = tr(_MODES[status.mode]) if status.mode in _MODES else str(status.mode)
         chips.append(("mode", tr("Mode: {mode}", mode=mode), "" if status.mode == 3 else "ok-warn"))
     if status.token is not None:
         chips.append(
-            ("token", tr("Start allowed") if status.token else tr("Start not allowed"), "" if status.token else "ok-warn")
+            (
+                "token",
+                tr("Start allowed") if status.token else tr("Start not allowed"),
+                "" if status.token else "ok-warn",
+            )
         )
     if status.slave or jogging in (JogState.READY, JogState.MOVING):
         chips.append(("slave", tr("Slave mode on"), "ok-warn"))

@@ -87,7 +87,9 @@ class ArmView:
 
     def _button(self, icon: str, text: str, name: str, *values: str) -> None:
         button = ui.button(icon=icon, on_click=lambda: self._call(name, *values))
-        button.props(f'flat dense round size=sm aria-label="{text}" data-testid="scene-{values[0] if values else name}"')
+        button.props(
+            f'flat dense round size=sm aria-label="{text}" data-testid="scene-{values[0] if values else name}"'
+        )
         button.tooltip(text)
 
     def _call(self, name: str, *values: object) -> None:

@@ -135,9 +135,10 @@ class ToolPath(JogPath):
             joints = self.point(distance, near)
         except CallError:
             return tr("the tool cannot move further in this direction: the end of the reach")
-        if self._kinematics.is_singular(joints) or max(
-            abs(a - b) for a, b in zip(joints[:_AXES], near, strict=False)
-        ) > _JUMP:
+        if (
+            self._kinematics.is_singular(joints)
+            or max(abs(a - b) for a, b in zip(joints[:_AXES], near, strict=False)) > _JUMP
+        ):
             return tr("a singular point is near. Try: jog the joints")
         for number, (joint, axis) in enumerate(zip(joints, self._kinematics.model.axes, strict=False), start=1):
             if joint < axis.lower + _MARGIN:

@@ -188,7 +188,10 @@ class Jogging:
         robot = await self._connect(stack)
         if await self._monitor.identify() is None:
             raise InvalidValue(
-                tr("the arm {type} is unknown, and so are its limits; it cannot be jogged", type=self._monitor.type_name)
+                tr(
+                    "the arm {type} is unknown, and so are its limits; it cannot be jogged",
+                    type=self._monitor.type_name,
+                )
             )
         assert self._monitor.model is not None
         self._kinematics = await asyncio.to_thread(Kinematics, self._monitor.model)
