@@ -23,7 +23,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 
 PATIENT = 120.0
 HOME = (-160.0, 45.0, 90.0, 0.0, 45.0, 0.0)
-CLIENT = """
+CONNECT = """
 import orinkit, os, sys, time
 from orinkit.values.poses import J
 options = eval(sys.argv[2])
@@ -31,6 +31,8 @@ controller = orinkit.connect(sys.argv[1], **options)
 robot = controller.robot("Arm")
 robot.execute("TakeArm", [0, 0])
 robot.execute("ExtSpeed", [5.0])
+"""
+CLIENT = f"""{CONNECT}
 for angle in (-100, -40, 20, 60, 100, 140):
     robot.move(J(angle, 45, 90, 0, 45, 0), wait=False)
 if len(sys.argv) > 3 and os.fork() == 0:
@@ -38,13 +40,7 @@ if len(sys.argv) > 3 and os.fork() == 0:
 print("moving", flush=True)
 time.sleep(300)
 """
-WAITING = """
-import orinkit, sys
-options = eval(sys.argv[2])
-controller = orinkit.connect(sys.argv[1], **options)
-robot = controller.robot("Arm")
-robot.execute("TakeArm", [0, 0])
-robot.execute("ExtSpeed", [5.0])
+WAITING = f"""{CONNECT}
 print("moving", flush=True)
 robot.move("J(140, 45, 90, 0, 45, 0)")
 """

@@ -13,7 +13,8 @@ from orinkit.cao.provider import Provider
 from orinkit.client._shared.common import ErrorInfo
 from orinkit.client._shared.stream import Progress, StreamResult, Timing
 from orinkit.client._sync.client import Client
-from orinkit.client._sync.controller import Command, Controller, Extension, File, Message, connect
+from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
+from orinkit.client._sync.file import File
 from orinkit.client._sync.motion import Motion
 from orinkit.client._sync.objects import Variable
 from orinkit.client._sync.robot import Robot

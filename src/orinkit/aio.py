@@ -19,9 +19,9 @@ from orinkit.client._async.controller import (
     AsyncCommand,
     AsyncController,
     AsyncExtension,
-    AsyncFile,
     AsyncMessage,
 )
+from orinkit.client._async.file import AsyncFile
 from orinkit.client._async.motion import AsyncMotion
 from orinkit.client._async.objects import AsyncVariable
 from orinkit.client._async.robot import AsyncRobot

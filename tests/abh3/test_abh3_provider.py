@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import itertools
 import socket
 import subprocess
@@ -408,7 +407,6 @@ def test_a_bus_that_does_not_open_blocks_no_other_client(device, option, monkeyp
                     assert motor.execute("Init") == [0.0] * 4
                 assert isinstance(hanging.exception(), CallError)
     until(lambda: all(thread.name != "orinkit can opening" for thread in threading.enumerate()))
-    gc.collect()
 
 
 def _stops(client):

@@ -54,12 +54,14 @@ class Mover:
         try:
             with self._target.connect() as controller, controller.robot("Arm") as robot, robot.arm():
                 while not self._ended.wait(1.0):
-                    robot.execute("StartLog")
                     joints = [chance.uniform(0.3 * axis.lower, 0.3 * axis.upper) for axis in self._axes]
+                    robot.execute("ClearLog")  # otherwise up to 12,500 old records would be read again
+                    robot.execute("StartLog")
                     robot.move(J(*joints))
                     robot.execute("StopLog")
+                    count = robot.execute("GetLogCount")
+                    self._check([robot.execute("GetLogRecord", index) for index in range(count)])
                     self.moves += 1
-                    self._check([robot.execute("GetLogRecord", index) for index in range(robot.execute("GetLogCount"))])
         except BaseException as error:  # noqa: BLE001 - reported by the test
             self.errors.append(error)
 
@@ -105,17 +107,24 @@ def test_an_hour_among_attackers(tmp_path: Path) -> None:
         print(f"attackers: {attackers.did}")
         print(f"memory {before[0] / MIB:.0f} MB, at most {max(seen)[0] / MIB:.0f}, at the end {last[0] / MIB:.0f}")
         print(f"descriptors {before[1]} to {last[1]}, threads {before[2]} to {last[2]}")
-        assert crowd.errors == []
-        assert mover.errors == []
-        assert mover.wrong == []
-        assert mover.moves > SECONDS / 60
-        assert target.process.poll() is None
         third = len(seen) // 3
-        assert max(each[0] for each in seen[-third:]) < max(each[0] for each in seen[:third]) + 30 * MIB
-        assert last[1] <= 40
-        assert last[2] <= before[2]
+        growth = max(each[0] for each in seen[-third:]) - max(each[0] for each in seen[:third])
+        problems = {
+            "errors of the other clients": crowd.errors,
+            "errors of the client that moves the arm": mover.errors,
+            "command positions beyond the limits": mover.wrong,
+            # A motion and its log take about 3 s on an idle machine. One per minute shows that the arm remains usable.
+            "too few motions": [] if mover.moves > SECONDS / 60 else [mover.moves],
+            "no command positions checked": not mover.commands,
+            "the server has ended": target.process.poll() is not None,
+            "memory has grown (KiB)": growth >= 30 * MIB and growth,
+            "descriptors left": last[1] > 40 and last[1],
+            "threads left": last[2] > before[2] and last[2],
+        }
     with served(tmp_path, "--state", str(state)) as target, target.connect() as controller:
-        assert {name: controller.variable(name).value for name in kept} == kept
+        lost = {name: value for name, value in kept.items() if controller.variable(name).value != value}
+    problems["acknowledged writes lost"] = lost
+    assert {name: found for name, found in problems.items() if found} == {}  # all checks, even if some of them fail
 
 
 def calm(target: Served, before: tuple[int, int, int]) -> tuple[int, int, int]:

@@ -18,7 +18,8 @@ from orinkit.bcap.server import Close, Execute, Send, ServerConversation
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject
-from orinkit.cao.session import CallReply, Pending, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 from orinkit.values.codec import decode, encode

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import socket
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import FrozenInstanceError
 from typing import Any
 
@@ -20,6 +22,7 @@ from orinkit.transport.registry import LinkOptions
 from orinkit.virtual.rc8.provider import VirtualRC8
 from support.both import Both
 from support.can_ptys import crossed_ptys
+from support.waiting import PATIENCE
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="there are no pseudo-terminals")
 
@@ -263,3 +266,16 @@ def test_a_bus_of_the_caller_is_not_reopened() -> None:
             bus.reopen()
         bus.close()
         given_bus.send(__import__("can").Message())  # it is still open
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can does not close its socket
+def test_a_bus_that_cannot_be_opened_leaves_no_socket_open() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor() as threads:
+        host, port = server.getsockname()
+        opening = threads.submit(open_bus, address_of(f"can://socketcand/x?host={host}&port={port}"))
+        peer, _ = server.accept()
+        with peer:
+            peer.settimeout(PATIENCE)
+            peer.sendall(b"< wrong >")
+            assert isinstance(opening.exception(PATIENCE), ConnectFailed)
+            assert peer.recv(1) == b""  # even though the exception still exists

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 
 from orinkit.cao import functions as f
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cao.quota import CLIENT_LIMIT, TOTAL_LIMIT, VALUE_LIMIT, ByteQuota, stored_size
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
 from orinkit.values.codec import encode_variant

@@ -24,7 +24,8 @@ from orinkit.cao.provider import (
     ResultWithCode,
     VariableObject,
 )
-from orinkit.cao.session import CallReply, Pending, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant

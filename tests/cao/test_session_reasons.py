@@ -8,7 +8,8 @@ import pytest
 
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import CallReply, HandleAllocator, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import CallReply, HandleAllocator, Session
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Variant, VarType, plain, variant

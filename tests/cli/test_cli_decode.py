@@ -100,7 +100,10 @@ def test_a_wrong_packet_is_explained_and_fails(run):
     done = run("decode", START.replace("10", "11", 1))
     assert done.code == 1
     assert "   1 ! length" in done.out
-    assert done.err == "orinkit: 1 of 1 packets malformed; first error at offset 1: 17 bytes, but 16 are present\n"
+    assert (
+        done.err
+        == "orinkit: 1 of 1 packets malformed; first error at offset 1: 17 bytes, but the packet has 16 bytes\n"
+    )
     assert run("decode", "ff", "--json").json["packets"][0]["fields"] == [
         {
             "offset": 0,

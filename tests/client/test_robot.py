@@ -271,7 +271,7 @@ def rc8(clock: HeldClock) -> Iterator[VirtualRC8]:
 
 @pytest.fixture
 def url(listen_at: str, rc8: VirtualRC8) -> Iterator[str]:
-    with orinkit.serve(rc8, listen_at) as server:
+    with orinkit.serve(rc8, listen_at, alive=60.0) as server:  # a busy machine may delay signs of life by 2 s
         yield server.url
 
 

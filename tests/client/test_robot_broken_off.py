@@ -30,7 +30,7 @@ def device() -> VirtualRC8:
 
 @pytest.fixture
 def url(listen_at: str, device: VirtualRC8) -> Iterator[str]:
-    with orinkit.serve(device, listen_at) as server:
+    with orinkit.serve(device, listen_at, alive=60.0) as server:  # a busy machine may delay signs of life by 2 s
         yield server.url
 
 

@@ -17,7 +17,8 @@ from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
 from orinkit.gateway import RemoteProvider, Upstream
-from orinkit.gateway.upstream import ConnectRequest, UpstreamConnection
+from orinkit.gateway.connection import UpstreamConnection
+from orinkit.gateway.upstream import ConnectRequest
 from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Call, Recorder, Workshop

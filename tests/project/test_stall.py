@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Li
 def stalled(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, str(STALL), *words], capture_output=True, text=True, timeout=PATIENCE, check=False, **options
-    )  # type: ignore[call-overload]
+    )
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Execute, Send, ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.values.variant import Variant, VarType, variant
 

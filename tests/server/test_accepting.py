@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import itertools
 import logging
 import socket
 import subprocess
@@ -87,3 +88,28 @@ def test_connections_that_are_being_accepted_while_the_server_closes(
     asyncio.run(run())
     gc.collect()
     assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "http"])
+def test_a_start_that_is_cancelled_leaves_no_socket_open(scheme):
+    """The start is cancelled in each turn of the event loop; then the address must be free."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        address = probe.getsockname()
+
+    async def cancelled(turns: int) -> bool:
+        server = AsyncServer(Workshop(), f"{scheme}://127.0.0.1:{address[1]}")
+        starting = asyncio.create_task(server.start())
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        if starting.done():
+            await server.close()
+            return False
+        starting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await starting
+        socket.create_server(address).close()
+        return True
+
+    assert asyncio.run(cancelled(1))
+    for turns in itertools.takewhile(lambda turns: asyncio.run(cancelled(turns)), itertools.count(2)):
+        assert turns < 100

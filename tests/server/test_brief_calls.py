@@ -4,44 +4,31 @@ from __future__ import annotations
 
 import socket
 import struct
-import threading
 from collections.abc import Iterator
-from typing import Any
+from contextlib import closing
 
 import pytest
 
-import orinkit
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
-from orinkit.virtual.rc8 import VirtualRC8
+from support.busy import BusyServer, occupy
 from support.peers import RawClient
 from support.waiting import PATIENCE, until
 
 CURVE = "P(330, 0, 300, 180, 0, 180)"
 
 
-class Planning:
+class Planning(BusyServer):
     """A server whose controller plans no motion until :attr:`going` is set, and a client that holds the arm."""
 
     def __init__(self) -> None:
-        self.rc8 = VirtualRC8(motor=True, samples=False)
-        self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0")
-        self.going = threading.Event()
-        self.rc8.state.planning.submit(lambda: self.going.wait(PATIENCE), Deferred())
-        self.client = RawClient(self.server.url)
+        super().__init__("tcp://127.0.0.1:0")
+        occupy(self.rc8.state.planning, self.going)
         self.controller = self.ask("Controller_Connect", "", "CaoProv.DENSO.VRC", "", "")
         self.robot = self.ask("Controller_GetRobot", self.controller, "Arm", "")
         self.variable = self.ask("Controller_GetVariable", self.controller, "I1", "")
         assert self.ask("Robot_Execute", self.robot, "TakeArm", [0, 0]) is None
-
-    def ask(self, function: str, *arguments: Any) -> Any:
-        """Make a call and return its result."""
-        return self.client.ask(BY_NAME[function].id, *arguments)
-
-    def request(self, function: str, *arguments: Any) -> int:
-        """Send a request and return its serial."""
-        return self.client.request(BY_NAME[function].id, *arguments)
 
     def replies(self, count: int) -> list[tuple[int, int]]:
         """Return the serials and the codes of the next replies."""
@@ -57,11 +44,8 @@ class Planning:
 
 @pytest.fixture
 def planning() -> Iterator[Planning]:
-    made = Planning()
-    yield made
-    made.going.set()
-    made.client.close()
-    made.server.close()
+    with closing(Planning()) as made:
+        yield made
 
 
 def test_further_requests_are_executed_after_the_computation(planning, monkeypatch):

@@ -12,7 +12,7 @@ from orinkit.core import hresult
 from orinkit.gateway import RemoteProvider
 from orinkit.server import capacity, tcp
 from orinkit.server.capacity import ALWAYS, CallMemory, MemoryBudget
-from orinkit.server.http.limits import Stage
+from orinkit.server.http.stage import Stage
 from orinkit.server.large_values import memory_of
 from orinkit.server.tcp import PATIENCE, PROGRESS, TcpConnection
 from orinkit.server.threaded import Server
@@ -204,7 +204,7 @@ def test_unread_responses_are_limited(server: Server, monkeypatch: pytest.Monkey
 def test_a_client_that_does_not_read_its_response_is_disconnected(server: Server) -> None:
     reader = Web(server.urls[1])
     send(reader, "Large", connect(reader), f"3,{5 * MIB}")
-    until(lambda: any(getattr(each, "_stage", None) is Stage.TAKING for each in list(server._server._context.all)))
+    until(lambda: any(getattr(each, "stage", None) is Stage.TAKING for each in list(server._server._context.all)))
     assert budget(server).bytes > 0
     leap(server, Stage.TAKING.seconds + 1.0)
     until(lambda: budget(server).bytes == 0)

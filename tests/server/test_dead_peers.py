@@ -117,7 +117,7 @@ def test_a_gateway_watches_its_controller() -> None:
         remote = RemoteProvider(Upstream(server.url, dead_after=5))
         with orinkit.serve(remote, "tcp://127.0.0.1:0") as gateway, orinkit.connect(gateway.url):
             (connection,) = remote._connections
-            assert watched(_socket_of(connection._client._link)) == (1, 2, 1, 3, 5_000)  # type: ignore[union-attr]
+            assert watched(_socket_of(connection._client._link)) == (1, 2, 1, 3, 5_000)
 
 
 @pytest.mark.parametrize("seconds", [0, 1.9, -1, math.nan, math.inf, 7201, "10", None, True])

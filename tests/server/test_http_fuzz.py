@@ -22,8 +22,8 @@ import pytest
 import orinkit
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core import hresult
-from orinkit.server.http.limits import Stage
 from orinkit.server.http.options import HttpOptions
+from orinkit.server.http.stage import Stage
 from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
 from support.devices import Recorder, Workshop

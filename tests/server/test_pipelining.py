@@ -22,7 +22,8 @@ from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.server import udp
 from orinkit.server.aio_server import AsyncServer
@@ -313,7 +314,7 @@ def test_replies_are_in_order_also_behind_large_packets() -> None:
                 handle = client.ask(CONNECT, "", "CaoProv.DENSO.VRC", "", "")
                 texts = ["x" * (20_000 if number % 50 == 9 else number) for number in range(300)]
                 data = [
-                    packet.encode(Packet(number + 1, *call))  # type: ignore[arg-type]
+                    packet.encode(Packet(number + 1, *call))
                     for number, text in enumerate(texts)
                     for call in ((PUT_TAG, [handle, text]), (GET_TAG, [handle]))
                 ]
@@ -364,7 +365,7 @@ def test_a_client_is_notified_after_its_queued_data_has_been_processed(bench: Be
     """``when_input_processed``: without the queue, three turns of the event loop were sufficient."""
     notified: list[int] = []
     with orinkit.serve(bench, URLS["tcp"]) as server, opened(server.url) as client:
-        bench.at[10] = lambda: bench.clients[0].when_input_processed(lambda: notified.append(len(bench.log)))  # type: ignore[misc]
+        bench.at[10] = lambda: bench.clients[0].when_input_processed(lambda: notified.append(len(bench.log)))
         client.send(calls(1, "Gate", None))
         assert bench.at_gate.wait(PATIENCE)
         client.send(calls(MANY, "Work", "x"))
@@ -379,7 +380,7 @@ def test_queued_data_counts_as_a_sign_of_life(bench: Bench) -> None:
     """The requests of a client wait for longer than the silence that it permits for itself; it is not silent."""
     with orinkit.serve(bench, URLS["tcp"]) as server, opened(server.url) as flooding, opened(server.url) as client:
         assert client.ask(START, "Alive=200") is None
-        (peer,) = (each for each in server._server._context.open if each.requested_silence_limit)  # type: ignore[attr-defined]
+        (peer,) = (each for each in server._server._context.open if each.requested_silence_limit)
         assert isinstance(peer, Peer)
         flooding.send(calls(1, "Gate", None))
         assert bench.at_gate.wait(PATIENCE)
@@ -480,7 +481,7 @@ def test_a_large_packet_does_not_protect_a_client_without_objects(bench: Bench) 
         crowd = [stack.enter_context(RawClient(server.url)) for _ in range(4)]
         for client in crowd:
             client.send(LARGE)
-        until(lambda: sum(each._task is not None for each in server._server._context.open) == 4)  # type: ignore[attr-defined]
+        until(lambda: sum(each._task is not None for each in server._server._context.open) == 4)
         stack.enter_context(opened(server.url))
 
 

@@ -252,20 +252,23 @@ class Web:
             self._connection.close()
 
 
-@pytest.mark.parametrize(("cookies", "kept"), [(False, False), (False, True), (True, False)])
-def test_http_without_cookie_or_kept_connection(cookies: bool, kept: bool) -> None:
-    """A client like curl or a PLC is dropped after a time without requests, regardless of its connections."""
+def lost_after_silence(*, cookies: bool = True, kept: bool = True, headers: dict[str, str] | None = None) -> None:
+    """Check that only silence ends the motions of a client, regardless of its connections."""
     idle = HttpOptions(idle=3600.0)  # a client without requests for this time is dropped in any case
     with cell("http://127.0.0.1:0", alive=100.0, http=idle) as arm:
-        web = Web(arm.server.url, cookies=cookies, kept=kept)
+        web = Web(arm.server.url, cookies=cookies, kept=kept, headers=headers)
         web.begin()
         assert arm.moving
-        if not kept:
-            web.close()
         assert arm.after(40.0)
         assert not arm.after(61.0)
         until(arm.free)
         web.close()
+
+
+@pytest.mark.parametrize(("cookies", "kept"), [(False, False), (False, True), (True, False)])
+def test_http_without_cookie_or_kept_connection(cookies: bool, kept: bool) -> None:
+    """A client like curl or a PLC is dropped after a time without requests, regardless of its connections."""
+    lost_after_silence(cookies=cookies, kept=kept)
 
 
 def test_http_with_cookie_and_kept_connection() -> None:
@@ -285,24 +288,12 @@ def test_http_with_cookie_and_kept_connection() -> None:
 def test_http_behind_a_proxy(header: str) -> None:
     """The attack: a proxy keeps its connection to the server after its client has been killed."""
     name, _, value = header.partition(": ")
-    with cell("http://127.0.0.1:0", alive=100.0, http=HttpOptions(idle=3600.0)) as arm:
-        web = Web(arm.server.url, cookies=True, kept=True, headers={name: value})
-        web.begin()
-        assert arm.after(40.0)
-        assert not arm.after(61.0)
-        until(arm.free)
-        web.close()
+    lost_after_silence(headers={name: value})
 
 
 def test_a_client_of_orinkit_behind_a_proxy_that_adds_no_header() -> None:
     """Clients of orinkit send signs of life, so the server need not rely on the end of their connections."""
-    with cell("http://127.0.0.1:0", alive=100.0, http=HttpOptions(idle=3600.0)) as arm:
-        web = Web(arm.server.url, cookies=True, kept=True, headers={"Orinkit-Executing": "400"})
-        web.begin()
-        assert arm.after(40.0)
-        assert not arm.after(61.0)
-        until(arm.free)
-        web.close()
+    lost_after_silence(headers={"Orinkit-Executing": "400"})
 
 
 def test_a_client_behind_a_proxy_may_change_its_connection() -> None:

@@ -63,7 +63,7 @@ def read(server: Server, client: RawClient, incomplete: int) -> None:
     name = "{}:{}".format(*client.socket.getsockname())
 
     def received() -> list[int]:
-        return [each._conversation.incomplete_bytes for each in list(context_of(server).all) if each._name == name]  # type: ignore[attr-defined]
+        return [each._conversation.incomplete_bytes for each in list(context_of(server).all) if each._name == name]
 
     until(lambda: received() == [incomplete])
     take_turns(server)
@@ -154,7 +154,7 @@ def test_a_closed_client_that_does_not_read_its_replies(server: Server) -> None:
         handle = open_workshop(greedy)
         (connection,) = context_of(server).open
         greedy.send(packet.encode(Packet(1, EXECUTE, [handle, "Large", 8_000_000])))
-        until(lambda: connection._slow)  # type: ignore[attr-defined]
+        until(lambda: connection._slow)
         server._loop.call_soon_threadsafe(connection.close)
         take_turns(server)
         assert server.clients == 1

@@ -21,7 +21,8 @@ from orinkit import aio
 from orinkit.bcap import packet
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import ConnectFailed
 from orinkit.server import udp

@@ -195,7 +195,7 @@ def test_how_long_a_program_may_be_stopped(watch: ParentMonitor, times: Times) -
 
 def test_it_is_looked_at_fifty_times_a_second(watch: ParentMonitor, times: Times) -> None:
     looks: list[float] = []
-    watch._is_stopped = lambda: looks.append(times.now) is not None  # type: ignore[method-assign]
+    watch._is_stopped = lambda: looks.append(times.now) is not None
     for _ in range(1000):
         times.now += 0.001
         watch.end_reason()

@@ -44,6 +44,7 @@ class TesterProcess:
     Args:
         *arguments: Further arguments, for example the addresses of controllers.
         folder: Directory for the user's configuration.
+        http: Address to listen on.
 
     Attributes:
         url: Address of the pages.
@@ -51,10 +52,10 @@ class TesterProcess:
 
     __test__ = False
 
-    def __init__(self, *arguments: str, folder: Path) -> None:
+    def __init__(self, *arguments: str, folder: Path, http: str = "127.0.0.1:0") -> None:
         environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "ORINKIT_LANG": "en", "PYTHONUNBUFFERED": "1"}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "orinkit", "tester", "--http", "127.0.0.1:0", "--no-browser", *arguments],
+            [sys.executable, "-m", "orinkit", "tester", "--http", http, "--no-browser", *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True,
         )  # fmt: skip
         self.errors: list[str] = []
@@ -62,7 +63,9 @@ class TesterProcess:
         self._reader.start()
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
-        assert line.startswith("ready "), self.errors
+        if not line.startswith("ready "):
+            self.__exit__()
+            raise AssertionError(self.errors)
         self.url = line.split()[1]
 
     def _read_errors(self) -> None:

@@ -9,10 +9,14 @@ from typing import Any
 import orinkit
 from orinkit.cao.provider import Provider
 from orinkit.gateway import RemoteProvider, Upstream
+from orinkit.server.threaded import Server
 
 LISTEN = "tcp://127.0.0.1:0"
 HTTP = "http://127.0.0.1:0"
 PATIENCE = 20.0
+SILENCE = 600.0
+"""Seconds for which a client may be silent. A gateway infers motions from calls; the default of 2 s is too short for a
+test whose process gets little processor time."""
 
 
 @contextmanager
@@ -25,7 +29,7 @@ def chain(
 ) -> Iterator[str]:
     """Serve a provider behind a chain of gateways; yields the TCP address of the last one."""
     with ExitStack() as stack:
-        url = stack.enter_context(orinkit.serve(provider, between if gateways == 1 else LISTEN)).url
+        url = stack.enter_context(_serve(provider, between if gateways == 1 else LISTEN)).url
         for left in reversed(range(gateways)):
             url = stack.enter_context(gateway(url, between if left else LISTEN, made, **options))
         yield url
@@ -37,8 +41,12 @@ def gateway(url: str, listen: str = LISTEN, made: list[RemoteProvider] | None = 
     provider = RemoteProvider(Upstream(url, **options))
     if made is not None:
         made.append(provider)
-    with orinkit.serve(provider, listen) as server:
+    with _serve(provider, listen) as server:
         yield server.url
+
+
+def _serve(provider: Provider, listen: str) -> Server:
+    return orinkit.serve(provider, listen, alive=SILENCE)
 
 
 def hurry(made: Iterable[RemoteProvider], seconds: float) -> None:

@@ -61,6 +61,6 @@ def arrays() -> Iterator[tuple[str, bytes]]:
 
 def ask(client: RawClient, function: int, *arguments: object) -> int:
     """Send a call and return its return code; arguments of type bytes are put into the packet unchanged."""
-    body = b"".join(each if isinstance(each, bytes) else encode(each) for each in arguments)  # type: ignore[arg-type]
+    body = b"".join(each if isinstance(each, bytes) else encode(each) for each in arguments)
     client.send(packet.pack(7, function, len(arguments), body))
     return int(packet.HEADER.unpack_from(client.frame())[4])

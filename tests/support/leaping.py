@@ -37,7 +37,7 @@ def leap(server: Server, seconds: float) -> None:
 
     async def body() -> None:
         time = loop.time
-        loop.time = lambda: time() + seconds  # type: ignore[method-assign]
+        loop.time = lambda: time() + seconds
         await _turn()
 
     asyncio.run_coroutine_threadsafe(body(), loop).result(PATIENCE)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from orinkit.bcap.profiles import STREAM
-from orinkit.server.accepting import ONE_AT_A_TIME, set_backlog
+from orinkit.server.accepting import ONE_AT_A_TIME, start
 from orinkit.server.context import ServerContext
 from orinkit.server.tcp import TcpConnection, TcpListener
 from orinkit.transport.address import bad_address
@@ -63,9 +63,9 @@ def adopt(descriptor: int) -> SocketLink:
 async def listen(address: UnixAddress, context: ServerContext) -> TcpListener:
     loop = asyncio.get_running_loop()
     server = await loop.create_unix_server(
-        lambda: TcpConnection(context, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME
+        lambda: TcpConnection(context, loop, CARRIER), address.path, backlog=ONE_AT_A_TIME, start_serving=False
     )
-    set_backlog(server)
+    await start(server)
     return TcpListener(server, str(address))
 
 

@@ -87,12 +87,12 @@ def watched(server: Server, *, strict: bool = False, margin: float = _MARGIN) ->
 
     gc.collect()
     gc.freeze()  # a full collection would visit the objects of the tests, many more than those of a server
-    asyncio.Handle._run = timed  # type: ignore[method-assign]
+    asyncio.Handle._run = timed
     try:
         with _locks_watched(watch), _collections_watched(watch):
             yield watch
     finally:
-        asyncio.Handle._run = run  # type: ignore[method-assign]
+        asyncio.Handle._run = run
         gc.unfreeze()
 
 
@@ -114,11 +114,11 @@ def _locks_watched(watch: Watch) -> Iterator[None]:
         if not held.depth:
             watch.add(time.thread_time() - held.began, f"lock held by {threading.current_thread().name}")
 
-    ControlLoop.__enter__, ControlLoop.__exit__ = enter_timed, leave_timed  # type: ignore[method-assign]
+    ControlLoop.__enter__, ControlLoop.__exit__ = enter_timed, leave_timed
     try:
         yield
     finally:
-        ControlLoop.__enter__, ControlLoop.__exit__ = enter, leave  # type: ignore[method-assign]
+        ControlLoop.__enter__, ControlLoop.__exit__ = enter, leave
 
 
 @contextmanager
@@ -160,7 +160,7 @@ def calls_per_turn(server: Server, owner: type, name: str) -> Iterator[list[int]
         A list of the counts of all turns.
     """
     thread = server._thread
-    method, run_once = getattr(owner, name), asyncio.BaseEventLoop._run_once  # type: ignore[attr-defined]
+    method, run_once = getattr(owner, name), asyncio.BaseEventLoop._run_once
     counts = [0]
 
     def counted(*arguments: object, **named: object) -> object:
@@ -174,9 +174,9 @@ def calls_per_turn(server: Server, owner: type, name: str) -> Iterator[list[int]
         run_once(loop)
 
     setattr(owner, name, counted)
-    asyncio.BaseEventLoop._run_once = turn  # type: ignore[attr-defined]
+    asyncio.BaseEventLoop._run_once = turn
     try:
         yield counts
     finally:
         setattr(owner, name, method)
-        asyncio.BaseEventLoop._run_once = run_once  # type: ignore[attr-defined]
+        asyncio.BaseEventLoop._run_once = run_once

@@ -255,7 +255,7 @@ class _Dissector:
             most = DEFAULT_LIMITS.packet
             description = tr("{length} bytes exceed the limit of {most} bytes", length=length, most=most)
         elif length != present:
-            description = tr("{length}, but {present} are present", length=_bytes(length), present=present)
+            description = tr("{length}, but the packet has {present}", length=_bytes(length), present=_bytes(present))
         else:
             self.take(4, name, _bytes(length))
             return

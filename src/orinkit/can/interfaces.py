@@ -6,6 +6,7 @@ import errno
 import os
 import sys
 from importlib import import_module
+from traceback import clear_frames
 from typing import TYPE_CHECKING, Any, Final
 
 from orinkit.core import optional_deps
@@ -57,7 +58,19 @@ def opened(address: CanAddress) -> can.BusABC:
     try:
         return can.Bus(interface=address.interface, ignore_config=True, **_settings(address))
     except Exception as error:
+        _release_frames(error)
         raise _failed(address, error) from error
+
+
+def _release_frames(error: BaseException | None) -> None:
+    """Release the local variables in the tracebacks of an error and of its causes.
+
+    If python-can cannot open a bus, it does not close its socket. The tracebacks would keep this socket open until the
+    next garbage collection.
+    """
+    while error is not None:
+        clear_frames(error.__traceback__)
+        error = error.__context__
 
 
 def _check_options(address: CanAddress) -> None:

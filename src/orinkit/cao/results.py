@@ -62,7 +62,7 @@ class Deferred(Generic[T]):
         self._settle(None, error)
 
     def abandon(self) -> None:
-        """Set E_ABORT if the result is ``revocable``; servers call this after E_TIMEOUT or a disconnection."""
+        """Set E_ABORT if the result is ``revocable``; called before E_TIMEOUT is sent, and after a disconnection."""
         if self._revocable:
             self.set_exception(error_for(hresult.E_ABORT, tr("the client no longer waits for the call")))
 

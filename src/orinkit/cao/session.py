@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
@@ -30,6 +30,7 @@ from orinkit.cao.provider import (
     Provider,
     ResultWithCode,
 )
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cao.quota import CLIENT_LIMIT, STORING_METHODS, ByteQuota, stored_size
 from orinkit.cao.table import Function
 from orinkit.core import hresult
@@ -72,86 +73,6 @@ class Pending:
 
 
 Outcome: TypeAlias = CallReply | Pending
-
-
-class ProviderRegistry:
-    """The providers of one server, by name.
-
-    Args:
-        providers: the providers; one with the name ``"*"`` also serves unknown names.
-        objects: limit on the objects of one client; beyond it, E_MAX_OBJECT is returned.
-    """
-
-    def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
-        self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
-        self.objects = objects
-        self.kept = ByteQuota()
-        self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
-        first, *others = self.providers
-        for other in others:
-            _check_together(first, other)
-        self.dialect = first.dialect
-        self.functions = first.functions
-        self.fixed_handles = first.fixed_handles
-        self.requires_secret = all(each.requires_secret for each in self.providers)
-
-    def find(self, name: str) -> Provider:
-        """Return a provider by its name.
-
-        Raises:
-            CallError: E_CAO_PROV_INVALID if there is no such provider.
-        """
-        found = self._by_name.get(name.strip().lower()) or self._by_name.get("*")
-        if found is None:
-            offered = ", ".join(dict.fromkeys(name for p in self.providers for name in p.provider_names))
-            raise error_for(
-                hresult.E_CAO_PROV_INVALID,
-                tr("unknown provider {name}; available: {offered}", name=quoted(name), offered=offered),
-            )
-        return found
-
-
-def _checked(given: object) -> list[Provider]:
-    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, type) else [given]
-    wrong = [each for each in listed if not isinstance(each, Provider)]
-    if wrong:
-        raise TypeError(
-            tr(
-                "expected a Provider or Device object, got {wrong!r:.100}. Try: pass an instance: MyDevice()",
-                wrong=wrong[0],
-            )
-        )
-    if not listed:
-        raise ValueError(tr("no provider to serve"))
-    return [each for each in listed if isinstance(each, Provider)]
-
-
-def _check_together(one: Provider, other: Provider) -> None:
-    kinds = [(each.dialect, each.functions, each.fixed_handles) for each in (one, other)]
-    if kinds[0] != kinds[1]:
-        names = type(one).__name__, type(other).__name__
-        raise ValueError(
-            tr(
-                "{first} and {second} use different dialects of b-CAP and cannot be served together",
-                first=names[0],
-                second=names[1],
-            )
-        )
-
-
-def _names(provider: Provider) -> list[str]:
-    names = provider.provider_names
-    if not names:
-        logger.warning("%s has no provider_names: clients cannot connect to it", type(provider).__name__)
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-        raise TypeError(
-            tr(
-                '{name}.provider_names must be a tuple of names, such as ("CaoProv.Example.Gripper",), not {names!r}',
-                name=type(provider).__name__,
-                names=names,
-            )
-        )
-    return list(names)
 
 
 class HandleAllocator:
@@ -384,12 +305,18 @@ class Session:
 
     def stop_moving(self) -> None:
         """Stop the motions of the client; its objects are kept."""
+        self._notify_controllers(
+            lambda controller: controller.stop_moving(), "while stopping the motions of a silent client"
+        )
+
+    def _notify_controllers(self, notify: Callable[[ControllerObject], object], when: str) -> None:
+        """Invoke a callback with each controller object of the client; log the exceptions of the device."""
         for entry in self._controllers():
             try:
                 with entry.guard:
-                    cast("ControllerObject", entry.served).stop_moving()
+                    notify(cast("ControllerObject", entry.served))
             except Exception:
-                logger.exception("%s: error while stopping the motions of a silent client", entry.label)
+                logger.exception("%s: error %s", entry.label, when)
 
     def _controllers(self) -> list[_Entry]:
         return [entry for entry in self._entries.values() if entry.interface == "Controller"]
@@ -449,12 +376,7 @@ class Session:
     def close(self) -> None:
         """Release all objects, newest first, after the client has disconnected; create no more objects."""
         self._closed = True
-        for entry in self._controllers():
-            try:
-                with entry.guard:
-                    cast("ControllerObject", entry.served).connection_lost()
-            except Exception:
-                logger.exception("%s: error after the loss of its client", entry.label)
+        self._notify_controllers(lambda controller: controller.connection_lost(), "after the loss of its client")
         self._release_all()
 
     def _release_all(self) -> None:

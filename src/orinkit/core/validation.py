@@ -87,8 +87,9 @@ def check_finite(name: str, value: object, owner: str = "") -> float:
     Raises:
         InvalidValue: If the value is not a number, or is NaN, infinite or too large for a ``float``.
     """
-    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # type: ignore[operator]  # fast path
-        return float(value)  # type: ignore[arg-type]
+    # the fast path; mypy does not narrow by type(value), and isinstance would accept True
+    if type(value) in (float, int) and -_SURELY_FINITE < value < _SURELY_FINITE:  # type: ignore[operator]  # see above
+        return float(value)  # type: ignore[arg-type]  # see above
     number = real(value)
     if number is None:
         raise InvalidValue(

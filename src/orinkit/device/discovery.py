@@ -36,7 +36,7 @@ from types import ModuleType
 from typing import Final, NamedTuple, TypeGuard
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import ProviderRegistry
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.core.errors import ProviderLoadFailed as ProviderLoadFailed
 from orinkit.core.i18n import tr
 

@@ -35,7 +35,8 @@ from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
-from orinkit.gateway.upstream import LOCAL, ConnectRequest, Upstream, UpstreamConnection
+from orinkit.gateway.connection import UpstreamConnection
+from orinkit.gateway.upstream import LOCAL, ConnectRequest, Upstream
 from orinkit.values.variant import VarType
 
 AnyUpstream: TypeAlias = str | Upstream

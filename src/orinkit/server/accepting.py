@@ -29,11 +29,26 @@ _ACCEPT_TURNS: Final = 3
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
-def set_backlog(server: asyncio.Server) -> None:
-    """Set the kernel's backlog to :data:`BACKLOG` for a server that accepts one connection at a time."""
-    for each in server.sockets:
-        with socket.socket(fileno=os.dup(each.fileno())) as twin:
-            twin.listen(BACKLOG)
+async def start(server: asyncio.Server) -> None:
+    """Begin to accept connections; if this fails or is cancelled, close the server.
+
+    A server that ``create_server`` has started itself would remain open if it was cancelled meanwhile.
+
+    Args:
+        server: a server with the backlog :data:`ONE_AT_A_TIME`, created with ``start_serving=False``. The kernel's
+            backlog is set to :data:`BACKLOG`.
+
+    Raises:
+        OSError: If the address is in use.
+    """
+    try:
+        await server.start_serving()
+        for each in server.sockets:
+            with socket.socket(fileno=os.dup(each.fileno())) as twin:
+                twin.listen(BACKLOG)
+    except BaseException:
+        server.close()
+        raise
 
 
 async def close(server: asyncio.Server) -> None:

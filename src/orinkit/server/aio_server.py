@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import ProviderRegistry
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
 from orinkit.server.alive_option import ALIVE

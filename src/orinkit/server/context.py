@@ -11,7 +11,8 @@ from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Final, Protocol
 
-from orinkit.cao.session import HandleAllocator, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import HandleAllocator, Session
 from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive

@@ -18,6 +18,7 @@ import asyncio
 import itertools
 import logging
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextvars import Context
 from heapq import heappop, heappush
@@ -32,7 +33,7 @@ SLICE: Final = 0.0005
 """Seconds after which a client has to wait while other clients are served."""
 
 
-class QueuedClient:
+class QueuedClient(ABC):
     """A client, a connection, or a piece of work that a :class:`FairQueue` serves: the base class.
 
     Attributes:
@@ -46,20 +47,20 @@ class QueuedClient:
     is_queued = False
     has_precedence = False
 
+    @abstractmethod
     def step(self) -> bool:
         """Process the next piece of received data, usually one call.
 
         Returns:
             True if the client has more to process now. If it has not, it calls :meth:`FairQueue.serve` later.
         """
-        raise NotImplementedError
 
-    def resume(self) -> None:
+    def resume(self) -> None:  # noqa: B027 - optional
         """Prepare for further steps after the client has waited in the queue."""
 
+    @abstractmethod
     def abort(self) -> None:
         """Disconnect, because a step has raised an exception."""
-        raise NotImplementedError
 
 
 class _Rank:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
@@ -35,7 +35,7 @@ _LONG: Final = 4000  # bytes of received data for the estimate of its time: more
 _MAX_HOLD: Final = 1.0  # s; while reading is stopped, the end of the connection is not detected
 
 
-class Peer(QueuedClient, ABC):
+class Peer(QueuedClient):
     """A client, or a peer that may become a client.
 
     Each transport has a subclass. After a connection has been made, the subclass sets ``_name``, ``_host``, ``_send``
@@ -455,10 +455,10 @@ class Peer(QueuedClient, ABC):
 
     def _tick(self) -> None:
         data = self._conversation.tick(self._loop.time())
+        if self._conversation.timed_out:
+            self._abandon_call()  # before E_TIMEOUT is sent, after which nothing may start
         if data:
             self._send(data)
-        if self._conversation.timed_out:
-            self._abandon_call()
         self._set_alarm(self._conversation.next_time())
 
 

@@ -10,7 +10,7 @@ from typing import Final, Self, cast
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
-from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.end_watch import EndWatch
@@ -290,7 +290,12 @@ class TcpListener(StreamListener):
         """
         loop = asyncio.get_running_loop()
         server = await loop.create_server(
-            lambda: TcpConnection(context, loop), address.host, address.port, backlog=ONE_AT_A_TIME, reuse_address=True
+            lambda: TcpConnection(context, loop),
+            address.host,
+            address.port,
+            backlog=ONE_AT_A_TIME,
+            reuse_address=True,
+            start_serving=False,
         )
-        set_backlog(server)
+        await start(server)
         return cls(server, str(address._replace(port=server.sockets[0].getsockname()[1])))

@@ -16,10 +16,11 @@ import pytest
 import orinkit
 from orinkit.core import hresult
 from orinkit.server import context as connections
-from orinkit.server.http import limits, sessions, tls
+from orinkit.server.http import sessions, tls
 from orinkit.server.http.flow_control import HELD
-from orinkit.server.http.limits import LimitedProtocol, Stage
+from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.options import HttpOptions
+from orinkit.server.http.stage import KEPT_ALIVE, Stage
 from orinkit.server.threaded import Server
 from support.devices import Workshop
 from support.leaping import leap, see_broken, take_turns
@@ -216,8 +217,8 @@ def test_an_idle_connection_is_closed_after_a_while(server: Server) -> None:
     with Web(server.url) as web:
         for _ in range(3):
             assert web.call(1).body == OK
-            leap(server, limits.KEPT_ALIVE / 2)
-        leap(server, limits.KEPT_ALIVE / 2)
+            leap(server, KEPT_ALIVE / 2)
+        leap(server, KEPT_ALIVE / 2)
         assert web.ended()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import orinkit
-from orinkit.cao.session import ProviderRegistry
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.core import hresult
 from orinkit.server.context import ServerContext
 from orinkit.server.http import sessions as http_sessions

@@ -11,6 +11,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.engine.lane import Lane, LaneLimits
+from support.busy import occupy
 from support.waiting import PATIENCE, until
 
 
@@ -54,9 +55,8 @@ def test_a_job_whose_result_is_set_is_not_run():
 
 def occupied(limits: LaneLimits | None = None) -> tuple[Lane, threading.Event]:
     """Return a lane whose thread is occupied until the event is set."""
-    lane, going, begun = Lane("test", Clock(), limits), threading.Event(), threading.Event()
-    lane.run(lambda: begun.set() or going.wait(PATIENCE))
-    assert begun.wait(PATIENCE)
+    lane, going = Lane("test", Clock(), limits), threading.Event()
+    occupy(lane, going)
     return lane, going
 
 

@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 
 from orinkit.cao.provider import Deferred
-from orinkit.cao.session import Pending, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

@@ -4,7 +4,8 @@ from datetime import datetime, timedelta
 
 import pytest
 
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.clock import ManualClock

@@ -7,7 +7,8 @@ import pytest
 import orinkit
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import BlockingCall, ClientInfo, Deferred
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
-from orinkit.cao.session import ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType

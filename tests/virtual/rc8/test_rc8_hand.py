@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.cao.provider import Deferred
-from orinkit.cao.session import Pending, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

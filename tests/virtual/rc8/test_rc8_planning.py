@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
@@ -16,7 +16,7 @@ from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.lane import Lane
 from orinkit.virtual.rc8.objects.command import CommandState
-from support.cell import Cell
+from support.busy import BusyCell, finish, occupy
 from support.waiting import until
 
 POSE = "P(330, 0, 300, 180, 0, 180)"
@@ -24,12 +24,11 @@ VIA = "P(345, 60, 290, 180, 0, 180)"
 PTP = "J(20, 45, 90, 0, 45, 0)"
 
 
-class BusyCell(Cell):
+class PlanningCell(BusyCell):
     """A cell whose planning thread is occupied until :attr:`going` is set."""
 
     def __init__(self) -> None:
-        super().__init__(samples=False)
-        self.going = threading.Event()
+        super().__init__()
         self.take()
         self.lane = self.rc8.state.moves._lane = self.rc8.state.planning = Lane("test", Clock())
         self.occupy()
@@ -37,13 +36,11 @@ class BusyCell(Cell):
     def occupy(self) -> None:
         """Occupy the thread."""
         self.going.clear()
-        self.lane.submit(self.going.wait, Deferred())
+        occupy(self.lane, self.going)
 
     def plan(self) -> None:
         """Let the thread plan all motions."""
-        last = self.lane.submit(lambda: None, Deferred())
-        self.going.set()
-        until(last.done)
+        finish(self.lane, self.going)
 
     def planned(self, call: Deferred[Any]) -> Any:
         """Let the thread plan all motions; return the result of a call, or its return code."""
@@ -53,11 +50,9 @@ class BusyCell(Cell):
 
 
 @pytest.fixture
-def cell() -> Iterator[BusyCell]:
-    made = BusyCell()
-    yield made
-    made.going.set()
-    made.close()
+def cell() -> Iterator[PlanningCell]:
+    with closing(PlanningCell()) as made:
+        yield made
 
 
 def test_the_arm_is_busy_while_a_motion_is_planned(cell):

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
 
-import orinkit
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core import hresult
 from orinkit.values.variant import variant
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.lane import Lane
-from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.state import Operation
+from support.busy import BusyCell, BusyServer, finish, occupy
 from support.cell import Cell
-from support.peers import RawClient
 from support.waiting import PATIENCE, until
 from support.web import Web, connect, request
 
@@ -28,14 +26,13 @@ SOURCE = "Sub Main\n  TakeArm\n  I1 = 1\n  Move P, @E J(20, 45, 90, 0, 45, 0)\nE
 KINDS = ["Task_Start", "File_Run"]
 
 
-class BusyCell(Cell):
+class LoadingCell(BusyCell):
     """A cell whose thread for loading programs is occupied until :meth:`load`."""
 
     def __init__(self) -> None:
-        super().__init__(samples=False)
-        self.going = threading.Event()
+        super().__init__()
         self.lane = self.rc8.state.compiling = Lane("test", Clock(), START_LIMITS)
-        self.lane.submit(lambda: self.going.wait(PATIENCE), Deferred())
+        occupy(self.lane, self.going)
 
     def request(self, kind: str, name: str = "Test", controller: Any = None) -> Deferred[Any]:
         """Request the start of a program."""
@@ -51,9 +48,7 @@ class BusyCell(Cell):
 
     def load(self) -> None:
         """Let the thread load all programs, and run some cycles."""
-        last = self.lane.submit(lambda: None, Deferred(), "the last client")
-        self.going.set()
-        until(last.done)
+        finish(self.lane, self.going, "the last client")
         until(lambda: not self.lane._working)
 
     def moved(self) -> bool:
@@ -80,19 +75,17 @@ class BusyCell(Cell):
 
 
 @pytest.fixture
-def cell() -> Iterator[BusyCell]:
-    made = BusyCell()
-    yield made
-    made.going.set()
-    made.close()
+def cell() -> Iterator[LoadingCell]:
+    with closing(LoadingCell()) as made:
+        yield made
 
 
-def stop_task(mode: int) -> Callable[[BusyCell], object]:
+def stop_task(mode: int) -> Callable[[LoadingCell], object]:
     """Return a function that stops the task for another client."""
     return lambda cell: cell.connect().get_task("TEST", "").stop(mode, "")
 
 
-STOPS: dict[str, Callable[[BusyCell], object]] = {
+STOPS: dict[str, Callable[[LoadingCell], object]] = {
     "emergency stop": lambda cell: cell.rc8.pendant.emergency_stop(),
     "protective stop": lambda cell: cell.rc8.pendant.protective_stop(),
     "auto enable": lambda cell: cell.rc8.pendant.auto_enable(False),
@@ -193,37 +186,28 @@ def test_a_source_that_is_too_large_does_not_discard_compiled_programs():
 # --- clients of a server ----------------------------------------------------------------------------------------------
 
 
-class Served:
+class Served(BusyServer):
     """A server whose thread for loading programs is occupied until :attr:`going` is set."""
 
     def __init__(self) -> None:
-        self.rc8 = VirtualRC8(motor=True, samples=False)
+        super().__init__("tcp://127.0.0.1:0", "http://127.0.0.1:0")
         self.state = self.rc8.state
         self.state.files.write("Test.pcs", SOURCE.encode())
-        self.server = orinkit.serve(self.rc8, "tcp://127.0.0.1:0", "http://127.0.0.1:0")
-        self.going = threading.Event()
-        begun = threading.Event()
-        self.state.compiling.submit(lambda: begun.set() or self.going.wait(PATIENCE), Deferred())
-        assert begun.wait(PATIENCE)
-        self.client = RawClient(self.server.url)
+        occupy(self.state.compiling, self.going)
 
-    def request(self, kind: str, option: str = "") -> None:
+    def request_start(self, kind: str, option: str = "") -> None:
         """Request the start of the program, and return as soon as the start waits."""
-        self.client.ask(BY_NAME["Service_Start"].id, option)
-        controller = self.client.ask(BY_NAME["Controller_Connect"].id, "", "CaoProv.DENSO.VRC", "", "")
+        self.ask("Service_Start", option)
+        controller = self.ask("Controller_Connect", "", "CaoProv.DENSO.VRC", "", "")
         if kind == "Task_Start":
-            task = self.client.ask(BY_NAME["Controller_GetTask"].id, controller, "Test", "")
-            self.client.request(BY_NAME[kind].id, task, 1, "")
+            self.request(kind, self.ask("Controller_GetTask", controller, "Test", ""), 1, "")
         else:
-            file = self.client.ask(BY_NAME["Controller_GetFile"].id, controller, "Test.pcs", "")
-            self.client.request(BY_NAME[kind].id, file, "")
+            self.request(kind, self.ask("Controller_GetFile", controller, "Test.pcs", ""), "")
         until(lambda: len(self.state.compiling._jobs) == 1)
 
     def started(self) -> bool:
         """Load the programs; return True if a program has been started."""
-        last = self.state.compiling.submit(lambda: None, Deferred(), "the last client")
-        self.going.set()
-        until(last.done)
+        finish(self.state.compiling, self.going, "the last client")
         with self.rc8.guard:
             i1 = self.rc8.connect("", "", "", ClientInfo()).get_variable("I1", "").get_value().value
             return bool(self.state.tasks._begun) or i1 != 0
@@ -231,11 +215,8 @@ class Served:
 
 @pytest.fixture
 def served() -> Iterator[Served]:
-    made = Served()
-    yield made
-    made.going.set()
-    made.client.close()
-    made.server.close()
+    with closing(Served()) as made:
+        yield made
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -243,7 +224,7 @@ def served() -> Iterator[Served]:
 def test_the_start_of_a_lost_client_is_not_executed(served, kind, reads, monkeypatch):
     """The server detects the loss while it does not read from the client, and otherwise when it reads."""
     monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.001 if reads else PATIENCE)
-    served.request(kind)
+    served.request_start(kind)
     served.client.close()
     until(lambda: not served.state.tasks.starts._starts)
     served.going.set()
@@ -253,7 +234,7 @@ def test_the_start_of_a_lost_client_is_not_executed(served, kind, reads, monkeyp
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_start_after_the_time_limit_of_the_call_is_not_executed(served, kind):
-    served.request(kind, "InvokeTimeout=100")
+    served.request_start(kind, "InvokeTimeout=100")
     assert served.client.packet().code == hresult.E_TIMEOUT
     assert not served.started()
 

@@ -13,7 +13,8 @@ from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import Close, EndSession, Execute, Send, ServerConversation
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ClientInfo, Deferred
-from orinkit.cao.session import Pending, ProviderRegistry, Session
+from orinkit.cao.provider_registry import ProviderRegistry
+from orinkit.cao.session import Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

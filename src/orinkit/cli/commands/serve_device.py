@@ -8,7 +8,7 @@ from typing import Annotated, Final
 from cyclopts import Parameter
 
 from orinkit.cao.provider import Provider
-from orinkit.cao.session import ProviderRegistry
+from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.core.i18n import tr

@@ -173,9 +173,8 @@ class Exchange:
             if detail:
                 self._add_text(b"orinkit-detail", detail)
             await self._begin([(b"content-length", b"%d" % len(body))])
-        elif detail and hresult.failed(
-            code
-        ):  # the header has been sent already; clients that requested keep-alive bytes read the detail after the code
+        elif detail and hresult.failed(code):
+            # The header has been sent already. Clients that requested keep-alive bytes read the detail after the code.
             body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
         at = 0
         while len(body) - at > PIECE:  # one large piece would be copied several times within one turn of the loop

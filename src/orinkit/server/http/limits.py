@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 import re
 import sys
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable
 from contextvars import Context, copy_context
-from enum import Enum
 from functools import cached_property
 from typing import Any, Final, Protocol, TypeVar, cast
 
@@ -29,6 +27,7 @@ from orinkit.server.fair_queue import QueuedClient, queue_of
 from orinkit.server.http.connection_limiter import ConnectionLimiter
 from orinkit.server.http.flow_control import HELD, BoundedFlowControl
 from orinkit.server.http.h11_connection import StepwiseConnection
+from orinkit.server.http.stage import Stage, StageTimer
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
 from orinkit.transport.fork_safety import keep_from_children
@@ -42,11 +41,6 @@ LONGEST_TRAILERS: Final = 1024
 """Limit on the part of the trailers of a chunked body that has been received before their end, bytes."""
 MOST_LINES: Final = 256
 """Limit on the lines of the header of a request."""
-KEPT_ALIVE: Final = 75.0
-"""Seconds after a response after which a connection without another request is closed."""
-
-PROGRESS: Final = 64 * 1024
-"""Number of bytes that a client must read of a response within the time of :class:`Stage`."""
 
 _LONG_HEADER: Final = 431
 _PIECE: Final = 8 * 1024  # bytes that h11 receives at a time; then it checks the length of the header
@@ -56,22 +50,6 @@ _MAX_BYTES: Final = 2048  # of received data for the estimate of its time: most 
 _TOO_MANY_LINES: Final = re.compile(rb"(?:[^\n]*\n(?!\r?\n)){%d}" % MOST_LINES)
 _own = logging.getLogger("orinkit.server.uvicorn")
 _own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit logs them in more detail
-
-
-class Stage(Enum):
-    """State of a connection: the event that the server waits for, and the time limit for that event in s."""
-
-    NEW = "a request", 10.0
-    HEADER = "the rest of a request's header", 10.0
-    BODY = "the rest of a request's body", 30.0
-    WORK = "the response to a request", math.inf
-    TAKING = "the client to read more of its response", 30.0
-    REST = "another request", KEPT_ALIVE
-    LEAVING = "the client to read its last response", 30.0
-
-    def __init__(self, awaited: str, seconds: float) -> None:
-        self.awaited = awaited
-        self.seconds = seconds
 
 
 class DisconnectObserver(Protocol):
@@ -128,10 +106,7 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
         self._on_closed: Callable[[], None] | None = None
         self._guard = guard
         self._context = guard.context
-        self._stage = Stage.NEW
-        self._until = self._armed = math.inf
-        self._timer: asyncio.TimerHandle | None = None
-        self._unsent = 0
+        self._stages = StageTimer(self.loop, self._unsent_bytes, lambda: self.is_queued, self._give_up)
         self.is_closed = False
         self._half_closed = False  # True if the client has closed its side of the connection
         self.carried: set[DisconnectObserver] = set()
@@ -161,7 +136,12 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
     @property
     def has_call(self) -> bool:
         """True if a complete request is in progress."""
-        return self._stage is Stage.WORK
+        return self.stage is Stage.WORK
+
+    @property
+    def stage(self) -> Stage:
+        """The stage of the connection."""
+        return self._stages.stage
 
     @property
     def _exchange(self) -> RequestResponseCycle | None:
@@ -207,13 +187,16 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
             logger.log(level, "%s refused: %d connections are busy", self.name, len(self._guard))
             self.transport.abort()
         else:
-            self._enter(Stage.NEW)
+            self._stages.enter(Stage.NEW)
             for data in early or ():
                 self.data_received(data)
 
     @property
     def _unparsed(self) -> int:
         return len(self._h11.trailing_data[0])
+
+    def _unsent_bytes(self) -> int:
+        return self.transport.get_write_buffer_size()
 
     def _held(self) -> int:
         return self._unparsed + sum(map(len, self._inbox)) if self._inbox else self._unparsed
@@ -327,8 +310,7 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
         self._guard.discard(self)
         self._inbox.clear()
         self._context.memory.discard_slow_reader(self)
-        if self._timer is not None:
-            self._timer.cancel()
+        self._stages.cancel()
         super().connection_lost(exc)
         if self._on_closed is not None:
             self._on_closed()
@@ -434,38 +416,13 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
             stage = Stage.HEADER
         else:
             stage = Stage.NEW if cycle is None else Stage.REST
-        if stage is not self._stage:
-            self._enter(stage)
-
-    def _enter(self, stage: Stage) -> None:
-        self._stage = stage
-        self._until = self.loop.time() + stage.seconds
-        self._unsent = self.transport.get_write_buffer_size() if stage in (Stage.TAKING, Stage.LEAVING) else 0
-        if self._until < self._armed:  # a timer that expires too early costs less than a new timer for each request
-            self._arm()
-
-    def _arm(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-        self._armed = self._until
-        self._timer = self.loop.call_at(self._until, self._on_timer) if self._until < math.inf else None
-
-    def _on_timer(self) -> None:
-        self._timer = None
-        self._armed = math.inf
-        if self.loop.time() < self._until:
-            self._arm()
-        elif self.is_queued:  # the server is late, not the client
-            self._enter(self._stage)
-        elif self.transport.get_write_buffer_size() <= self._unsent - PROGRESS:
-            self._enter(self._stage)  # the client is slow, but reads its response
-        else:
-            self._give_up()
+        if stage is not self.stage:
+            self._stages.enter(stage)
 
     def _give_up(self) -> None:
-        level = logging.DEBUG if self._stage in (Stage.NEW, Stage.REST) else logging.INFO
-        logger.log(level, "%s: closed: waited %g s for %s", self.name, self._stage.seconds, self._stage.awaited)
-        if self._stage in (Stage.HEADER, Stage.BODY):
+        level = logging.DEBUG if self.stage in (Stage.NEW, Stage.REST) else logging.INFO
+        logger.log(level, "%s: closed: waited %g s for %s", self.name, self.stage.seconds, self.stage.awaited)
+        if self.stage in (Stage.HEADER, Stage.BODY):
             self._respond("408 Request Timeout", tr("the request was not received in time"))
         else:
             self.transport.abort()
@@ -494,9 +451,9 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
 
     def close(self) -> None:
         """Close the connection after the request in progress has completed; called when the server is closing."""
-        if self._stage is Stage.WORK:
+        if self.stage is Stage.WORK:
             self.cycle.keep_alive = False
-        elif self._stage is Stage.BODY:
+        elif self.stage is Stage.BODY:
             self._respond("503 Service Unavailable", server_closing_message())
         else:
             self.transport.close()

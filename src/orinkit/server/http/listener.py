@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Self
 from orinkit.core import optional_deps
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
-from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, set_backlog
+from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.context import ServerContext
 from orinkit.server.http.options import HttpOptions
 from orinkit.transport.address import HttpAddress
@@ -74,12 +74,7 @@ class HttpListener(StreamListener):
         )
         port = server.sockets[0].getsockname()[1]
         app.listens_at(port)
-        try:
-            await server.start_serving()
-            set_backlog(server)
-        except BaseException:
-            server.close()
-            raise
+        await start(server)
         return cls(server, str(address._replace(port=port)))
 
 

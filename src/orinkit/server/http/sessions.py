@@ -129,9 +129,7 @@ class HttpSession:
         self.ended = False
         self.requested_silence_limit: float | None = None
         self.connected_at = self.last_request_at = self._heard = self._loop.time()
-        self._connections: dict[
-            Hashable, bool
-        ] = {}  # open connections; the value is True after the second request on a connection
+        self._connections: dict[Hashable, bool] = {}  # the open ones; True after the second request on a connection
         self._liveness = LivenessMonitor(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._idle_limit(), self._check_idle_time)
         logger.info("%s connected", self._name)

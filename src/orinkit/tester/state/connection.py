@@ -92,7 +92,7 @@ class Connection(ABC):
 
     @abstractmethod
     async def stop_motion(self) -> None:
-        """Stop whatever this connection can move.
+        """Stop the robot or the motors of this connection.
 
         Raises:
             OrinError: If it may not have stopped.

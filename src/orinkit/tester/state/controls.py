@@ -70,7 +70,7 @@ class Controls:
             raise ControlsHeld(
                 tr("another user holds the controls. Try: ask that user to give them up, or to close the page")
             )
-        self._holder = user
+        self._holder, self._left_at = user, self._clock()
 
     def give_up(self, user: str) -> None:
         """Give up the controls if the user holds them."""

@@ -8,21 +8,21 @@ from typing import Protocol
 
 from nicegui import ui
 
-from orinkit.core.i18n import tr
+from orinkit.core.i18n import N_, tr
 from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.ui.session import CONNECTION_COOKIE, DARK_COOKIE, LANGUAGE_COOKIE, PageSession, notify
 
 _REFRESH = 0.5  # s
 STATE_TEXTS = {
-    ConnectionState.CLOSED: "not connected",
-    ConnectionState.CONNECTING: "connecting",
-    ConnectionState.OPEN: "connected",
-    ConnectionState.LOST: "connection lost",
+    ConnectionState.CLOSED: N_("not connected"),
+    ConnectionState.CONNECTING: N_("connecting"),
+    ConnectionState.OPEN: N_("connected"),
+    ConnectionState.LOST: N_("connection lost"),
 }
 
 
 class PageRow(Protocol):
-    """What the navigation requires of a row of the table of pages."""
+    """A row of the table of pages, as the navigation uses it."""
 
     @property
     def path(self) -> str:

@@ -15,14 +15,14 @@ from orinkit.tester.ui.session import PageSession
 _INTERVAL: Final = 0.1  # s between two heartbeats
 _CHECK: Final = 0.02  # s
 _EVENT: Final = "ok-heartbeat"
-_SCRIPT: Final = """
-if (!window.okPresence) {
-  const beat = () => emitEvent('%s', {hidden: document.hidden});
+_SCRIPT: Final = f"""
+if (!window.okPresence) {{
+  const beat = () => emitEvent('{_EVENT}', {{hidden: document.hidden}});
   document.addEventListener('visibilitychange', beat);
-  window.addEventListener('pagehide', () => emitEvent('%s', {hidden: true}));
-  window.okPresence = setInterval(beat, %d);
-}
-""" % (_EVENT, _EVENT, int(_INTERVAL * 1000))
+  window.addEventListener('pagehide', () => emitEvent('{_EVENT}', {{hidden: true}}));
+  window.okPresence = setInterval(beat, {int(_INTERVAL * 1000)});
+}}
+"""
 
 
 class Presence:
@@ -62,7 +62,7 @@ class Presence:
 
     async def lost(self) -> str:
         """Wait until the user is gone; return the reason."""
-        while not self.reason:
+        while not self.reason:  # noqa: ASYNC110 - the reason depends on the time
             await asyncio.sleep(_CHECK)
         return self.reason
 

@@ -12,17 +12,15 @@ from collections.abc import AsyncIterator
 from time import monotonic
 from typing import Any, Final, Generic, Literal, TypeVar, overload
 
+from orinkit.abh3.api._async.parameters import AsyncParameterAccess
 from orinkit.abh3.api._async.shared import AsyncSharedBus
 from orinkit.abh3.api.keepalive_runner import AsyncPeriodicCall
-from orinkit.abh3.session import parameter_value, telabh3
 from orinkit.abh3.session.host import Host
 from orinkit.abh3.session.keepalive import KeepAliveEnd, KeepAliveTimer, report_commands
-from orinkit.abh3.session.parameter_value import ParameterValue
 from orinkit.abh3.table.decoder import DecodedFrame
 from orinkit.abh3.table.records import BR0, BR2, BR3, BR4, BR5, BR6, DP1R, AnyRecord, Feedback, Flags, States
 from orinkit.can.aio_shared_bus import AsyncCanReceiver
 from orinkit.can.frame import CanOperation
-from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import DriverTimeout, OrinError
 from orinkit.core.validation import check_seconds
 from orinkit.transport.link_errors import closed
@@ -34,7 +32,7 @@ _GOODBYE: Final = 0.1
 """Seconds to wait for the reply to the stop that is sent when a driver is closed or its keep-alive ends."""
 
 
-class AsyncDriver(AsyncClosing, Generic[F, S]):
+class AsyncDriver(AsyncParameterAccess[F], Generic[F, S]):
     """One ABH3 driver on a bus; created by :func:`connect` or :meth:`AsyncMotorBus.driver`.
 
     Velocities are in min^-1, currents and loads in %, supply voltages and analog inputs in V. A call sends one frame
@@ -269,75 +267,6 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
         """Request the two monitored values of the driver (2.9) by :meth:`request_broadcast`."""
         return await self.request_broadcast(6)
 
-    # --- parameters (TelABH3 over multi-packet messages) --------------------------------------------------------------
-
-    async def exchange_message(self, message: bytes) -> bytes:
-        """Send a multi-packet message and return the driver's reply.
-
-        Args:
-            message: 1 to 1785 bytes, for example a TelABH3 text from :mod:`orinkit.abh3.session.telabh3`.
-
-        Raises:
-            InvalidValue: If the message is empty, too long, or not bytes; nothing was sent.
-            ProtocolError: If the driver aborted the transfer.
-            DriverTimeout: If the driver does not reply.
-            TransportError: If the bus is broken or closed.
-        """
-        self._check_open()
-        self.restart_idle_time()
-        return await self.bus.exchange(message, self.host)
-
-    async def read_parameter(self, address: int) -> ParameterValue:
-        """Read a parameter of the driver.
-
-        Args:
-            address: 0 to 0xFFFF; the known addresses are in :data:`orinkit.abh3.session.telabh3.PARAMETERS`.
-
-        Raises:
-            InvalidValue: If the address is out of range.
-            ParameterRefused: If the driver refuses the request.
-            ProtocolError: If the driver aborted the transfer, or its reply cannot be read.
-            DriverTimeout: If the driver does not reply.
-            TransportError: If the bus is broken or closed.
-        """
-        return parameter_value.parameter(address, (await self._ask(telabh3.read_parameter(address))).word)
-
-    async def write_parameter(self, address: int, value: float, *, raw: bool = False) -> None:
-        """Write a parameter of the driver.
-
-        Args:
-            address: As for :meth:`read_parameter`.
-            value: The value in the parameter's unit; with ``raw``, the 32-bit word that represents it.
-            raw: True if ``value`` is the 32-bit word.
-
-        Raises:
-            InvalidValue: If the value or the address is not valid; nothing was sent.
-            ParameterRefused, ProtocolError, DriverTimeout, TransportError: As for :meth:`read_parameter`.
-        """
-        word = parameter_value.word_of(address, value, raw=raw)
-        (await self._ask(telabh3.write_parameter(address, word))).confirmed()
-
-    async def read_monitor(self, address: int) -> ParameterValue:
-        """Read a monitor of the driver. For exceptions, see :meth:`read_parameter`.
-
-        Args:
-            address: 0 to 0xFFFF; the known addresses are in :data:`orinkit.abh3.session.telabh3.MONITORS`.
-        """
-        return parameter_value.monitor(address, (await self._ask(telabh3.read_monitor(address))).word)
-
-    async def read_identification(self, number: int = telabh3.VERSION) -> str:
-        """Read an identification of the driver, by default its version. For exceptions, see :meth:`read_parameter`.
-
-        Args:
-            number: One of :data:`orinkit.abh3.session.telabh3.IDENTIFICATIONS`.
-        """
-        return (await self._ask(telabh3.read_identification(number))).confirmed()
-
-    async def _ask(self, request: bytes) -> telabh3.TelReply:
-        """Send a TelABH3 request; return the driver's reply, with a description of the request for error messages."""
-        reply = await self.exchange_message(request)
-        return telabh3.parse_reply(reply, f"ABH3 {self.address}, {telabh3.parse_request(request)}")
-
     # --- keep-alive ---------------------------------------------------------------------------------------------------
 
     async def keep_alive(self, period: float = 0.1, *, patience: float = 0.5, idle: float | None = None) -> None:
@@ -403,9 +332,8 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
             if timer is None:
                 return None
             now = monotonic()
-            end = timer.end_reason_if_delayed(
-                now
-            )  # checked first: a driver that has stopped by itself must not start again
+            # first, because a driver that has stopped by itself must not start again
+            end = timer.end_reason_if_delayed(now)
             if end is None and timer.next_time <= now:
                 await self._repeat_command(timer)
             end = end or timer.end_reason(monotonic())
@@ -482,6 +410,10 @@ class AsyncDriver(AsyncClosing, Generic[F, S]):
     def _check_open(self) -> None:
         if self._port.closed:
             raise closed()
+
+    def _begin_call(self) -> None:
+        self._check_open()
+        self.restart_idle_time()
 
     def restart_idle_time(self) -> None:
         """Restart the idle time of :meth:`keep_alive`, as every call of the program does."""

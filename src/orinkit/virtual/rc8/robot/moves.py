@@ -75,9 +75,9 @@ class Moves:
     def begin(self, plans: Plans, then: Callable[[Sequence[Ticket]], T], *, pauses: bool = False) -> T | Deferred[T]:
         """Plan motions in sequence, and queue them if all of them are possible.
 
-        A single PTP motion or line is planned immediately if this takes a few milliseconds at most, other motions in a
-        thread. Until these are queued, the arm is busy, as if they were queued already. A stop discards them: the Deferred then fails with the code of the stop, or its result
-        is ``None`` after a skip.
+        A single PTP motion or line is planned immediately if this takes a few milliseconds at most. Other motions are
+        planned in a thread. Until they are queued, the arm is busy, as if they were queued already. A stop discards
+        them: the Deferred then fails with the code of the stop, or its result is ``None`` after a skip.
 
         Args:
             plans: The motions.
