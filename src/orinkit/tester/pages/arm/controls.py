@@ -22,6 +22,7 @@ class ArmControls:
 
     def __init__(self, session: PageSession, cell: ArmCell) -> None:
         self._cell = cell
+        self._reported: float | None = None  # the external speed that is displayed
         with ui.element("div").classes("ok-row"):
             self._on = _button(tr("Motor on"), "power_settings_new", "motor-on")
             self._off = _button(tr("Motor off"), "power_off", "motor-off")
@@ -60,8 +61,8 @@ class ArmControls:
     def _refresh(self) -> None:
         status = self._cell.monitor.status
         self._row.visible = status.speed is not None
-        if status.speed is not None and status.speed != getattr(self, "_reported", None):
-            self._reported: float | None = status.speed
+        if status.speed is not None and status.speed != self._reported:
+            self._reported = status.speed
             self._slider.value = status.speed
             self._show_speed(status.speed)
         self._on.set_enabled(status.motor is not True)

@@ -47,6 +47,7 @@ class JogCard:
         self._enabled = False  # True if this page has enabled jogging
         self._seen: tuple[object, ...] = ()
         self._axes: object = None
+        self._shown_error: Exception | None = None
         self._buttons: list[ui.element] = []
         with ui.element("section").classes("ok-card ok-jog").props("data-testid=jog"):
             self._build_head()
@@ -184,5 +185,5 @@ class JogCard:
             else tr("Hold a button to move. The arm stops when you let go.")
         )
         self._message.classes(replace="ok-jog-message" + (" ok-jog-notice" if jogging.message else ""))
-        if jogging.error is not getattr(self, "_shown_error", None):
+        if jogging.error is not self._shown_error:
             self._show_error(jogging.error)

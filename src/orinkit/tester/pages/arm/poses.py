@@ -84,7 +84,7 @@ class PosesCard:
                     button.props(remove="loading")
 
         guard = self._session.guarded
-        with ui.element("div").classes("ok-pose").props(f'data-testid="pose-row"'):
+        with ui.element("div").classes("ok-pose").props('data-testid="pose-row"'):
             with ui.element("div").classes("ok-grow"):
                 ui.label(pose.name).classes("ok-pose-name")
                 ui.label("  ".join(f"{joint:.1f}" for joint in pose.joints)).classes("ok-pose-joints")

@@ -31,6 +31,7 @@ class ArmView:
         self._drawn = ""
         self._sent: tuple[float, ...] = ()
         self._ready = False
+        self._error_shown = ""
         ui.add_body_html(f'<script type="module">{_script()}</script>')
         with ui.element("section").classes("ok-card ok-scene-card"):
             with ui.element("div").classes("ok-scene-bar"):
@@ -71,7 +72,7 @@ class ArmView:
         if self._title.text != title:
             self._title.text = title
         error = "" if monitor.error is None else f"{monitor.error}"
-        if error != getattr(self, "_error_shown", ""):
+        if error != self._error_shown:
             self._error_shown = error
             self._errors.show(monitor.error)
         unknown = bool(monitor.joints) and monitor.model is None

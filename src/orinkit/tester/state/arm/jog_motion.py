@@ -119,7 +119,7 @@ class JogMotion:
             if self._held:
                 margin = (self._profile.speed + goal) * _MARGIN_CYCLES * self._period
                 self._look_ahead((self._profile.braking + margin) * unit)
-                goal = min(goal, self._fastest() / unit) if self._held else 0.0
+                goal = self._goal()
             self._distance += self._profile.step(goal) * unit * self._period
         self._point = self._path.point(self._distance, self._point)
 
@@ -129,13 +129,16 @@ class JogMotion:
             self.obstacle = self._path.obstacle(self._distance + distance, self._point)
             self._held = not self.obstacle
 
-    def _fastest(self) -> float:
+    def _goal(self) -> float:
+        """Return the speed to reach: 0 if the motion has to end."""
+        if not self._held:
+            return 0.0
         fastest = self._path.fastest(self._distance, self._point)
         if fastest < _SLOWEST * self._path.full_speed:
             self.obstacle = tr("a singular point is near. Try: jog the joints")
             self._held = False
             return 0.0
-        return fastest
+        return min(self._speed, fastest / self._path.full_speed)
 
     def _done(self) -> bool:
         return self._cycle >= self._cycles

@@ -19,9 +19,11 @@ import numpy as np
 
 from orinkit.arms.frames import matrix_of_position
 from orinkit.arms.kinematics import Kinematics
+from orinkit.arms.kinematics.chain import Array
 from orinkit.client._async.controller import AsyncController
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.stream import AsyncStream
+from orinkit.client._shared.stream_options import PERIOD
 from orinkit.core.errors import CallError, InvalidValue, OrinError, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.streaming.planning.limits import Limits
@@ -42,7 +44,7 @@ HEARTBEAT: Final = 0.5
 """Time in s without a heartbeat of the page after which the arm is stopped."""
 _LEAD: Final = 0.08  # s by which set-points are ahead
 _TICK: Final = 0.01  # s
-_NO_TOOL: Final = np.eye(4)
+_NO_TOOL: Final[Array] = np.eye(4)
 
 
 class JogState(Enum):
@@ -225,8 +227,6 @@ class Jogging:
                 self._tell(tr("jogging was not used for {seconds:g} s, so it was switched off", seconds=IDLE))
                 break
             self._check_presence()
-            if self._ending:
-                break
             await self._feed(stream)
             await asyncio.sleep(_TICK)
         self._set(JogState.ENDING)
@@ -249,8 +249,7 @@ class Jogging:
         if motion is None:
             return
         self._used = monotonic()
-        period = stream._options.period
-        while stream.queued < round(_LEAD / period) and not motion.ended:
+        while stream.queued < round(_LEAD / PERIOD) and not motion.ended:
             await stream.push(motion.next())
         if motion.ended and not stream.queued and stream.at_rest:
             if motion.obstacle:
@@ -265,14 +264,16 @@ class Jogging:
     def _begin(self, stream: AsyncStream, request: JogRequest) -> JogMotion:
         limits = stream.limits
         model = self._monitor.model
-        assert isinstance(limits, Limits) and model is not None and self._kinematics is not None
+        assert isinstance(limits, Limits)
+        assert model is not None
+        assert self._kinematics is not None
         start = stream.latest.command[: len(limits.lower)]
         path: JogPath
         if request.frame == "joint":
             path = JointPath(model, start, request)
         else:
             path = ToolPath(self._kinematics, start, self._tool, request)
-        return JogMotion(path, start, limits, stream._options.period, request.speed, request.step)
+        return JogMotion(path, start, limits, PERIOD, request.speed, request.step)
 
     def _halt(self, message: str) -> None:
         self._request = None
@@ -307,7 +308,7 @@ class Jogging:
         await self._changed.wait()
 
 
-async def _tool_of(robot: AsyncRobot) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+async def _tool_of(robot: AsyncRobot) -> Array:
     """Return the current tool relative to the flange, a matrix (4, 4)."""
     if not robot.client.dialect.takes_arm:
         return _NO_TOOL

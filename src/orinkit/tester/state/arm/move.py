@@ -48,7 +48,7 @@ class PoseMotion:
         try:
             async with robot.arm(keep=True):
                 motion = await robot.move(J(*joints), "@E", speed=speed, wait=False)
-                while not await motion.get_done():
+                while not await motion.get_done():  # noqa: ASYNC110 - the controller has no event for this
                     await asyncio.sleep(_POLL)
         except CallError as error:
             if not (self._stopped and error.code in _STOPPED):
