@@ -46,7 +46,7 @@ class ArmView {
     sun.shadow.bias = -0.0008;
     sun.shadow.normalBias = 0.004;
     scene.add(sun);
-    const rim = new THREE.DirectionalLight(0x9fd8ff, 0.7);
+    const rim = new THREE.DirectionalLight(0xd9ecf7, 0.6);
     rim.position.set(-2, 2, 1.2);
     scene.add(rim);
     host.renderer.shadowMap.enabled = true;
@@ -122,7 +122,7 @@ class ArmView {
   build(origins) {
     const { scene, colours } = this;
     const body = this.material(colours.body), joint = this.material(colours.joint, 0.5, 0.25);
-    const accent = this.material(colours.accent, 0.35, 0.1), plate = this.material(colours.plate, 0.35, 0.6);
+    const accent = this.material(colours.accent, 0.35, 0.1), plate = this.material(colours.plate, 0.5, 0.1);
     const [o1, o2, o3, o4, o5, o6] = origins;
     const fore = [o4[0], 0, o4[2] + o5[2]];
     const upperLength = Math.hypot(o3[0], o3[2]), foreLength = Math.hypot(fore[0], fore[2]);

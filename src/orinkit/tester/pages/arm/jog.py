@@ -49,7 +49,7 @@ class JogCard:
         self._axes: object = None
         self._shown_error: Exception | None = None
         self._buttons: list[ui.element] = []
-        with ui.element("section").classes("ok-card ok-jog").props("data-testid=jog"):
+        with ui.element("section").classes("ok-card ok-jog ok-third").props("data-testid=jog"):
             self._build_head()
             self._build_settings()
             self._pad = ui.element("div").classes("ok-pad")

@@ -74,13 +74,13 @@ class ArmPage:
         with ui.element("div").classes("ok-arm-grid"):
             with ui.element("div").classes("ok-arm-column"):
                 self._view = ArmView(session, cell.monitor)
-                with ui.element("div").classes("ok-arm-halves"):
+                with ui.element("div").classes("ok-arm-halves ok-fourth"):
                     self._bars = JointBars(cell.monitor)
                     self._position = PositionReadout(cell.monitor)
                 if cell.pendant is not None:
                     PendantCard(session, cell.pendant)
             with ui.element("div").classes("ok-arm-column"):
-                with ui.element("section").classes("ok-card"):
+                with ui.element("section").classes("ok-card ok-second"):
                     self._chips = StatusChips(cell)
                     ArmControls(session, cell)
                 JogCard(session, cell)

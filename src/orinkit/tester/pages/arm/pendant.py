@@ -38,7 +38,7 @@ class PendantCard:
         self._session, self._pendant = session, pendant
         self._seen: dict[str, Any] = {}
         self._polling = False
-        with ui.element("section").classes("ok-card").props("data-testid=pendant"):
+        with ui.element("section").classes("ok-card ok-sixth").props("data-testid=pendant"):
             with ui.element("div").classes("ok-row"):
                 ui.label(tr("Pendant of the virtual RC8")).classes("ok-card-title")
                 ui.space()

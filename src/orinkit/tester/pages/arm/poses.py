@@ -25,7 +25,7 @@ class PosesCard:
     def __init__(self, session: PageSession, cell: ArmCell) -> None:
         self._session, self._cell = session, cell
         self._seen: tuple[object, ...] = ()
-        with ui.element("section").classes("ok-card").props("data-testid=poses"):
+        with ui.element("section").classes("ok-card ok-fifth").props("data-testid=poses"):
             ui.label(tr("Poses")).classes("ok-card-title")
             with ui.element("div").classes("ok-row ok-nowrap"):
                 self._name = ui.input(tr("Name of the current pose")).props(

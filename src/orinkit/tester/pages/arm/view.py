@@ -33,7 +33,7 @@ class ArmView:
         self._ready = False
         self._error_shown = ""
         ui.add_body_html(f'<script type="module">{_script()}</script>')
-        with ui.element("section").classes("ok-card ok-scene-card"):
+        with ui.element("section").classes("ok-card ok-scene-card ok-first"):
             with ui.element("div").classes("ok-scene-bar"):
                 self._title = ui.label().classes("ok-card-title").props("data-testid=arm-type")
                 ui.space()
