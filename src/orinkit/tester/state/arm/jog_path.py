@@ -31,7 +31,7 @@ _JUMP: Final = 20.0  # deg; a larger step of a joint on a path is a change of th
 
 @dataclass(frozen=True, slots=True)
 class JogRequest:
-    """What a user jogs.
+    """The motion that a user requests.
 
     Attributes:
         frame: Coordinates: of the joints, of the base, or of the tool.
