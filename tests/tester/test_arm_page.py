@@ -14,7 +14,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from support.browser import ARGUMENTS, CHROMIUM, TesterProcess, needs_browser, user
 from support.relay import Relay
 from support.streams import Arm
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = needs_browser
 
@@ -172,13 +172,14 @@ def test_the_arm_moves_while_a_key_is_held(jogging, key):
 @pytest.mark.soak
 def test_the_arm_stops_when_the_browser_is_killed(browser, bench, arm):
     own = browser.browser_type.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
-    with user(own) as page:
-        jogging = JogPage(page, bench.tester.url, arm).enable()
-        jogging.hold()
-        pid = own.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
-        os.kill(next(each["id"] for each in pid if each["type"] == "browser"), signal.SIGKILL)
-        assert jogging.moved() > 0
-        until(jogging.arm.free)
+    page = own.new_page()
+    page.set_default_timeout(PATIENCE * 1000)
+    jogging = JogPage(page, bench.tester.url, arm).enable()
+    jogging.hold()
+    processes = own.new_browser_cdp_session().send("SystemInfo.getProcessInfo")["processInfo"]
+    os.kill(next(each["id"] for each in processes if each["type"] == "browser"), signal.SIGKILL)
+    assert jogging.moved() > 0
+    until(arm.free)
 
 
 @pytest.mark.soak

@@ -25,7 +25,7 @@ class ArmView {
     this.prepare();
     this.build(model.origins.map((row) => row.map((value) => value / 1000)));
     this.last = performance.now();
-    this.turn();
+    this.follow(this.goal);
     this.frame = () => {
       if (!host.$el.isConnected) return;
       requestAnimationFrame(this.frame);
@@ -55,15 +55,17 @@ class ArmView {
     host.resize();
     // The component renders continuously. Render only if something has changed, to spare the processor.
     const render = host.renderer.render.bind(host.renderer);
-    let view = "";
+    let view = "", resume = 0;
     this.dirty = true;
     host.renderer.render = (what, camera) => {
       camera.updateMatrixWorld();
       const now = camera.matrixWorld.elements.map((value) => value.toFixed(5)).join() + host.$el.clientWidth + "x" + host.$el.clientHeight;
-      if (!this.dirty && now === view) return;
+      const began = performance.now();
+      if ((!this.dirty && now === view) || began < resume) return;
       view = now;
       this.dirty = false;
       render(what, camera);
+      resume = performance.now() + 2 * (performance.now() - began); // on slow computers, leave time for the heartbeats
     };
     new ResizeObserver(() => host.resize()).observe(host.$el);
   }
@@ -233,7 +235,7 @@ class ArmView {
     geometry.setAttribute("position", this.places);
     geometry.setAttribute("color", this.fades);
     geometry.setDrawRange(0, 0);
-    const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false }));
+    const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false, fog: false }));
     line.frustumCulled = false;
     this.scene.add(line);
     this.line = line;
@@ -262,9 +264,20 @@ class ArmView {
   }
 
   turn() {
-    this.turns.forEach((group, index) => (group.rotation[AXES[index]] = this.shown[index] * DEGREE));
-    this.trace();
+    this.place(this.shown);
     this.dirty = true;
+  }
+
+  place(joints) {
+    this.turns.forEach((group, index) => (group.rotation[AXES[index]] = joints[index] * DEGREE));
+  }
+
+  // Follow new joints. The trail consists of the positions that the controller has reported, even if few frames are drawn.
+  follow(joints) {
+    this.goal = joints;
+    this.place(joints);
+    this.trace();
+    this.turn();
   }
 
   animate(now) {
@@ -299,7 +312,7 @@ const api = {
     host.$el.dataset.ready = "1";
   },
   joints(values) {
-    if (view) view.goal = values;
+    view?.follow(values);
   },
   look(name) {
     view?.look(name);
