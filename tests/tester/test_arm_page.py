@@ -29,16 +29,21 @@ class JogPage:
         self.page, self.arm = page, arm
         page.goto(f"{url}/arm")
         page.get_by_test_id("joint-1").wait_for()
-        take = page.get_by_test_id("controls").locator("xpath=..").get_by_role("button")
-        if page.get_by_test_id("controls").inner_text() == "The controls are free":
-            take.click()
 
     def enable(self) -> JogPage:
-        self.page.get_by_test_id("controls").get_by_text("You hold the controls").wait_for()
+        until(self.takes_controls)
         self.page.get_by_test_id("jog-enable").click()
         self.button("j1+").and_(self.page.locator('[aria-disabled="false"]')).wait_for()
         self.arm.record()
         return self
+
+    def takes_controls(self) -> bool:
+        """Take the controls if they are free; return True if this user holds them."""
+        text = self.page.get_by_test_id("controls")
+        if text.inner_text() == "The controls are free":
+            text.locator("xpath=..").get_by_role("button").click()
+        self.page.wait_for_timeout(50)
+        return str(text.inner_text()) == "You hold the controls"
 
     def button(self, name: str) -> Any:
         return self.page.get_by_test_id(f"jog-{name}")
