@@ -21,7 +21,7 @@ CHROMIUM: Final = shutil.which("chromium") or shutil.which("chromium-browser") o
 needs_browser: Final = pytest.mark.skipif(
     not CHROMIUM, reason="Chromium is not installed. Try: apt-get install chromium, then make test"
 )
-_ARGUMENTS: Final = (
+ARGUMENTS: Final = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 )  # fmt: skip
@@ -33,7 +33,7 @@ def open_browser() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(_ARGUMENTS))
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
         yield browser
         browser.close()
 

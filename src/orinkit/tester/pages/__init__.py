@@ -39,7 +39,10 @@ class Page:
         return function
 
 
-PAGES: Final = (Page("/", N_("Connections"), "lan", "connections:build"),)
+PAGES: Final = (
+    Page("/", N_("Connections"), "lan", "connections:build"),
+    Page("/arm", N_("Arm"), "precision_manufacturing", "arm:build"),
+)
 """All pages, in the order of the navigation."""
 
 

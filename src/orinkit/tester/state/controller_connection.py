@@ -26,6 +26,9 @@ class ControllerConnection(Connection):
 
     The calls of the user are executed one at a time. If the transport allows it, a second connection reads the values
     that the pages display, and stops the robot, so that a stop need not wait for a call in progress.
+
+    Attributes:
+        lent: True while slave mode uses the only connection, so that no calls are possible.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -35,6 +38,7 @@ class ControllerConnection(Connection):
         self._second: AsyncController | None = None
         self._second_robot: AsyncRobot | None = None
         self._lock = asyncio.Lock()
+        self.lent = False
 
     @property
     def controller(self) -> AsyncController:
@@ -128,6 +132,8 @@ class ControllerConnection(Connection):
         Raises:
             OrinError: If the robot may not have stopped.
         """
+        if self.lent:  # the motion in slave mode is stopped by its owner in Workspace.motions
+            return
         try:
             await (await self.monitored_robot()).halt()
         except (NotImplementedCall, ObjectNotFound) as error:
@@ -147,4 +153,5 @@ class ControllerConnection(Connection):
                     logger.debug("%s: closing failed: %s", self.name, error)
 
     async def _check(self) -> None:
-        await (await self.monitor()).get_name()
+        if not self.lent:
+            await (await self.monitor()).get_name()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -22,6 +23,8 @@ LANGUAGE_COOKIE: Final = "orinkit_language"
 DARK_COOKIE: Final = "orinkit_dark"
 CONNECTION_COOKIE: Final = "orinkit_connection"
 _SESSIONS: Final[dict[str, PageSession]] = {}
+# language of the user whose event started a task, for the messages of the task
+_LANGUAGE: Final[ContextVar[Language | None]] = ContextVar("language", default=None)
 
 
 @dataclass(eq=False)
@@ -77,6 +80,7 @@ class PageSession:
         """
 
         async def run(*arguments: Any) -> None:
+            _LANGUAGE.set(self.language)
             problem(None)
             try:
                 self.workspace.controls.require(self.user)
@@ -120,7 +124,7 @@ def language_of_page() -> Language | None:
     """Return the language of the page that is being built or whose event is being handled, if there is one."""
     stack = Slot.stacks.get(get_task_id())
     if not stack:
-        return None
+        return _LANGUAGE.get()
     session = _SESSIONS.get(stack[-1].parent.client.id)
     return session.language if session else None
 
