@@ -13,6 +13,7 @@ from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotF
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.objects import ObjectRegistry
 from orinkit.tester.state.packet_log import PacketLog
 
 logger = logging.getLogger("orinkit.tester")
@@ -26,6 +27,9 @@ class ControllerConnection(Connection):
 
     The calls of the user are executed one at a time. If the transport allows it, a second connection reads the values
     that the pages display, and stops the robot, so that a stop need not wait for a call in progress.
+
+    Attributes:
+        objects: The objects that pages have created over the connection of the user.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -35,6 +39,7 @@ class ControllerConnection(Connection):
         self._second: AsyncController | None = None
         self._second_robot: AsyncRobot | None = None
         self._lock = asyncio.Lock()
+        self.objects = ObjectRegistry()
 
     @property
     def controller(self) -> AsyncController:
@@ -135,8 +140,10 @@ class ControllerConnection(Connection):
 
     async def _open(self) -> None:
         self._controller = await self.connect_another(trace=True)
+        self.objects.begin(self._controller.client, self._controller.handle, self.name)
 
     async def _close(self) -> None:
+        self.objects.end()
         controllers = self._second, self._controller
         self._second = self._second_robot = self._controller = self._robot = None
         for controller in controllers:
