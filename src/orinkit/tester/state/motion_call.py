@@ -74,14 +74,13 @@ async def call_function(
     motion = MotionCall(connection, task)
     workspace.motions.add(motion)
     guard = asyncio.create_task(_stop_if_absent(workspace, user, motion))
-    try:
-        return await asyncio.shield(task)
-    finally:
-        if task.done():
-            guard.cancel()
-            workspace.motions.discard(motion)
-        else:  # the page ends before the call; the motion remains under supervision
-            task.add_done_callback(lambda _: (guard.cancel(), workspace.motions.discard(motion)))
+
+    def end(_: object) -> None:
+        guard.cancel()
+        workspace.motions.discard(motion)
+
+    task.add_done_callback(end)  # even if the page ends before the call, the motion remains under supervision
+    return await asyncio.shield(task)
 
 
 async def _stop_if_absent(workspace: Workspace, user: str, motion: MotionCall) -> None:

@@ -24,7 +24,7 @@ def build_performance(context: ObjectContext) -> None:
     running: list[Performance] = []
     with ui.element("div").classes("ok-row"):
         start = ui.button(tr("Start"), icon="speed").props("unelevated no-caps data-testid=performance-start")
-        stop = ui.button(tr("Stop"), icon="stop", on_click=lambda: [each.stop() for each in running])
+        stop = ui.button(tr("Stop"), icon="stop", on_click=lambda: _stop(running))
         stop.props("outline no-caps data-testid=performance-stop").disable()
     figures = _Figures()
 
@@ -48,7 +48,12 @@ def build_performance(context: ObjectContext) -> None:
                 figures.show(measurement.report())
 
     start.on_click(context.session.guarded(measure, errors.show))
-    context.session.client.on_delete(lambda: [each.stop() for each in running])
+    context.session.client.on_delete(lambda: _stop(running))
+
+
+def _stop(running: list[Performance]) -> None:
+    for each in running:
+        each.stop()
 
 
 class _Figures:
