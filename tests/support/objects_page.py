@@ -20,8 +20,8 @@ def add(page: Any, kind: str, name: str) -> None:
     """Add an object below the selected one; it is then selected."""
     page.get_by_test_id("kind").get_by_role("button", name=kind, exact=True).click()
     if kind != "Message":
-        fill(page, "add-name", name)
-    page.get_by_test_id("add").click()
+        fill(page, f"add-{kind}-name", name)
+    page.get_by_test_id(f"add-{kind}").click()
     page.get_by_test_id("object").get_by_text(name, exact=True).first.wait_for()
 
 

@@ -38,7 +38,7 @@ def objects(person: Any, bench: Any) -> Any:
 
 
 def test_a_variable_is_added_written_and_read(objects, bench, received):
-    objects.get_by_test_id("get-names").click()
+    objects.get_by_test_id("get-Variable").click()
     objects.get_by_test_id("names").get_by_role("button", name="@MODE", exact=True).wait_for()
     add(objects, "Variable", "I10")
     fill(objects, "value", "4x")

@@ -54,7 +54,7 @@ def _build_fields(context: ObjectContext, kind: str) -> None:
         for argument in creator.arguments[1:]:
             label = {"name": tr("Name"), "option": tr("Option")}.get(argument.name, argument.name)
             field = (
-                TextField(label, f"add-{argument.name}") if argument.name in ("name", "option") else field_for(argument)
+                TextField(label, f"add-{kind}-{argument.name}") if argument.name in ("name", "option") else field_for(argument)
             )
             fields.append(field)
 
@@ -66,7 +66,7 @@ def _build_fields(context: ObjectContext, kind: str) -> None:
         if names_function(creator) is not None:
             assert isinstance(fields[0], TextField)
             _get_button(context, kind, fields[0], result)
-        context.button(tr("Add"), "add", "add", creator, fields, result, done)
+        context.button(tr("Add"), "add", f"add-{kind}", creator, fields, result, done)
     result.to_end()
 
 
@@ -88,7 +88,7 @@ def _get_button(context: ObjectContext, kind: str, name: TextField, result: Resu
             if len(names) > _MOST_NAMES:
                 ui.label(tr("… {count} in total", count=len(names))).classes("ok-dim")
 
-    get = ui.button(tr("Get"), icon="download").props("outline no-caps data-testid=get-names")
+    get = ui.button(tr("Get"), icon="download").props(f"outline no-caps data-testid=get-{kind}")
     get.on_click(context.session.guarded(fetch, result.fail)).tooltip(tr("Get the names from the controller"))
     chips.move(target_index=-1)
 
