@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,9 +9,9 @@ import pytest
 from playwright.sync_api import expect
 
 from orinkit.cao import functions as f
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.variant import Variant, VarType
 from support.browser import needs_browser, user
-from support.objects_page import add, choose, choose_type, fill, open_objects
+from support.objects_page import add, choose, fill, open_objects
 from support.received import ReceivedPackets, received_packets
 
 pytestmark = needs_browser
@@ -56,19 +55,3 @@ def test_a_variable_is_added_written_and_read(objects, bench, received):
     objects.get_by_role("button", name="Release I10").click()
     received.wait_for(f.variable_release)
     expect(objects.get_by_test_id("tree")).not_to_contain_text("I10")
-
-
-def test_a_pose_in_the_notation_of_the_document_is_sent_as_it_stands(objects, bench, received):
-    add(objects, "Robot", "Arm")
-    choose_type(objects, "pose", "ARRAY | VARIANT")
-    fill(objects, "pose", "(8197, 0, 0, 0, 0, 0, 0, 5),(3, 0),(3, -2)")
-    expect(objects.get_by_test_id("pose-description")).to_have_text("VT_VARIANT|VT_ARRAY, 3 elements")
-    objects.get_by_test_id("move").click()
-    handle, interpolation, pose, option = received.wait_for(f.robot_move).arguments
-    assert interpolation == Variant(VarType.I4, 1)
-    assert option == Variant(VarType.BSTR, "")
-    assert pose == Variant(
-        VARIANT_ARRAY, [Variant(VarType.R8 | ARRAY, [0, 0, 0, 0, 0, 0, 5]), Variant(VarType.I4, 0), Variant(VarType.I4, -2)]
-    )
-    expect(objects.get_by_test_id("object-handle")).to_have_text(f"handle {handle.value}")
-    expect(objects.get_by_test_id("result-error")).to_contain_text(re.compile("0x[0-9A-F]{8} "))  # the arm is not taken
