@@ -59,7 +59,12 @@ def call(page: Any, function: Function[..., Any], received: ReceivedPackets) -> 
     got = received.wait_for(function, before + 1)
     if function.name != "Controller_GetName":  # the Tester itself checks with it whether the connection exists
         assert got.arguments == [*(Variant(VarType.I4, each) for each in shown), *map(expected, given)], function.name
-    form.get_by_test_id("result-code").or_(form.get_by_test_id("result-error")).filter(visible=True).first.wait_for()
+    if function.releases:
+        form.wait_for(state="hidden")  # the object has disappeared from the page
+    else:
+        form.get_by_test_id("result-code").or_(form.get_by_test_id("result-error")).filter(
+            visible=True
+        ).first.wait_for()
 
 
 def call_all(page: Any, functions: list[Function[..., Any]], received: ReceivedPackets) -> set[int]:
