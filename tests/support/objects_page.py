@@ -4,6 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from support.waiting import PATIENCE
+
+
+def expect(locator: Any) -> Any:
+    """Return Playwright's assertions for a locator, with a time-out for a busy machine."""
+    from playwright.sync_api import expect as assertions
+
+    assertions.set_options(timeout=PATIENCE * 1000)
+    return assertions(locator)
+
 
 def fill(page: Any, marker: str, text: str) -> None:
     """Enter a text."""

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import expect
 
 import orinkit
 from orinkit.bcap import packet
@@ -18,7 +17,7 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.ve026a import VirtualVE026A
 from support import paths
 from support.browser import TesterProcess, needs_browser, user
-from support.objects_page import add, choose, choose_type, fill, open_objects, open_tab
+from support.objects_page import add, choose, choose_type, expect, fill, open_objects, open_tab
 from support.received import ReceivedPackets, received_packets
 
 pytestmark = needs_browser

@@ -54,7 +54,9 @@ def _build_fields(context: ObjectContext, kind: str) -> None:
         for argument in creator.arguments[1:]:
             label = {"name": tr("Name"), "option": tr("Option")}.get(argument.name, argument.name)
             field = (
-                TextField(label, f"add-{kind}-{argument.name}") if argument.name in ("name", "option") else field_for(argument)
+                TextField(label, f"add-{kind}-{argument.name}")
+                if argument.name in ("name", "option")
+                else field_for(argument)
             )
             fields.append(field)
 

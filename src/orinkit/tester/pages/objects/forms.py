@@ -25,8 +25,12 @@ def build_functions(context: ObjectContext) -> None:
             rows = ui.element("div").classes("ok-function-rows")
         holder = ui.element("div").classes("ok-function-form")
     buttons: dict[str, ui.button] = {}
+    shown: list[Function[..., Any]] = []
 
     def select(function: Function[..., Any]) -> None:
+        if function in shown:  # the entered arguments remain
+            return
+        shown[:] = [function]
         for name, button in buttons.items():
             button.classes(**{"add" if name == function.name else "remove": "ok-current"})
         holder.clear()

@@ -12,6 +12,7 @@ from orinkit.tester.pages.objects.context import ObjectContext
 from orinkit.tester.pages.objects.forms import build_functions
 from orinkit.tester.pages.objects.panels import build_change, build_execute, build_move, build_value
 from orinkit.tester.pages.objects.performance import build_performance
+from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.objects import RemoteObject
 from orinkit.tester.ui.errors import ErrorBox
@@ -57,23 +58,26 @@ class ObjectsPage:
         """Update what has changed."""
         connection = self._session.connection
         usable = connection if isinstance(connection, ControllerConnection) and connection.is_open else None
-        if usable is not self._connection or self._built is None:
-            self._connection, self._built = usable, object()
+        state = (connection, usable, connection.error if connection else None)
+        if state != self._built:
+            self._connection, self._built = usable, state
             self._selected = self._shown = None
             self._holder.clear()
             with self._holder:
-                self._build_columns() if usable else self._build_empty(connection is not None)
+                self._build_columns() if usable else self._build_empty(connection)
         if usable is not None:
             self._refresh_tree(usable)
 
-    def _build_empty(self, exists: bool) -> None:
+    def _build_empty(self, connection: Connection | None) -> None:
         with ui.element("section").classes("ok-card"), ui.element("div").classes("ok-empty").props("data-testid=empty"):
             ui.icon("account_tree")
             ui.label(
                 tr("The selected connection is not an open connection to a robot controller.")
-                if exists
+                if connection is not None
                 else tr("There is no connection yet.")
             )
+            if connection is not None and connection.error is not None:
+                ErrorBox("connection-error").show(connection.error)
             ui.link(tr("Open Connections"), "/")
 
     def _build_columns(self) -> None:
