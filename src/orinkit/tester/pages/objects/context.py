@@ -1,4 +1,4 @@
-"""What the forms of an object require: :class:`ObjectContext`."""
+"""The selected object for its forms: :class:`ObjectContext`."""
 
 from __future__ import annotations
 
