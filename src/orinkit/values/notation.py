@@ -45,6 +45,7 @@ from typing import Any, Final
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, ElementFormat
+from orinkit.values.type_row import no_type
 from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant, trusted, variant
 
@@ -89,6 +90,25 @@ def parse_elements(text: str) -> list[Variant]:
     """
     reader = _NotationParser(text)
     result = reader.elements()
+    reader.finish()
+    return result
+
+
+def parse_data(vt: int, text: str) -> Variant:
+    """Parse ``<data>``, the second part of the notation, as a value of a type that is known.
+
+    Args:
+        vt: Number of the type.
+        text: The data: ``100,200`` for an array of VT_I2.
+
+    Raises:
+        NotationError: As for :func:`parse`; the columns are those of ``text``.
+        InvalidValue: If there is no such type.
+    """
+    if vt not in _TYPES:
+        raise no_type(type_name(vt), vt)
+    reader = _NotationParser(text)
+    result = reader.data(vt)
     reader.finish()
     return result
 
@@ -157,12 +177,16 @@ class _NotationParser:
     def variant(self) -> Variant:
         """Read ``<type>,<data>``."""
         vt = self._type()
-        base = vt & ~ARRAY
         if not self._skip(","):
             if not vt & ARRAY and vt not in EMPTIES:
                 name = f"{type_name(vt)} ({vt})"
                 raise self._expected(tr('"," and the value of {name}', name=name))
             return trusted(vt, b"" if vt == UI1_ARRAY else [] if vt & ARRAY else None)
+        return self.data(vt)
+
+    def data(self, vt: int) -> Variant:
+        """Read the data of a VARIANT whose type is known."""
+        base = vt & ~ARRAY
         if vt == VarType.VARIANT:
             return self._bracketed()
         if vt in EMPTIES:

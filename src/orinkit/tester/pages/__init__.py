@@ -42,6 +42,7 @@ class Page:
 PAGES: Final = (
     Page("/", N_("Connections"), "lan", "connections:build"),
     Page("/arm", N_("Arm"), "precision_manufacturing", "arm:build"),
+    Page("/objects", N_("Objects"), "account_tree", "objects:build"),
 )
 """All pages, in the order of the navigation."""
 

@@ -13,6 +13,7 @@ from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotF
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.objects import ObjectRegistry
 from orinkit.tester.state.packet_log import PacketLog
 
 logger = logging.getLogger("orinkit.tester")
@@ -29,6 +30,7 @@ class ControllerConnection(Connection):
 
     Attributes:
         lent: True while slave mode uses the only connection, so that no calls are possible.
+        objects: The objects that pages have created over the connection of the user.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -39,6 +41,7 @@ class ControllerConnection(Connection):
         self._second_robot: AsyncRobot | None = None
         self._lock = asyncio.Lock()
         self.lent = False
+        self.objects = ObjectRegistry()
 
     @property
     def controller(self) -> AsyncController:
@@ -141,8 +144,10 @@ class ControllerConnection(Connection):
 
     async def _open(self) -> None:
         self._controller = await self.connect_another(trace=True)
+        self.objects.begin(self._controller.client, self._controller.handle, self.name)
 
     async def _close(self) -> None:
+        self.objects.end()
         controllers = self._second, self._controller
         self._second = self._second_robot = self._controller = self._robot = None
         for controller in controllers:

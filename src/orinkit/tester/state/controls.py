@@ -60,6 +60,10 @@ class Controls:
         """Return True if a user holds the controls."""
         return self.holder == user
 
+    def has_page(self, user: str) -> bool:
+        """Return True if a user has a page open."""
+        return bool(self._pages.get(user))
+
     def take(self, user: str) -> None:
         """Take the controls.
 

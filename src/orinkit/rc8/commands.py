@@ -1,0 +1,160 @@
+"""The extended commands of controllers (Controller_Execute, Robot_Execute, ...): names and parameters, for users.
+
+The documents define a command by its name and the layout of its parameter. A program that offers commands for selection
+uses these tables. A controller may have further commands, and its software version decides which of these it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from orinkit.core.i18n import N_
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, VarType
+
+_I2, _I4, _R8, _BSTR = (int(vt) for vt in (VarType.I2, VarType.I4, VarType.R8, VarType.BSTR))
+_EMPTY: Final = int(VarType.EMPTY)
+_R8S, _I4S = _R8 | ARRAY, _I4 | ARRAY
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendedCommand:
+    """An extended command.
+
+    Attributes:
+        name: Name as documented; case-insensitive.
+        vt: Usual VARIANT type of the parameter; VT_EMPTY if the command has none.
+        example: Example of a parameter in VARIANT notation, without its type.
+        hint: Meaning of the parameter, in English; ``""`` if it has none.
+    """
+
+    name: str
+    vt: int = _EMPTY
+    example: str = ""
+    hint: str = ""
+
+
+_POSE: Final = N_("a pose: P(...), J(...), T(...) or a variable such as P1")
+_GROUP: Final = N_("arm group, 1 to keep the internal speeds, tool and work")
+_SPEEDS: Final = N_("speed, acceleration, deceleration in %")
+_INDEX: Final = N_("index, from 0")
+_MOTION: Final = N_("(interpolation), (pose), (pass mark and distance in mm), (option)")
+_AXES: Final = N_("(axis and value in deg or mm), ..., (option)")
+_HAND_POSITION: Final = N_("mm, speed in %, NEXT to return immediately")
+_HAND_HOLD: Final = N_("mm, speed in %, force in N, NEXT to return immediately")
+
+
+def _readings() -> list[ExtendedCommand]:
+    """Return the commands that read a pose or a figure."""
+    names = []
+    for prefix in ("Cur", "HighCur", "Dest"):
+        for suffix in ("Pos", "Jnt", "Trn"):
+            names += [prefix + suffix, *([prefix + suffix + "Ex"] if prefix != "Dest" else [])]
+        names.append(prefix + "Fig")
+    return [ExtendedCommand(name) for name in names]
+
+
+def _conversions() -> list[ExtendedCommand]:
+    return [ExtendedCommand(f"{a}2{b}", _BSTR, f"{a}1", _POSE) for a in "PJT" for b in "PJT" if a != b]
+
+
+ROBOT_COMMANDS: Final = (
+    ExtendedCommand("TakeArm", _I4S, "0,1", _GROUP),
+    ExtendedCommand("GiveArm"),
+    ExtendedCommand("TakeArmState", _I4, "-1", N_("arm group; -1 for the group of this client")),
+    ExtendedCommand("Motor", _I4S, "1,0", N_("1 on or 0 off, 1 to return immediately")),
+    ExtendedCommand("ExtSpeed", _R8S, "50,25,25", _SPEEDS),
+    *(ExtendedCommand(name) for name in (
+        "CurSpd", "CurAcc", "CurDec", "CurJSpd", "CurJAcc", "CurJDec", "CurExtSpd", "CurExtAcc", "CurExtDec", "CurTool", "CurWork",
+    )),
+    *_readings(),
+    *_conversions(),
+    ExtendedCommand("Dev", _BSTR, "P1,P2", N_("pose, offset along the axes of the work frame")),
+    ExtendedCommand("DevH", _BSTR, "P1,P2", N_("pose, offset along the axes of the tool")),
+    ExtendedCommand("OutRange", _BSTR, "P1", N_("pose, number of the tool, number of the work")),
+    ExtendedCommand("Approach", VARIANT_ARRAY, "(3,1),(8,P1),(8,@P 50),(8,SPEED=20)", _MOTION),
+    ExtendedCommand("Depart", VARIANT_ARRAY, "(3,2),(8,@P 50),(8,SPEED=20)",
+                    N_("(interpolation), (pass mark and distance in mm), (option)")),
+    ExtendedCommand("DriveEx", VARIANT_ARRAY, "(8,@P (1,10),(2,5)),(8,SPEED=20)", _AXES),
+    ExtendedCommand("DriveAEx", VARIANT_ARRAY, "(8,@P (1,10),(2,45)),(8,SPEED=20)", _AXES),
+    ExtendedCommand("RotateH", VARIANT_ARRAY, "(8,@P 30),(8,SPEED=20)", N_("(pass mark and angle in deg), (option)")),
+    ExtendedCommand("MotionSkip", _I4S, "-1,0", N_("arm group; -1 for the group of this client")),
+    ExtendedCommand("MotionComplete", _I4S, "-1,0", N_("arm group, 0 or 1 to include the settling of the encoders")),
+    ExtendedCommand("SetToolDef", VARIANT_ARRAY, "(3,1),(8,P(0,0,100,0,0,0))", N_("(number of the tool), (pose)")),
+    ExtendedCommand("GetToolDef", _I4, "1", N_("number of the tool")),
+    ExtendedCommand("SetWorkDef", VARIANT_ARRAY, "(3,1),(8,P(300,0,0,0,0,0))", N_("(number of the work), (pose)")),
+    ExtendedCommand("GetWorkDef", _I4, "1", N_("number of the work")),
+    ExtendedCommand("AddPathPoint", VARIANT_ARRAY, "(3,1),(8,P1)", N_("(number of the path), (pose)")),
+    ExtendedCommand("ClrPathPoint", _I4, "1", N_("number of the path")),
+    ExtendedCommand("GetPathPointCount", _I4, "1", N_("number of the path")),
+    ExtendedCommand("GetSrvData", _I4, "2", N_("2 deviation, 4 load, 17 velocity of the tool tip")),
+    *(ExtendedCommand(name) for name in ("StartLog", "StopLog", "ClearLog", "GetLogCount")),
+    ExtendedCommand("GetLogRecord", _I4, "0", _INDEX),
+    ExtendedCommand("slvChangeMode", _I4, "513", N_("0 off; type of pose 1 P, 2 J, 3 T, plus 0, 256 or 512 for the mode")),
+    ExtendedCommand("slvGetMode"),
+    ExtendedCommand("slvGetLateness", _I4, "0", N_("number of set-points at the beginning that are not counted")),
+    ExtendedCommand("slvMove", _R8S, "364.16,0,278.5355,180,1.272222E-14,180,5", N_("the set-point, in the type of the mode")),
+    ExtendedCommand("slvSendFormat", _I4, "0", N_("sum of the fields that are sent in addition to the pose")),
+    ExtendedCommand("slvRecvFormat", _I4, "2", N_("sum of the fields that are returned")),
+    ExtendedCommand("GetRobotTypeName"),
+)  # fmt: skip
+"""Commands of Robot_Execute (RC8, and DENSO's published implementations)."""
+
+_HAND_OF_CONTROLLER: Final = (
+    ExtendedCommand("HandMoveA", _R8S, "10,50", _HAND_POSITION),
+    ExtendedCommand("HandMoveR", _R8S, "-2,50", _HAND_POSITION),
+    ExtendedCommand("HandMoveAH", _R8S, "10,50,20", _HAND_HOLD),
+    ExtendedCommand("HandMoveRH", _R8S, "-2,50,20", _HAND_HOLD),
+    ExtendedCommand("HandMoveH", VARIANT_ARRAY, "(5,20),(11,True)", N_("(force in N), (True to close, False to open)")),
+    *(ExtendedCommand(name) for name in (
+        "HandStop", "HandCurPos", "HandCurLoad", "HandBusyState", "HandHoldState", "HandMotorState", "HandMoveZH", "HandMoveVH",
+        "HandCurPressure",
+    )),
+)  # fmt: skip
+
+CONTROLLER_COMMANDS: Final = (
+    ExtendedCommand("ClearError"),
+    ExtendedCommand("GetErrorDescription", _I4, "-2147467259", N_("return code")),
+    ExtendedCommand("GetCurErrorCount"),
+    ExtendedCommand("GetCurErrorInfo", _I4, "0", _INDEX),
+    ExtendedCommand("GetErrorLogCount"),
+    ExtendedCommand("GetErrorLog", _I4, "0", _INDEX),
+    ExtendedCommand("GetOprLogCount"),
+    ExtendedCommand("GetOprLog", _I4, "0", _INDEX),
+    ExtendedCommand("SysInfo", _I4, "0", N_("0 serial number, 15 date of the battery")),
+    *(ExtendedCommand(name) for name in ("SysState", "StoState", "ManualReset", "ManualResetPreparation", "ResetStoState")),
+    *_HAND_OF_CONTROLLER,
+)  # fmt: skip
+"""Commands of Controller_Execute (RC8)."""
+
+TASK_COMMANDS: Final = (ExtendedCommand("GetStatus"),)
+"""Commands of Task_Execute."""
+
+EXTENSION_COMMANDS: Final = (
+    ExtendedCommand("Chuck", _I4, "1", N_("number of the setting, NEXT to return immediately")),
+    ExtendedCommand("UnChuck", _I4, "1", N_("number of the setting, NEXT to return immediately")),
+    ExtendedCommand("Motor", _I4, "1", N_("1 on or 0 off")),
+    *(ExtendedCommand(name) for name in ("Org", "Stop", "CurPos", "get_BusyState", "get_HoldState", "get_OrgState")),
+)
+"""Commands of Extension_Execute of an electric hand, ``Hand0``."""
+
+VE026A_ROBOT_COMMANDS: Final = (
+    ExtendedCommand("Motor", _I2, "1", N_("1 on or 0 off")),
+    ExtendedCommand("slvChangeMode", _I4, "258", N_("2 or 258 to begin, 0 to end")),
+    ExtendedCommand("slvMove", int(VarType.R4) | ARRAY, "0,30,120,0,30,0,0,0", N_("the angles of the axes in deg")),
+    ExtendedCommand("slvGetLateness", _I4, "0", N_("number of set-points at the beginning that are not counted")),
+)
+"""Commands of Robot_Execute of the VE026A (VE026A table 5-3)."""
+VE026A_CONTROLLER_COMMANDS: Final = (ExtendedCommand("ClearError", _I2, "0", N_("return code")),)
+"""Commands of Controller_Execute of the VE026A (VE026A table 5-1)."""
+
+COMMANDS: Final[Mapping[str, Mapping[str, tuple[ExtendedCommand, ...]]]] = MappingProxyType({
+    "rc8": {
+        "Controller": CONTROLLER_COMMANDS, "Robot": ROBOT_COMMANDS, "Task": TASK_COMMANDS, "File": (),
+        "Extension": EXTENSION_COMMANDS,
+    },
+    "ve026a": {"Controller": VE026A_CONTROLLER_COMMANDS, "Robot": VE026A_ROBOT_COMMANDS},
+})  # fmt: skip
+"""The commands by dialect and by the interface of the object."""
