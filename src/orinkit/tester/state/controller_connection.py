@@ -13,7 +13,10 @@ from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotF
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.controller_log import ControllerLog
 from orinkit.tester.state.packet_log import PacketLog
+from orinkit.tester.state.poller import VariablePoller
+from orinkit.tester.state.watch_list import WatchLists
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -26,6 +29,11 @@ class ControllerConnection(Connection):
 
     The calls of the user are executed one at a time. If the transport allows it, a second connection reads the values
     that the pages display, and stops the robot, so that a stop need not wait for a call in progress.
+
+    Attributes:
+        poller: The values of variables, for all pages.
+        log: The errors and events of the controller, for all pages.
+        watch_lists: The variables that users have chosen on the page Monitor.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -35,6 +43,9 @@ class ControllerConnection(Connection):
         self._second: AsyncController | None = None
         self._second_robot: AsyncRobot | None = None
         self._lock = asyncio.Lock()
+        self.poller = VariablePoller(self)
+        self.log = ControllerLog(self, fetches_events=spec.messages)
+        self.watch_lists = WatchLists()
 
     @property
     def controller(self) -> AsyncController:
