@@ -67,7 +67,7 @@ def logged_entry(record: Any) -> LogEntry | None:
     code = hresult.unsigned(record[0])
     year, month, _, day, hour, minute, second, millisecond = record[1:9]
     try:
-        time = datetime(year, month, day, hour, minute, second, millisecond * 1000)  # noqa: DTZ001 - the controller's
+        time = datetime(year, month, day, hour, minute, second, millisecond * 1000)
     except ValueError:
         time = None
     rest = [*record[9:], *[""] * (_MESSAGE + 4)]

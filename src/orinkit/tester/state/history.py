@@ -52,6 +52,12 @@ class History:
             for column in self.columns:
                 del column[:surplus]
 
+    def copy(self) -> History:
+        """Return a copy, which another thread may read."""
+        new = History(self._capacity)
+        new.times, new.columns = self.times[:], [column[:] for column in self.columns]
+        return new
+
     def plot(self, column: int, since: float, points: int) -> list[tuple[float, float | None]]:
         """Return the values after a time for a plot: of each interval the lowest and the highest one, in order of time.
 

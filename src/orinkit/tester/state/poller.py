@@ -131,11 +131,11 @@ class VariablePoller(SharedPoll):
             InvalidValue: If too many different variables are watched.
         """
         reading = self._readings.get(ref)
-        if reading is None or not reading.watches:
-            if sum(bool(each.watches) for each in self._readings.values()) >= MAX_VARIABLES:
-                raise InvalidValue(
-                    tr("at most {most} variables can be watched per connection. Try: remove some", most=MAX_VARIABLES)
-                )
+        is_new = reading is None or not reading.watches
+        if is_new and sum(bool(each.watches) for each in self._readings.values()) >= MAX_VARIABLES:
+            raise InvalidValue(
+                tr("at most {most} variables can be watched per connection. Try: remove some", most=MAX_VARIABLES)
+            )
         if reading is None:
             self._discard_oldest()
             reading = self._readings[ref] = Reading(ref)

@@ -74,4 +74,5 @@ class SharedPoll(ABC):
         """Read everything once; return the time in s to the next cycle. Errors of the connection are not raised."""
 
     async def _finish(self) -> None:
-        """Release objects after the last cycle."""
+        """Release objects after the last cycle; there are none by default."""
+        return

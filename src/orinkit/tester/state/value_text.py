@@ -34,6 +34,8 @@ def value_text(value: Variant | None) -> str:
         return cut(", ".join(_element(each, kind) for each in content[:_SHOWN_ELEMENTS]) + more, _SHOWN)
     if isinstance(content, bytes):
         return cut(content[:_SHOWN].hex(" "), _SHOWN)
+    if content == "":
+        return '""'
     plain = value.plain
     return _element(plain if isinstance(plain, datetime) else content, kind)
 
