@@ -42,6 +42,7 @@ class Page:
 PAGES: Final = (
     Page("/", N_("Connections"), "lan", "connections:build"),
     Page("/monitor", N_("Monitor"), "show_chart", "monitor:build"),
+    Page("/programs", N_("Programs"), "code", "programs:build"),
 )
 """All pages, in the order of the navigation."""
 

@@ -21,8 +21,8 @@ _SHOWN_CURRENT = 5
 _LONGEST = 500  # characters
 _SEVERITY_SLOT = (
     """<q-td :props="props"><span :class="'ok-chip ok-' + props.row.tone">{{ props.value }}</span></q-td>"""
-_TEXT_SLOT = """<q-td :props="props">{{ props.value }}<div class="ok-log-note">{{ props.row.note }}</div></q-td>"""
 )
+_TEXT_SLOT = """<q-td :props="props">{{ props.value }}<div class="ok-log-note">{{ props.row.note }}</div></q-td>"""
 
 
 class _LogTable:
