@@ -97,10 +97,11 @@ class RunningTask:
         for _ in range(_TRIES):
             try:
                 await self.stop(leaving.result())
-                return
             except (OrinError, OSError) as error:
                 logger.warning("%s: cannot stop the program %s: %s", self._connection.name, self.name, error)
                 await asyncio.sleep(_STOPPING / _TRIES)
+            else:
+                return
 
     async def _follow(self) -> None:
         """Wait until the program has ended by itself."""

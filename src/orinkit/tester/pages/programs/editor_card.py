@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Final
+
 from nicegui import ui
 
 from orinkit.core.i18n import tr
+from orinkit.tester.pages.programs.line_marks import mark_lines
 from orinkit.tester.state import file_store
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.file_store import MAX_EDITED, TextFile
@@ -19,6 +23,7 @@ if (window.okUnsaved === undefined) {
 }
 window.okUnsaved = %s;
 """
+_LANGUAGE: Final = "VB.NET"  # the most similar one to PacScript
 _TOO_LONG = "ok-too-long"
 _PASTE_SCRIPT = """(event) => {
   const text = event.clipboardData ? event.clipboardData.getData('text') : '';
@@ -27,7 +32,11 @@ _PASTE_SCRIPT = """(event) => {
 
 
 class EditorCard:
-    """The card with the editor of one file."""
+    """The card with the editor of one file.
+
+    Attributes:
+        on_opened: Callback invoked with the path of a file that has been opened.
+    """
 
     def __init__(self, session: PageSession, connection: ControllerConnection) -> None:
         self._session, self._connection = session, connection
@@ -36,6 +45,8 @@ class EditorCard:
         self._line = 0
         self._problem: ProgramProblem | None = None
         self._shown: object = None
+        self._marks: list[tuple[int, str, str]] = []
+        self.on_opened: Callable[[str], None] | None = None
         with ui.element("section").classes("ok-card ok-editor-card").props("data-testid=editor-card"):
             with ui.element("div").classes("ok-row"):
                 self._title = ui.label(tr("Editor")).classes("ok-card-title ok-mono").props("data-testid=editor-title")
@@ -53,7 +64,7 @@ class EditorCard:
                 ui.label(tr("Choose a file of the list."))
             save = session.guarded(self.save, self._errors.show)
             self._editor = ui.codemirror(
-                "", language="VBScript", theme="vscodeDark" if session.dark else "vscodeLight", indent="  ",
+                "", language=_LANGUAGE, theme="vscodeDark" if session.dark else "vscodeLight", indent="  ",
                 on_change=self._changed, keymap={"Mod-s": save},
             ).classes("ok-editor").props("data-testid=editor")  # fmt: skip
             self._editor.props["aria-label"] = tr("Editor")
@@ -88,9 +99,13 @@ class EditorCard:
             info = await file_store.details(file)
         self._file, self._saved, self._info.text = text, text.text, info
         self._line, self._problem = 0, None
+        self._marks = []
+        mark_lines(self._editor, [])
         self._editor.value = text.text
-        self._editor.props["language"] = "VBScript" if self.task else None
+        self._editor.props["language"] = _LANGUAGE if self.task else None
         self._show()
+        if self.on_opened is not None:
+            self.on_opened(path)
 
     def forget(self, path: str) -> None:
         """Close a file that has been deleted; unsaved changes remain in the editor."""
@@ -178,12 +193,11 @@ class EditorCard:
         lines = (self._editor.value or "").count("\n") + 1
         marks = []
         if 0 < self._line <= lines:
-            marks.append({"kind": "line", "line": self._line, "class": "ok-line-running"})
+            marks.append((self._line, "ok-line-running", ""))
         if problem is not None and 0 < problem.line <= lines:
-            marks.append({"kind": "line", "line": problem.line, "class": "ok-line-error"})
-        self._editor.decorations = marks
-        self._editor.line_tooltips = (
-            {problem.line: problem.text} if problem is not None and problem.line <= lines else {}
-        )
+            marks.append((problem.line, "ok-line-error", problem.text))
+        if marks != self._marks:
+            self._marks = marks
+            mark_lines(self._editor, marks)
         if unsaved != was_unsaved:
             self._session.client.run_javascript(_WARN_SCRIPT % ("true" if unsaved else "false"))

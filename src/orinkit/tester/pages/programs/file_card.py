@@ -133,10 +133,16 @@ class FileCard:
         if entry.is_folder and self._selected == entry:
             await self._enter(entry)
             return
+        if not entry.is_folder and self.on_open is not None:
+            await self.on_open(entry.path)  # which calls select(), unless the user keeps the present file
+            return
         self._selected = entry
         self._show()
-        if not entry.is_folder and self.on_open is not None:
-            await self.on_open(entry.path)
+
+    def select(self, path: str) -> None:
+        """Select the file that has been opened in the editor, if this folder contains it."""
+        self._selected = next((each for each in self._entries if each.path.casefold() == path.casefold()), None)
+        self._show()
 
     async def _enter(self, entry: Entry) -> None:
         self._folder, self._selected = entry.path, None

@@ -27,6 +27,7 @@ def build(session: PageSession) -> None:
         tasks = TaskCard(session, connection, editor)
     files.on_open = editor.open
     files.may_replace = editor.may_replace
+    editor.on_opened = files.select
     files.on_delete = editor.forget
     files.on_change = tasks.load
 

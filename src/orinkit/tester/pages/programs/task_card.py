@@ -206,7 +206,7 @@ class _Row:
             ):
                 button = ui.button(icon=icon).props(f"flat dense round data-testid={marker}").tooltip(text)
                 button.props["aria-label"] = text
-                button.on_click(session.guarded(lambda _, action=action: action(name), card.errors.show))
+                button.on_click(session.guarded(lambda action=action: action(name), card.errors.show))
 
     def refresh(self) -> None:
         """Display the status."""
