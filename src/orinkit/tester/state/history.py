@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from array import array
-from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from typing import Final
 
 CAPACITY: Final = 6000
@@ -25,6 +25,7 @@ class History:
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._capacity = capacity
         self._first = 0  # number of the oldest value, so that the intervals of a plot do not move
+        self._gaps: list[int] = []  # numbers of the values after a gap
         self.times = array("d")
         self.columns: list[array[float]] = []
 
@@ -42,6 +43,9 @@ class History:
         if len(values) != len(self.columns):
             self.times = array("d")
             self.columns = [array("d") for _ in values]
+            self._gaps = []
+        if self.times and time - self.times[-1] > _GAP:
+            self._gaps.append(self._first + len(self.times))
         self.times.append(time)
         for column, value in zip(self.columns, values, strict=True):
             column.append(value)
@@ -49,12 +53,14 @@ class History:
             surplus = len(self.times) - self._capacity
             self._first += surplus
             del self.times[:surplus]
+            self._gaps = [number for number in self._gaps if number > self._first]
             for column in self.columns:
                 del column[:surplus]
 
     def copy(self) -> History:
         """Return a copy, which another thread may read."""
         new = History(self._capacity)
+        new._gaps, new._first = list(self._gaps), self._first
         new.times, new.columns = self.times[:], [column[:] for column in self.columns]
         return new
 
@@ -76,27 +82,28 @@ class History:
         size = 1
         while count > points // 2 * size and count > points:
             size *= 2
-        if size == 1:
-            return _with_gaps(zip(self.times[first:], self.columns[column][first:], strict=True))
         start = first - (self._first + first) % size
-        found: list[tuple[float, float]] = []
+        found: list[int] = []
         for at in range(start, len(self.times), size):
             found += self._extremes(column, max(at, first), at + size)
-        return _with_gaps(found)
+        return self._with_gaps(column, found)
 
-    def _extremes(self, column: int, start: int, end: int) -> list[tuple[float, float]]:
+    def _extremes(self, column: int, start: int, end: int) -> list[int]:
+        """Return the indices of the lowest and the highest value of an interval."""
         part = self.columns[column][start:end]
-        low, high = part.index(min(part)) if part else 0, part.index(max(part)) if part else 0
-        return [(self.times[start + at], part[at]) for at in sorted({low, high})] if part else []
+        return sorted({start + part.index(min(part)), start + part.index(max(part))}) if end - start > 1 else [start]
 
-
-def _with_gaps(values: Iterable[tuple[float, float]]) -> list[tuple[float, float | None]]:
-    shown: list[tuple[float, float | None]] = []
-    for time, value in values:
-        if shown and time - shown[-1][0] > _GAP:
-            shown.append((shown[-1][0], None))
-        shown.append((time, value if math.isfinite(value) else None))
-    return shown
+    def _with_gaps(self, column: int, indices: list[int]) -> list[tuple[float, float | None]]:
+        shown: list[tuple[float, float | None]] = []
+        gaps = [number - self._first for number in self._gaps]
+        previous = indices[0] if indices else 0
+        for index in indices:
+            if bisect_right(gaps, previous) < bisect_right(gaps, index):
+                shown.append((self.times[previous], None))
+            value = self.columns[column][index]
+            shown.append((self.times[index], value if math.isfinite(value) else None))
+            previous = index
+        return shown
 
 
 def merged_rows(histories: Sequence[History]) -> list[list[float | None]]:

@@ -17,7 +17,7 @@ from orinkit.tester.ui.dialogs import ask
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.presence import Presence
 from orinkit.tester.ui.reporting import reported
-from orinkit.tester.ui.session import PageSession
+from orinkit.tester.ui.session import PageSession, notify
 
 _SHOWN = 20
 _ABSENT = 2.0  # s without a heartbeat
@@ -67,7 +67,15 @@ class TaskCard:
                 )
             ).classes("ok-dim")
             self.errors = ErrorBox("error-tasks")
+            clear = ui.button(tr("Clear errors"), icon="task_alt").props("flat no-caps dense data-testid=clear-errors")
+            clear.on_click(session.guarded(self._clear_errors, self.errors.show))
             self._list = ui.element("div").classes("ok-task-list").props("data-testid=task-list")
+
+    async def _clear_errors(self) -> None:
+        """Clear the errors of the controller; while an error is present, it starts no program."""
+        await self._connection.controller.clear_error()
+        self._editor.mark_problem(None)
+        notify(tr("The errors are cleared"), "positive")
 
     async def load(self) -> None:
         """Read the names of the tasks."""
