@@ -11,7 +11,7 @@ from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 
 SEPARATOR: Final = "\\"
-MAX_EDITED: Final = 512 * 1024
+MAX_EDITED: Final = 256 * 1024  # one message of the browser may have 1 MB
 """Largest number of characters of a file that can be edited."""
 MAX_TRANSFERRED: Final = 16 * 1024 * 1024
 """Largest number of bytes of a file that can be uploaded."""
