@@ -90,17 +90,18 @@ def test_the_plot_and_the_csv_file_contain_the_values(page, bench):
     with page.expect_download() as download:
         page.get_by_test_id("csv").click()
     lines = download.value.path().read_text("utf-8-sig").splitlines()
-    assert lines[0] == "time,F1," + ",".join(f"J1[{index}]" for index in range(8))
-    assert lines[1].count(",") == 9
+    assert lines[0].startswith("time,")
+    assert lines[0].endswith("F1," + ",".join(f"J1[{index}]" for index in range(8)))
+    assert {line.count(",") for line in lines} == {lines[0].count(",")}
 
 
 @pytest.mark.soak
-def test_invalid_names_and_ten_megabytes_are_refused_and_the_page_goes_on(page, bench):
+def test_invalid_names_and_a_megabyte_are_refused_and_the_page_goes_on(page, bench):
     open_monitor(page, bench)
     add(page, "I*")
     page.get_by_test_id("error-watch").get_by_text("many variables").wait_for()
     page.get_by_test_id("watch-name").fill("")
-    page.keyboard.insert_text("x" * 10_000_000)
+    page.keyboard.insert_text("x" * 1_000_000)
     page.get_by_test_id("watch-add").click()
     page.get_by_test_id("error-watch").get_by_text("too long").wait_for()
     add(page, "I10")

@@ -197,7 +197,7 @@ class EventCard:
                 )
             self._problem = ErrorBox("event-problem")
             self._table = _LogTable("event-log", lambda: self._log.events, connection)
-        clear.on_click(self._log.clear_events)
+        clear.on_click(session.guarded(self._log.clear_events, self._problem.show))
 
     def refresh(self) -> None:
         """Display the events if they have changed."""
