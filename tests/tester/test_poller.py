@@ -17,6 +17,7 @@ from orinkit.tester.state.packet_log import PacketLog
 from orinkit.tester.state.poller import VariableRef, Watch
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.objects.variables import UserVariable
+from support.in_thread import run_in_thread
 from support.waiting import PATIENCE
 
 I1, I2 = VariableRef("controller", "", "I1"), VariableRef("controller", "", "I2")
@@ -44,7 +45,7 @@ def server() -> Iterator[orinkit.Server]:
 
 async def until(condition: Callable[[], object]) -> None:
     async with asyncio.timeout(PATIENCE):
-        while not condition():
+        while not condition():  # noqa: ASYNC110 - the condition has no event
             await asyncio.sleep(0.005)
 
 
@@ -57,7 +58,7 @@ def connected(server: orinkit.Server, test: Callable[[ControllerConnection], Awa
         finally:
             await connection.close()
 
-    asyncio.run(run())
+    run_in_thread(run())
 
 
 def value(watch: Watch) -> object:
@@ -222,4 +223,4 @@ def test_without_messages_no_event_is_fetched():
         await connection.close()
 
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
-        asyncio.run(run(server.url))
+        run_in_thread(run(server.url))

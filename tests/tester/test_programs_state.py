@@ -20,6 +20,7 @@ from orinkit.tester.state.program_errors import ProgramProblem, problem_of_run, 
 from orinkit.tester.state.running_task import RunningTask
 from orinkit.tester.state.workspace import Workspace
 from orinkit.virtual.rc8 import VirtualRC8
+from support.in_thread import run_in_thread
 from support.waiting import PATIENCE
 
 ENDLESS = "Sub Main\n  Do While True\n    I1 = I1 + 1\n    Delay 10\n  Loop\nEnd Sub\n"
@@ -71,7 +72,7 @@ def with_connection(test: Callable[[Workspace, ControllerConnection], Awaitable[
             await workspace.close()
 
     with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
-        asyncio.run(run(server.url))
+        run_in_thread(run(server.url))
 
 
 def test_files_are_created_listed_and_written():

@@ -9,7 +9,7 @@ from orinkit.tester.pages.monitor.log_cards import ErrorCard, EventCard
 from orinkit.tester.pages.monitor.plot_card import PlotCard
 from orinkit.tester.pages.monitor.watch_card import WatchCard
 from orinkit.tester.pages.monitor.watches import Watches
-from orinkit.tester.ui.reporting import chosen_controller
+from orinkit.tester.ui.reporting import chosen_controller, while_connected
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.25  # s
@@ -40,8 +40,7 @@ def build(session: PageSession) -> None:
         watches.pause()
         connection.log.end()
 
-    session.client.on_connect(enter)
-    session.client.on_disconnect(leave)
+    while_connected(session, enter, leave)
 
     def refresh() -> None:
         values.refresh()

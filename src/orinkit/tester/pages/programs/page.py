@@ -8,7 +8,7 @@ from orinkit.core.i18n import tr
 from orinkit.tester.pages.programs.editor_card import EditorCard
 from orinkit.tester.pages.programs.file_card import FileCard
 from orinkit.tester.pages.programs.task_card import TaskCard
-from orinkit.tester.ui.reporting import chosen_controller
+from orinkit.tester.ui.reporting import chosen_controller, while_connected
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.2  # s
@@ -35,6 +35,5 @@ def build(session: PageSession) -> None:
         await files.refresh()
         await tasks.load()
 
-    session.client.on_connect(enter)
-    session.client.on_disconnect(tasks.pause)
+    while_connected(session, enter, tasks.pause)
     ui.timer(_REFRESH, tasks.refresh)
