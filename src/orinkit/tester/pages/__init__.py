@@ -43,6 +43,8 @@ PAGES: Final = (
     Page("/", N_("Connections"), "lan", "connections:build"),
     Page("/arm", N_("Arm"), "precision_manufacturing", "arm:build"),
     Page("/objects", N_("Objects"), "account_tree", "objects:build"),
+    Page("/monitor", N_("Monitor"), "show_chart", "monitor:build"),
+    Page("/programs", N_("Programs"), "code", "programs:build"),
 )
 """All pages, in the order of the navigation."""
 

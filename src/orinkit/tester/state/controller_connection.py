@@ -14,7 +14,10 @@ from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
 from orinkit.tester.state.objects import ObjectRegistry
+from orinkit.tester.state.controller_log import ControllerLog
 from orinkit.tester.state.packet_log import PacketLog
+from orinkit.tester.state.poller import VariablePoller
+from orinkit.tester.state.watch_list import WatchLists
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -31,6 +34,9 @@ class ControllerConnection(Connection):
     Attributes:
         lent: True while slave mode uses the only connection, so that no calls are possible.
         objects: The objects that pages have created over the connection of the user.
+        poller: The values of variables, for all pages.
+        log: The errors and events of the controller, for all pages.
+        watch_lists: The variables that users have chosen on the page Monitor.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -42,6 +48,9 @@ class ControllerConnection(Connection):
         self._lock = asyncio.Lock()
         self.lent = False
         self.objects = ObjectRegistry()
+        self.poller = VariablePoller(self)
+        self.log = ControllerLog(self, fetches_events=spec.messages)
+        self.watch_lists = WatchLists()
 
     @property
     def controller(self) -> AsyncController:

@@ -1,0 +1,123 @@
+"""The plot of watched variables, and their export as CSV."""
+
+from __future__ import annotations
+
+import asyncio
+from time import monotonic, time
+from typing import Any
+
+from nicegui import ui
+
+from orinkit.core.errors import InvalidValue
+from orinkit.core.i18n import tr
+from orinkit.tester.pages.monitor.watches import MAX_PLOTTED, Watches, csv_text
+from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.reporting import reported
+from orinkit.tester.ui.session import PageSession
+
+_POINTS = 400  # per line
+_PERIOD = 0.5  # s
+_WINDOWS = (10, 30, 60, 300, 600)  # s
+
+
+class PlotCard:
+    """The card with the plot.
+
+    Args:
+        session: The page.
+        watches: The watched variables of the page.
+    """
+
+    def __init__(self, session: PageSession, watches: Watches) -> None:
+        self._watches = watches
+        self._paused_at = 0.0
+        self._drawn_at = 0.0
+        self._labels: list[str] = []
+        self._options: list[str] = []
+        chosen = watches.chosen
+        windows = {each: f"{each} s" if each < 60 else tr("{minutes} min", minutes=each // 60) for each in _WINDOWS}
+        with ui.element("section").classes("ok-card").props("data-testid=plot-card"):
+            with ui.element("div").classes("ok-row"):
+                ui.label(tr("History")).classes("ok-card-title")
+                ui.space()
+                self._series = ui.select([], multiple=True, label=tr("Lines"), on_change=self._choose)
+                self._series.props("outlined dense options-dense use-chips data-testid=plot-lines").classes("ok-lines")
+                window = ui.select(windows, value=chosen.window, label=tr("Time span"))
+                window.props("outlined dense options-dense data-testid=plot-window").classes("ok-window")
+                window.on_value_change(lambda event: setattr(chosen, "window", event.value))
+                self._pause = ui.button(icon="pause", on_click=self._toggle_pause).props(
+                    "flat dense round data-testid=pause"
+                )
+                export = ui.button("CSV", icon="download").props("flat no-caps dense data-testid=csv")
+                export.tooltip(tr("All watched numbers of the latest 10 minutes"))
+            errors = ErrorBox("error-plot")
+            self._hint = ui.label(tr("Choose the variables to plot with the chart button of the watch list.")).classes(
+                "ok-dim"
+            )
+            self._chart = ui.echart(_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
+            self._chart.props["aria-label"] = tr("History of the chosen variables")
+        self._show_pause()
+        export.on_click(reported(session, self._export, errors.show))
+
+    def _choose(self) -> None:
+        self._watches.chosen.plotted = list(self._series.value or [])[-MAX_PLOTTED:]
+
+    def _toggle_pause(self) -> None:
+        self._paused_at = 0.0 if self._paused_at else time()
+        self._show_pause()
+
+    def _show_pause(self) -> None:
+        text = tr("Continue") if self._paused_at else tr("Pause")
+        self._pause.props["icon"] = "play_arrow" if self._paused_at else "pause"
+        self._pause.props["aria-label"] = text
+
+    async def _export(self) -> None:
+        histories = self._watches.snapshot()
+        if not histories:
+            raise InvalidValue(tr("no watched variable has a number yet. Try: add variables to the watch list"))
+        text = await asyncio.to_thread(csv_text, histories)
+        ui.download.content(text.encode("utf-8-sig"), "orinkit-monitor.csv", "text/csv")
+
+    def refresh(self) -> None:
+        """Draw the current values, at most twice per second."""
+        if monotonic() - self._drawn_at < _PERIOD:
+            return
+        self._drawn_at = monotonic()
+        columns = {each.label: each for each in self._watches.columns()}
+        plotted = [each for each in self._watches.chosen.plotted if each in columns]
+        if (list(columns), plotted) != (self._options, self._labels):
+            self._options, self._labels = list(columns), plotted
+            self._series.set_options(self._options, value=plotted)
+        self._hint.visible = not plotted
+        end = self._paused_at or time()
+        since = end - self._watches.chosen.window
+        series = [
+            {
+                "type": "line", "name": label, "id": label, "showSymbol": False, "animation": False, "lineStyle": {"width": 1.8},
+                "data": [
+                    (round(at * 1000), value)
+                    for at, value in columns[label].history.plot(columns[label].index, since, _POINTS)
+                    if at <= end
+                ],
+            }
+            for label in plotted
+        ]  # fmt: skip
+        axis = {"min": round(since * 1000), "max": round(end * 1000)}
+        self._chart.run_chart_method("setOption", {"xAxis": axis, "series": series}, {"replaceMerge": ["series"]})
+
+
+def _layout(dark: bool) -> dict[str, Any]:
+    dim, line = ("#94a3b3", "#28323d") if dark else ("#5b6875", "#dfe4ea")
+    grid_line = {"show": True, "lineStyle": {"color": line}}
+    label = {"color": dim, "fontSize": 11}
+    return {
+        "animation": False,
+        "backgroundColor": "transparent",
+        "color": ["#0891b2", "#ea580c", "#7c3aed", "#16a34a", "#db2777", "#ca8a04", "#2563eb", "#64748b"],
+        "grid": {"left": 8, "right": 12, "top": 34, "bottom": 4, "containLabel": True},
+        "legend": {"type": "scroll", "top": 0, "textStyle": label, "icon": "roundRect", "itemHeight": 4},
+        "tooltip": {"trigger": "axis", "confine": True, "transitionDuration": 0},
+        "xAxis": {"type": "time", "axisLabel": {**label, "hideOverlap": True}, "axisLine": {"lineStyle": {"color": line}}, "splitLine": grid_line},
+        "yAxis": {"type": "value", "scale": True, "axisLabel": label, "splitLine": grid_line},
+        "series": [],
+    }  # fmt: skip

@@ -1,0 +1,86 @@
+"""Event handlers that only read, and what pages show if there is no suitable connection."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from nicegui import ui
+
+from orinkit.core.errors import OrinError
+from orinkit.core.i18n import tr
+from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.session import PageSession
+
+logger = logging.getLogger("orinkit.tester")
+
+
+def reported(
+    session: PageSession, handler: Callable[..., Any], problem: Callable[[Exception | None], None]
+) -> Callable[..., Any]:
+    """Return an event handler that shows errors where they belong; unlike ``guarded``, everybody may use it.
+
+    Args:
+        session: The page.
+        handler: Function, possibly asynchronous, that operates nothing.
+        problem: Function that displays an exception, or with ``None`` removes it.
+    """
+
+    async def run(*arguments: Any) -> None:
+        problem(None)
+        try:
+            result = handler(*arguments)
+            if isinstance(result, Awaitable):
+                await result
+        except (OrinError, OSError, ValueError) as error:
+            logger.debug("%s: %s", handler, error)
+            if not session.client.is_deleted:
+                problem(error)
+
+    return run
+
+
+def chosen_controller(session: PageSession) -> ControllerConnection | None:
+    """Return the chosen connection if it is one to a controller; otherwise explain what is missing."""
+    connection = session.connection
+    if isinstance(connection, ControllerConnection):
+        return connection
+    with (
+        ui.element("section").classes("ok-card"),
+        ui.element("div").classes("ok-empty").props("data-testid=no-controller"),
+    ):
+        ui.icon("cable")
+        if connection is None:
+            ui.label(tr("No connection yet. Connect to a controller, or start a virtual one."))
+        else:
+            ui.label(tr("{name} is a motor driver. This page requires a robot controller.", name=connection.name))
+        ui.link(tr("Connections"), "/")
+    return None
+
+
+def while_connected(session: PageSession, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:
+    """Register callbacks for the first connection of the browser to the page, and for the end of the last one.
+
+    A browser that connects again may open the new connection before the Tester notices the end of the previous one.
+
+    Args:
+        session: The page.
+        enter: Function, possibly asynchronous, that begins to poll.
+        leave: Function that ends polling.
+    """
+    connections = 0
+
+    def connected() -> Any:
+        nonlocal connections
+        connections += 1
+        return enter() if connections == 1 else None
+
+    def disconnected() -> None:
+        nonlocal connections
+        connections -= 1
+        if connections == 0:
+            leave()
+
+    session.client.on_connect(connected)
+    session.client.on_disconnect(disconnected)
