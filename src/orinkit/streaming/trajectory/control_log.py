@@ -28,7 +28,9 @@ _MOST_JOINTS: Final = 8
 _FEWEST_JOINTS: Final = 6
 _MOST_COLUMNS: Final = 1000
 _HEADER_LINES: Final = 200  # lines in which the first row of numbers is searched
-_JOINT: Final = re.compile(r"(?:^|[^A-Z0-9])(?:J|JNT|JOINT|AXIS|軸|関節|第)[\s_\[(#.-]*([1-8])(?!\d)|(?<!\d)([1-8])\s*軸")
+_JOINT: Final = re.compile(
+    r"(?:^|[^A-Z0-9])(?:J|JNT|JOINT|AXIS|軸|関節|第)[\s_\[(#.-]*([1-8])(?!\d)|(?<!\d)([1-8])\s*軸"
+)
 _COMMAND: Final = re.compile(r"CMD|COMMAND|指令|REF|TARGET|DEST|目標")
 _OTHER: Final = re.compile(r"ENC|ACT|CUR|FEEDBACK|FB|現在|実|エンコーダ|DEV|偏差|TORQUE|トルク|電流|VEL|SPEED|速度")
 _TIME: Final = re.compile(r"^\W*(?:T|TIME|TIME_S|時間|時刻)\b|^TIME|^時間|^時刻")
@@ -78,8 +80,7 @@ class ControlLog:
         count = len(self.rows[0].cells)
         header = next((cells for cells in reversed(before) if len(cells) == count), [])
         self.names = tuple(
-            name.strip() or tr("column {column}", column=place + 1)
-            for place, name in enumerate(header or [""] * count)
+            name.strip() or tr("column {column}", column=place + 1) for place, name in enumerate(header or [""] * count)
         )
 
     def guess(self) -> LogColumns:
@@ -162,7 +163,7 @@ def _first_row(path: Path, lines: Sequence[str]) -> tuple[str, int]:
     for index, text in enumerate(lines[:_HEADER_LINES]):
         for separator in _SEPARATORS:
             cells = text.split(separator)
-            if _FEWEST_JOINTS <= sum(map(_is_number, cells)) and len(cells) <= _MOST_COLUMNS:
+            if sum(map(_is_number, cells)) >= _FEWEST_JOINTS and len(cells) <= _MOST_COLUMNS:
                 return separator, index
     raise wrong(
         path, 0, tr("no row with six or more numbers was found. Try: a CSV file with a column for each joint")

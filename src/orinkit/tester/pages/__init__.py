@@ -39,7 +39,10 @@ class Page:
         return function
 
 
-PAGES: Final = (Page("/", N_("Connections"), "lan", "connections:build"),)
+PAGES: Final = (
+    Page("/", N_("Connections"), "lan", "connections:build"),
+    Page("/slave-move", N_("Slave Move"), "timeline", "slave_move:build"),
+)
 """All pages, in the order of the navigation."""
 
 
