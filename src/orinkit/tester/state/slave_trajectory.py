@@ -27,7 +27,7 @@ Points = Sequence[tuple[float, ...]]
 _ROBOT_AXES: Final = 6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class SlaveTrajectory:
     """Set-points with the period of the controller.
 

@@ -68,4 +68,4 @@ class Presence:
 
     def _beat(self, event: GenericEventArguments) -> None:
         self._latest = monotonic()
-        self._hidden = bool(event.args)
+        self._hidden = bool(event.args["hidden"])

@@ -78,7 +78,7 @@ class LiveCard:
         if move is None or (move, move.trace.count, move.finished) == self._shown:
             return
         self._shown = (move, move.trace.count, move.finished)
-        self._place.visible = move.trace.count > 0 or move.finished
+        self._place.visible = move.trace.count > 0
         points = move.trace.whole() if move.finished else move.trace.recent()
         charts.show(self._values, {"series": charts.live_series(move.trace.kind, points)})
         charts.show(self._errors, {"series": charts.error_series(move.trace.kind, points)})

@@ -33,7 +33,8 @@ class SourceCard:
         self._session = session
         self._connection = connection
         self._target = target
-        self._changed = False
+        running = session.workspace.slave_moves.get(connection.name)
+        self._changed = running is None or running.finished  # a page that is opened shows a first proposal
         self._busy = False
         self._chooser: LogColumnChooser | None = None
         with ui.element("section").classes("ok-card").props("data-testid=slave-source"):
