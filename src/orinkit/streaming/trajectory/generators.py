@@ -94,10 +94,12 @@ def sine(
     check_whole(tr("joint"), axis, len(start), 1)
     size = check_finite(tr("amplitude"), amplitude)
     before, centre, after = tuple(start[: axis - 1]), start[axis - 1], tuple(start[axis:])
-    return [
+    points = [
         (*before, centre + size * math.sin(2.0 * math.pi * phase), *after)
         for phase in phases(period, repetitions, cycle)
     ]
+    points[-1] = points[0]  # exactly
+    return points
 
 
 def line(

@@ -34,7 +34,7 @@ def base_options(dark: bool, y_name: str, x_name: str = "s") -> dict[str, Any]:
         "backgroundColor": "transparent",
         "color": list(COLOURS),
         "grid": {"left": 48, "right": 26, "top": 34, "bottom": 28},
-        "legend": {"top": 0, "textStyle": {"color": text}, "icon": "roundRect", "itemHeight": 4, "itemWidth": 14},
+        "legend": {"top": 0, "right": 20, "left": 70, "textStyle": {"color": text}, "icon": "roundRect", "itemHeight": 4, "itemWidth": 14},
         "tooltip": {"trigger": "axis", "confine": True},
         "xAxis": {"type": "value", "name": x_name, "min": "dataMin", "max": "dataMax", **axis},
         "yAxis": {"type": "value", "name": y_name, "scale": True, **axis},
