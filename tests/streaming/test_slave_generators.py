@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_a_sine_moves_one_joint_around_its_starting_position():
     assert max(column) == pytest.approx(HOME[1] + 10.0, abs=0.01)
     assert min(column) == pytest.approx(HOME[1] - 10.0, abs=0.01)
     assert all(point[:1] + point[2:] == HOME[:1] + HOME[2:] for point in points)
-    crossings = sum((a - HOME[1]) * (b - HOME[1]) < 0 for a, b in zip(column[1:-2], column[2:-1], strict=True))
+    crossings = sum((a - HOME[1]) * (b - HOME[1]) < 0 for a, b in pairwise(column[1:-1]))
     assert crossings == 2 * 3 - 1
     assert (len(points) - 1) * PERIOD == pytest.approx(3 * 2.0 + 1.0)
 

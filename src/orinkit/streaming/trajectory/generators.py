@@ -39,14 +39,7 @@ _RAMP: Final = 0.5  # periods in which the motion reaches its velocity
 def phases(period: float, repetitions: int, cycle: float) -> list[float]:
     """Return the number of completed repetitions for each set-point: from 0 to ``repetitions``, with smooth ends.
 
-    Args:
-        period: Time of one repetition, s.
-        repetitions: Number of repetitions.
-        cycle: Time between two set-points, s.
-
-    Raises:
-        InvalidValue: If an argument is out of range.
-        TrajectoryError: If there would be too many set-points.
+    The arguments and the exceptions are those of :func:`sine`.
     """
     check_range(tr("period"), period, SHORTEST, LONGEST)
     check_whole(tr("repetitions"), repetitions, MOST_REPETITIONS, 1)

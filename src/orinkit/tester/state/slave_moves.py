@@ -34,14 +34,9 @@ class SlaveMoves:
         return self._latest[connection][0] if connection in self._latest else None
 
     def start(
-        self,
-        connection: ControllerConnection,
-        trajectory: SlaveTrajectory,
-        options: SlaveMoveOptions,
-        *,
-        absent: Callable[[], str],
-        scope: AbstractContextManager[object] | None = None,
-    ) -> SlaveMove:
+        self, connection: ControllerConnection, trajectory: SlaveTrajectory, options: SlaveMoveOptions, *,
+        absent: Callable[[], str], scope: AbstractContextManager[object] | None = None,
+    ) -> SlaveMove:  # fmt: skip
         """Start a Slave Move; the recordings of the one before are deleted.
 
         Raises:

@@ -1,4 +1,4 @@
-"""What a running Slave Move has measured, in bounded memory: :class:`SlaveTrace`."""
+"""The measurements of a Slave Move, in bounded memory: :class:`SlaveTrace`."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class SlaveTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class SlaveArm:
-    """What a trajectory depends on: the arm, its limits for each pose type, and where it stands.
+    """The connected arm, on which a trajectory depends: its type, its limits, and its joints.
 
     Attributes:
         type_name: Type of the arm.
@@ -122,7 +122,7 @@ class SlaveArm:
 
 
 async def read_arm(robot: AsyncRobot, speed: float = 100.0) -> SlaveArm:
-    """Read what a trajectory depends on from the controller.
+    """Read the type and the joints of the arm from the controller.
 
     Raises:
         OrinError: If reading fails.

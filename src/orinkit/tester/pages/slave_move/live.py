@@ -1,4 +1,4 @@
-"""What a running Slave Move measures: commands and actual values, errors, buffer, cycle times; results and recordings."""
+"""The measurements of a Slave Move: commands and actual values, errors, buffer, cycle times, result, recordings."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ class TrajectoryCard:
         if found:
             self._show_chip(tr("{count} limit violations", count=len(found)), "ok-bad")
         else:
-            self._show_chip(tr("check passed at {speed:g} % of the limits", speed=speed), "ok-good")
+            self._show_chip(tr("check passed (limits used: {speed:g} %)", speed=speed), "ok-good")
 
     def _show_chip(self, text: str, kind: str) -> None:
         self._chip.text = text
