@@ -24,7 +24,7 @@ def build(session: PageSession) -> None:
     ).classes("ok-page-hint")
     connection = session.connection
     if not isinstance(connection, ControllerConnection) or not connection.is_open:
-        _empty()
+        _empty(session)
         return
     with ui.element("div").classes("ok-columns"):
         with ui.element("div").classes("ok-sm-stack"):
@@ -40,8 +40,16 @@ def build(session: PageSession) -> None:
     trajectory.on_options(run.limits_of_run)
 
 
-def _empty() -> None:
-    with ui.element("div").classes("ok-card ok-empty").props("data-testid=slave-empty"):
+def _empty(session: PageSession) -> None:
+    """Build the page without a controller; it is built again when there is one."""
+
+    def look() -> None:
+        connection = session.connection
+        if isinstance(connection, ControllerConnection) and connection.is_open:
+            ui.navigate.reload()
+
+    ui.timer(1.0, look)
+    with ui.element("div").classes("ok-card ok-empty ok-sm-empty").props("data-testid=slave-empty"):
         ui.icon("timeline")
         ui.label(tr("Slave Move needs a connection to a robot controller."))
         ui.link(tr("Open the page Connections"), "/")

@@ -71,6 +71,7 @@ class RunCard:
                 tr("Start"), icon="play_arrow", on_click=self._session.guarded(self._begin, self._show_error)
             )
             self._start.props("unelevated no-caps data-testid=start")
+            self._start.disable()  # until a trajectory has passed the check
             self._stop = ui.button(tr("Stop"), icon="stop", on_click=self._end, color="negative")
             self._stop.props("unelevated no-caps data-testid=stop")
             exit_button = ui.button(tr("Exit"), icon="logout", on_click=self._exit)
