@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,7 +39,9 @@ def written(path: Path, points: list[tuple[float, ...]], names: str = "J{} comma
 
 
 def opened(page: Any, url: str) -> Any:
+    """Open the page, and wait until the user of the test before has lost the controls."""
     page.goto(f"{url}/slave-move")
+    page.get_by_test_id("controls").get_by_text(re.compile("You hold|are free")).wait_for()
     page.get_by_test_id("timeout").fill("30000")  # a busy machine
     return page
 
@@ -50,9 +53,9 @@ def ready(page: Any) -> None:
 
 
 def generate(page: Any, *, amplitude: float = 20.0, period: float = 4.0, repetitions: int = 50) -> None:
-    page.get_by_test_id("period").fill(f"{period}")
-    page.get_by_test_id("repetitions").fill(f"{repetitions}")
     page.get_by_test_id("amplitude").fill(f"{amplitude}")
+    page.get_by_test_id("repetitions").fill(f"{repetitions}")
+    page.get_by_test_id("period").fill(f"{period}")  # the last change determines the duration
     total = f"Total {repetitions * period + period / 2:.3f} s"
     page.get_by_test_id("total").get_by_text(total).wait_for()
     ready(page)
@@ -66,12 +69,18 @@ def start(page: Any, rc8: VirtualRC8) -> None:
     arm = rc8.state.arm
 
     def moves() -> bool:
-        if UNHEARD in outcome_of(page):
-            page.locator('[data-testid="start"]:not(.disabled)').click()
         return arm.slave.mode is not None and abs(arm.queue.joints[0] - HOME[0]) > 1.0
 
-    page.get_by_test_id("start").click()
-    until(moves)
+    end = time.monotonic() + 3 * PATIENCE
+    while True:
+        page.locator('[data-testid="start"]:not(.disabled)').click()
+        page.locator('[data-testid="start"].disabled').wait_for()
+        while not moves() and page.locator('[data-testid="start"].disabled').count():
+            time.sleep(0.1)
+        if moves():
+            return
+        assert UNHEARD in outcome_of(page), (outcome_of(page), page.get_by_test_id("error-run").text_content())
+        assert time.monotonic() < end
 
 
 def outcome_of(page: Any) -> str:
@@ -103,6 +112,22 @@ def assert_stopped_and_released(rc8: VirtualRC8, log: ArmLog) -> None:
     with rc8.state.cycles:
         log.check_limits()
         assert arm.motor.on
+
+
+@pytest.fixture(scope="module")
+def visitor(browser: Any) -> Iterator[Any]:
+    """A user whose pages several tests use, so that they need not wait for the controls."""
+    context = browser.new_context(locale="en-US")
+    context.set_default_timeout(PATIENCE * 1000)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def page(visitor: Any, bench: Any) -> Iterator[Any]:
+    opened_page = visitor.new_page()
+    yield opened_page
+    opened_page.close()
 
 
 @pytest.fixture(autouse=True)
@@ -280,7 +305,8 @@ def test_a_killed_browser_stops_the_arm(browser, bench, tmp_path):
     try:
         assert killed.stderr is not None
         address = next(line.split()[-1] for line in killed.stderr if line.startswith("DevTools listening"))
-        threading.Thread(target=killed.stderr.read, daemon=True).start()
+        reader = threading.Thread(target=killed.stderr.read, daemon=True)
+        reader.start()
         remote = browser.browser_type.connect_over_cdp(address)
         page = remote.contexts[0].new_page()
         page.set_default_timeout(PATIENCE * 1000)
@@ -292,6 +318,8 @@ def test_a_killed_browser_stops_the_arm(browser, bench, tmp_path):
         if killed.poll() is None:
             os.killpg(killed.pid, signal.SIGKILL)
         killed.wait(PATIENCE)
+        reader.join(PATIENCE)
+        killed.stderr.close()
     assert "Stopped" in reason_of(browser, bench)
 
 
@@ -387,7 +415,7 @@ def test_a_ve026a_on_a_serial_line_executes_the_set_points(browser, tmp_path):
         user(browser) as page,
     ):
         opened(page, tester.url)
-        generate(page, amplitude=5.0, period=4.0, repetitions=1)
+        generate(page, amplitude=5.0, period=3.0, repetitions=1)
         seen: list[float] = []
         page.get_by_test_id("start").click()
         outcome = page.get_by_test_id("outcome").get_by_text("Complete")
