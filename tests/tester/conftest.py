@@ -13,8 +13,9 @@ from orinkit.virtual.rc8 import VirtualRC8
 from support.browser import TesterProcess, open_browser, user
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
+    """A headless browser; while it is open, asyncio.run cannot be used in this thread."""
     with open_browser() as opened:
         yield opened
 

@@ -45,6 +45,7 @@ PAGES: Final = (
     Page("/objects", N_("Objects"), "account_tree", "objects:build"),
     Page("/monitor", N_("Monitor"), "show_chart", "monitor:build"),
     Page("/programs", N_("Programs"), "code", "programs:build"),
+    Page("/slave-move", N_("Slave Move"), "timeline", "slave_move:build"),
 )
 """All pages, in the order of the navigation."""
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from orinkit import aio
 from orinkit.client._async.controller import AsyncController
 from orinkit.client._async.robot import AsyncRobot
-from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotFound, OrinError
+from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotFound, OrinError, StreamError
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
@@ -150,6 +150,8 @@ class ControllerConnection(Connection):
             await (await self.monitored_robot()).halt()
         except (NotImplementedCall, ObjectNotFound) as error:
             logger.debug("%s: no robot to stop: %s", self.name, error)
+        except StreamError as error:  # slave mode uses the serial line; the motion that entered it is stopped, too
+            logger.debug("%s: %s", self.name, error)
 
     async def _open(self) -> None:
         self._controller = await self.connect_another(trace=True)
@@ -167,5 +169,7 @@ class ControllerConnection(Connection):
                     logger.debug("%s: closing failed: %s", self.name, error)
 
     async def _check(self) -> None:
-        if not self.lent:
+        try:
             await (await self.monitor()).get_name()
+        except StreamError as error:  # slave mode uses the serial line
+            logger.debug("%s: %s", self.name, error)

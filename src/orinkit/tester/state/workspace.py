@@ -18,6 +18,7 @@ from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.state.packet_log import PacketLog
 from orinkit.tester.state.profiles import ProfileStore
 from orinkit.tester.state.simulators import Simulators
+from orinkit.tester.state.slave_moves import SlaveMoves
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -44,6 +45,7 @@ class Workspace:
         simulators: The virtual controllers that were started here.
         controls: Who may operate.
         motions: The motions that pages have started; a motion adds itself and removes itself at standstill.
+        slave_moves: The latest Slave Move of each connection.
     """
 
     def __init__(self, profiles: Path | None = None) -> None:
@@ -52,6 +54,7 @@ class Workspace:
         self.simulators = Simulators()
         self.controls = Controls()
         self.motions: set[ActiveMotion] = set()
+        self.slave_moves = SlaveMoves(self.motions.add, self.motions.discard)
         self._connections: dict[str, Connection] = {}
 
     def __iter__(self) -> Iterator[Connection]:
@@ -121,4 +124,5 @@ class Workspace:
                 await connection.close()
             except OrinError as error:
                 logger.debug("closing %s failed: %s", connection.name, error)
+        self.slave_moves.close()
         await self.simulators.stop_all()

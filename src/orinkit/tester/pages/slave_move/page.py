@@ -1,0 +1,55 @@
+"""The contents of the page Slave Move."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from orinkit.core.i18n import tr
+from orinkit.tester.pages.slave_move.live import LiveCard
+from orinkit.tester.pages.slave_move.preview import TrajectoryCard
+from orinkit.tester.pages.slave_move.run import RunCard
+from orinkit.tester.pages.slave_move.source import SourceCard
+from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.session import PageSession
+
+
+def build(session: PageSession) -> None:
+    """Build the contents."""
+    ui.label(tr("Slave Move")).classes("ok-page-title").props("role=heading aria-level=1")
+    ui.label(
+        tr(
+            "Sends a set-point in each cycle of the controller (slave mode). The trajectory is checked before anything "
+            "moves. Stay on this page while the arm moves: if it is closed or hidden, the arm stops."
+        )
+    ).classes("ok-page-hint")
+    connection = session.connection
+    if not isinstance(connection, ControllerConnection) or not connection.is_open:
+        _empty(session)
+        return
+    with ui.element("div").classes("ok-columns"):
+        with ui.element("div").classes("ok-sm-stack"):
+            source_place = ui.element("div").classes("ok-sm-stack")
+            trajectory = TrajectoryCard(session, connection)
+            live_place = ui.element("div").classes("ok-sm-stack")
+        with ui.element("div").classes("ok-sm-stack ok-sm-side"):
+            run = RunCard(session, connection, trajectory)
+    with source_place:
+        SourceCard(session, connection, trajectory)
+    with live_place:
+        LiveCard(session, connection)
+    trajectory.on_options(run.limits_of_run)
+
+
+def _empty(session: PageSession) -> None:
+    """Build the page without a controller; it is built again when there is one."""
+
+    def look() -> None:
+        connection = session.connection
+        if isinstance(connection, ControllerConnection) and connection.is_open:
+            ui.navigate.reload()
+
+    ui.timer(1.0, look)
+    with ui.element("div").classes("ok-card ok-empty ok-sm-empty").props("data-testid=slave-empty"):
+        ui.icon("timeline")
+        ui.label(tr("Slave Move needs a connection to a robot controller."))
+        ui.link(tr("Open the page Connections"), "/")
