@@ -37,13 +37,20 @@ fi
 
 make_venv() { "$python" -m venv --clear .venv; }
 
-install_venv() { # Debian has venv in a separate package
+install_package() { # install the first of the given Debian packages that is available
     [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1 || return 1
-    version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
-    say "Installing python$version-venv ..." "python$version-venv をインストールします ..."
+    say "Installing $1 ..." "$1 をインストールします ..."
     export DEBIAN_FRONTEND=noninteractive
     apt-get update -qq >&2 || true
-    apt-get install -y -qq "python$version-venv" >&2 || apt-get install -y -qq python3-venv >&2
+    for package in "$@"; do
+        apt-get install -y -qq "$package" >&2 && return 0
+    done
+    return 1
+}
+
+install_venv() { # Debian has venv in a separate package
+    version=$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+    install_package "python$version-venv" python3-venv
 }
 
 if ! .venv/bin/python -c 'import pip' >/dev/null 2>&1 || ! usable .venv/bin/python; then
@@ -65,6 +72,11 @@ if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-in
     say "Cannot install the packages (see above). Check the network, and that pip can reach its package index." \
         "パッケージをインストールできません (上記を参照)。ネットワークと pip のパッケージインデックスを確認してください。"
     exit 1
+fi
+if [ "$extra" = dev ] && ! command -v tshark >/dev/null 2>&1; then
+    install_package tshark || # the tests that need it are skipped, with this reason
+        say "tshark is missing: the tests of the Wireshark dissector will be skipped. Debian, Ubuntu: apt-get install tshark" \
+            "tshark がないため、Wireshark のディセクタのテストは省略されます。Debian, Ubuntu: apt-get install tshark"
 fi
 .venv/bin/python -m compileall -q src || true # makes the first start as fast as later ones
 printf '%s\n' "$wanted" >".venv/.$extra"

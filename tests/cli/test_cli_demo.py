@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import json
 import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 from orinkit import StreamResult, Timing, functions
 from orinkit.bcap import packet
+from orinkit.bcap.pcapng import CaptureConnection
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.transcript import Transcript
 from orinkit.cli.app import main
@@ -40,6 +42,7 @@ from orinkit.streaming.recording.samples import Sample
 from orinkit.values.poses import J
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType, variant
 from orinkit.virtual.rc8 import VirtualRC8
+from support.tshark import Tshark, assert_named, needs_tshark
 
 pytestmark = pytest.mark.slow
 
@@ -77,6 +80,13 @@ def japanese() -> str:
     return run_once("ja", "--fields")
 
 
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    """The output as JSON."""
+    output: dict[str, Any] = json.loads(run_once("en", "--json"))
+    return output
+
+
 def test_the_transcript_shows_every_packet_and_the_verdict(shown):
     lines = shown.splitlines()
     for line in (
@@ -100,6 +110,23 @@ def test_the_transcript_shows_every_packet_and_the_verdict(shown):
     requests, executing = shown.count("→"), shown.count("← S_EXECUTING\n")
     assert shown.count("←") - executing == requests > len(CALLS)
     assert f"All {ANSWERS} replies match the document." in lines
+
+
+@needs_tshark
+@pytest.mark.parametrize("transport", ["tcp", "udp"])
+def test_tshark_names_every_packet(document, tmp_path, transport):
+    """Each list of the document has a connection of its own."""
+    packets = [
+        (">" if each["direction"] == "request" else "<", bytes.fromhex(each["bytes"]), connection)
+        for port, name in enumerate(LISTS, 40000)
+        for connection in [CaptureConnection(transport, ("127.0.0.1", port), ("127.0.0.1", 5007))]
+        for step in document["steps"]
+        if step["list"] == name
+        for each in step.get("packets", [])
+    ]
+    assert len(packets) > 2 * len(CALLS)
+    found = Tshark(tmp_path).dissect(packets)
+    assert_named(found, packets)
 
 
 def test_the_sine_is_shown_while_it_is_streamed(shown):
@@ -129,8 +156,8 @@ def test_the_joints_are_shown_while_the_arm_moves(shown, pictures):
         assert str(pictures / name) in shown.splitlines()[-1]
 
 
-def test_as_json(run):
-    output = run("demo", "--json").json
+def test_as_json(document):
+    output = document
     assert output["as_documented"] is True
     assert output["picture"] is None
     numbers = [(name, number) for name, program in LISTS.items() for number, _ in enumerate(program.steps, 1)]

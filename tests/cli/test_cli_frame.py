@@ -26,6 +26,7 @@ COMMANDS = (
     "call",
     "info",
     "decode",
+    "dissector",
     "functions",
     "pendant",
     "move",
@@ -208,7 +209,7 @@ def test_help_does_not_load_modules_of_commands(program):
     [
         (
             ["frob"],
-            "unknown command frob; did you mean demo, serve, get, put, call, info, decode, functions, pendant, move, stream, plot, gateway, abh3? (see orinkit --help)",
+            "unknown command frob; did you mean demo, serve, get, put, call, info, decode, dissector, functions, pendant, move, stream, plot, gateway, abh3? (see orinkit --help)",
         ),
         (
             ["serve", "frob"],

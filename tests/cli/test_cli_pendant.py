@@ -154,6 +154,12 @@ def test_workpiece(press, rc8):
     assert "hand: workpiece  -\n" in press("workpiece", "none")
 
 
+def test_packets_are_captured(press, tmp_path):
+    path = tmp_path / "pendant.pcapng"
+    press("status", "--capture", str(path))
+    assert "Status".encode("utf-16-le") in path.read_bytes()
+
+
 def test_status(press, run, control):
     press("estop", "on")
     rows = dict(line.split("  ", 1) for line in press("status").splitlines())

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from typing import Any
 
 import pytest
 
 from orinkit import Lateness
 from orinkit.bcap import packet
 from orinkit.bcap.packet import Packet
+from orinkit.bcap.pcapng import SERIAL_LINE
 from orinkit.cli._shared.errors import CommandError
 from orinkit.cli._shared.transcript import Transcript
+from orinkit.cli.app import main
 from orinkit.cli.demo import ve026a
 from orinkit.virtual.ve026a import VirtualVE026A
 from orinkit.virtual.ve026a.codes import SET_POINT_MISSED
+from support.tshark import Tshark, assert_named, needs_tshark
 from support.waiting import until
 
 
@@ -29,12 +35,31 @@ def test_the_procedure(run):
     assert "more ..." in done.out
 
 
-def test_the_procedure_as_json(run):
-    done = run("demo", "ve026a", "--json")
-    report = json.loads(done.out)
+@pytest.fixture(scope="module")
+def report() -> dict[str, Any]:
+    """The output as JSON; for several tests, because the demo is slow."""
+    with redirect_stdout(io.StringIO()) as out:
+        assert main(["demo", "ve026a", "--json"]) == 0
+    document: dict[str, Any] = json.loads(out.getvalue())
+    return document
+
+
+def test_the_procedure_as_json(report):
     assert report["as_documented"] is True
     assert [step["number"] for step in report["steps"]] == [1, 2, 3, 4, 5, 6, 7]
     assert all(step["packets"] for step in report["steps"])
+
+
+@needs_tshark
+def test_tshark_names_every_packet(report, tmp_path):
+    packets = [
+        (">" if each["direction"] == "request" else "<", bytes.fromhex(each["bytes"]), SERIAL_LINE)
+        for step in report["steps"]
+        for each in step["packets"]
+    ]
+    found = Tshark(tmp_path).dissect(packets)
+    assert_named(found, packets)
+    assert all(each.shows("bcap.crc") for each in found.packets)
 
 
 def test_no_picture(refused):

@@ -34,8 +34,10 @@ Kind: TypeAlias = Literal["request", "reply"]
 
 LONGEST_MEANING: Final = 400
 """Maximum number of characters of a value that :func:`explain` shows; the raw bytes are always complete."""
-_LONGEST_VALUE: Final = 80
-_LAST_FUNCTION_ID: Final = 255
+LONGEST_VALUE: Final = 80
+"""Maximum number of characters of a value that :func:`show` returns."""
+LAST_FUNCTION_ID: Final = 255
+"""Codes from 1 to this number are function ids; all others are return codes."""
 _CRC_SIZE: Final = 2
 
 _U16: Final = struct.Struct("<H")
@@ -81,7 +83,7 @@ def explain(frame: bytes, kind: Kind | None = None, request: bytes | None = None
 
 def kind_of(code: int) -> Kind:
     """Return the kind of a packet, from its code: 1 to 255 is a function id, 0 and all others are return codes."""
-    return "request" if 1 <= code <= _LAST_FUNCTION_ID else "reply"
+    return "request" if 1 <= code <= LAST_FUNCTION_ID else "reply"
 
 
 def one_line(frame: bytes, request: bytes | None = None) -> str:
@@ -109,7 +111,7 @@ def one_line(frame: bytes, request: bytes | None = None) -> str:
 def show(value: Any) -> str:
     """Return a short text for a value: ``"IO150"``, ``3``, ``[1.5, 2.0]``, ``VT_EMPTY``."""
     text = _show(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 1]}…"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"
 
 
 def split(data: bytes) -> list[bytes]:

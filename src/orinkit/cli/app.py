@@ -81,12 +81,13 @@ def build() -> App:
     app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any of the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
     app.command(_command_of("info"), name="info", sort_key=6, help=tr("Show information about a controller and its state."))  # fmt: skip
     app.command(_command_of("decode"), name="decode", sort_key=7, help=tr("Explain b-CAP packets in hex, field by field."))  # fmt: skip
-    app.command(_command_of("functions"), name="functions", sort_key=8, usage="orinkit functions [OPTIONS] [FILTER]", help=tr("List the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
-    app.command(_command_of("pendant"), name="pendant", sort_key=9, usage="orinkit pendant [OPTIONS] URL ACTION [VALUE...]", help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
-    app.command(_command_of("move"), name="move", sort_key=10, help=tr("Move a robot to a pose."))  # fmt: skip
-    app.command(_command_of("stream"), name="stream", sort_key=11, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
-    app.command(_command_of("plot"), name="plot", sort_key=12, help=tr("Plot a recorded motion."))  # fmt: skip
-    app.command(_command_of("gateway"), name="gateway", sort_key=13, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
+    app.command(_command_of("dissector"), name="dissector", sort_key=8, help=tr("Write a dissector of b-CAP for Wireshark."))  # fmt: skip
+    app.command(_command_of("functions"), name="functions", sort_key=9, usage="orinkit functions [OPTIONS] [FILTER]", help=tr("List the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
+    app.command(_command_of("pendant"), name="pendant", sort_key=10, usage="orinkit pendant [OPTIONS] URL ACTION [VALUE...]", help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
+    app.command(_command_of("move"), name="move", sort_key=11, help=tr("Move a robot to a pose."))  # fmt: skip
+    app.command(_command_of("stream"), name="stream", sort_key=12, help=tr("Execute a trajectory in slave mode."))  # fmt: skip
+    app.command(_command_of("plot"), name="plot", sort_key=13, help=tr("Plot a recorded motion."))  # fmt: skip
+    app.command(_command_of("gateway"), name="gateway", sort_key=14, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
     app.command(_command_of("tester"), name="tester", sort_key=3, usage="orinkit tester [OPTIONS] [URL ...]", help=tr("Open the Tester in a browser: connections, objects, packets, motions, the arm in 3D."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
@@ -96,7 +97,7 @@ def build() -> App:
 
 
 def _abh3() -> App:
-    app = App(name="abh3", sort_key=14, help=tr("ABH3 motor drivers on a CAN bus: monitor, decode logs, run motors, generate a DBC file."))  # fmt: skip
+    app = App(name="abh3", sort_key=15, help=tr("ABH3 motor drivers on a CAN bus: monitor, decode logs, run motors, generate a DBC file."))  # fmt: skip
     app.command("orinkit.cli.abh3.commands:monitor", name="monitor", sort_key=1, usage="orinkit abh3 monitor [URL] [OPTIONS]", help=tr("Show and decode the frames on a bus."))  # fmt: skip
     app.command("orinkit.cli.abh3.commands:decode", name="decode", sort_key=2, help=tr("Decode the frames of a log."))  # fmt: skip
     app.command("orinkit.cli.abh3.commands:dbc", name="dbc", sort_key=3, help=tr("Print a DBC file of all frames: orinkit abh3 dbc > abh3.dbc"))  # fmt: skip

@@ -14,6 +14,7 @@ import orinkit
 from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
+from orinkit.cao.replies import Trace
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
@@ -21,6 +22,7 @@ from orinkit.client._shared.common import RC8, check_timeout, dialect_of
 from orinkit.core.errors import CallError, OrinError
 from orinkit.core.hresult import signed
 from orinkit.core.i18n import printable, tr
+from orinkit.transport.address import parse_address
 from orinkit.transport.registry import examples
 
 Owner: TypeAlias = orinkit.Controller | orinkit.Robot | orinkit.Task | orinkit.Extension | orinkit.File
@@ -43,6 +45,10 @@ SlaveModeUrl: TypeAlias = Annotated[
             "Address of the controller: {examples}. A host name alone means TCP.", examples=examples(slave_mode=True)
         )
     ),
+]
+Capture: TypeAlias = Annotated[
+    str | None,
+    Parameter(help=tr("Write every packet to a new pcapng file, for Wireshark (see orinkit dissector).")),
 ]
 Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document, with bytes in hex and dates in ISO 8601."))]  # fmt: skip
 
@@ -98,6 +104,7 @@ class ConnectionOptions:
             ),
         ),
     ] = None
+    capture: Capture = None
 
     @property
     def known_dialect(self) -> Dialect:
@@ -113,7 +120,7 @@ class ConnectionOptions:
             option=self.option or "",
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._transcript(),
+            trace=self._tracer(url),
             dialect=self.dialect,
             token=self._token(),
             cafile=self.cafile or "",
@@ -143,7 +150,7 @@ class ConnectionOptions:
             url,
             timeout=self._timeout(),
             tries=self.tries,
-            trace=self._transcript(),
+            trace=self._tracer(url),
             token=self._token(),
             cafile=self.cafile or "",
         )
@@ -158,8 +165,21 @@ class ConnectionOptions:
         warn_of_exposure("--token-file", self.token_file)
         return token
 
-    def _transcript(self) -> Transcript | None:
-        return Transcript(_to_stderr) if self.trace else None
+    def _tracer(self, url: str) -> Trace | None:
+        """Return the callback for packets that ``--trace`` and ``--capture`` require; None without these options."""
+        callbacks: list[Trace] = [Transcript(_to_stderr)] if self.trace else []
+        if self.capture is not None:
+            from orinkit.cli._shared.capture import CaptureFile
+
+            callbacks.append(CaptureFile(self.capture, parse_address(url)))
+        if len(callbacks) < 2:
+            return callbacks[0] if callbacks else None
+
+        def both(direction: str, data: bytes) -> None:
+            for callback in callbacks:
+                callback(direction, data)
+
+        return both
 
 
 def _description(controller: orinkit.Controller, error: CallError) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
 
-from orinkit.cli._shared.connection import CONNECTION, ConnectionOptions
+from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOptions
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
@@ -185,6 +185,7 @@ def pendant(
         ),
     ] = DEFAULT_TIMEOUT,
     trace: Annotated[bool, Parameter(group=CONNECTION, help=tr("Print every packet to stderr."))] = False,
+    capture: Annotated[Capture, Parameter(group=CONNECTION)] = None,
 ) -> None:
     """Press a button of a virtual RC8 and print the resulting state."""
     from orinkit.cli._shared.output import print_json
@@ -195,7 +196,9 @@ def pendant(
     if wait and not wanted.waits:
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
-    connection = ConnectionOptions(PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None)
+    connection = ConnectionOptions(
+        PROVIDER, timeout, trace, option=f"Secret={secret}" if secret else None, capture=capture
+    )
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
     if json:
         print_json(status)
