@@ -39,7 +39,10 @@ class Page:
         return function
 
 
-PAGES: Final = (Page("/", N_("Connections"), "lan", "connections:build"),)
+PAGES: Final = (
+    Page("/", N_("Connections"), "lan", "connections:build"),
+    Page("/packets", N_("Packets"), "receipt_long", "packets:build"),
+)
 """All pages, in the order of the navigation."""
 
 

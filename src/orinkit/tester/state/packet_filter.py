@@ -20,7 +20,8 @@ LONGEST_BYTES: Final = 256
 """Maximum number of bytes to search for."""
 SLICE: Final = 0.004
 """Time in s for which a search occupies the event loop at a time."""
-_PAUSE: Final = 0.001  # s between two slices
+PAUSE: Final = 0.001
+"""Time in s between two slices."""
 _STEP: Final = 16  # packets between two looks at the clock
 _SEPARATORS: Final = str.maketrans("", "", " \t\r\n,;:-")
 
@@ -199,7 +200,7 @@ class PacketView:
     async def catch_up(self, is_current: Callable[[], bool] = lambda: True) -> None:
         """Examine all packets in slices; return early if ``is_current`` returns False."""
         while is_current() and self.advance():
-            await asyncio.sleep(_PAUSE)
+            await asyncio.sleep(PAUSE)
 
 
 class LastPairs:

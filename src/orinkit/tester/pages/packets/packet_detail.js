@@ -20,7 +20,7 @@ export default {
     <div class="ok-packet-detail">
       <div>
         <div ref="dump" class="ok-dump" role="group" tabindex="0" :aria-label="labels.bytes" @keydown="pressedInDump"
-             @focus="move(cursor < 0 ? 0 : cursor)" @mouseover="overByte" @mouseleave="mark(pinned)" @click="clickByte"></div>
+             @focus="focusDump" @mouseover="overByte" @mouseleave="mark(pinned)" @click="clickByte"></div>
         <div ref="status" class="ok-dump-status" role="status"></div>
       </div>
       <ul ref="fields" class="ok-fields" :aria-label="labels.fields" @keydown="pressedInFields" @mouseover="overField"
@@ -112,6 +112,9 @@ export default {
     overByte(event) {
       const at = event.target.dataset.byte;
       if (at !== undefined) this.mark(this.fieldOf[at], { scrollField: true });
+    },
+    focusDump() {
+      if (this.$refs.dump.matches(":focus-visible")) this.move(Math.max(this.cursor, 0));
     },
     clickByte(event) {
       const at = event.target.dataset.byte;
