@@ -61,6 +61,8 @@ class FilledWorkspace(Workspace):
             start = perf_counter()
             await asyncio.sleep(0.001)
             delay = perf_counter() - start - 0.001
+            if not Path(target).exists():
+                longest = 0.0  # the test has removed the file, to begin a new measurement
             if delay > longest:
                 longest = delay
                 Path(target).write_text(f"{longest}")

@@ -14,6 +14,7 @@ from orinkit.core.i18n import tr
 from orinkit.transport.captured import connection_of
 from orinkit.transport.registry import AnyAddress
 
+
 class CaptureFile:
     """Writes every packet to a new pcapng file, as the ``trace=`` callback of a client.
 

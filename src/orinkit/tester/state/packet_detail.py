@@ -93,7 +93,9 @@ def _fields_of_large(packet: LoggedPacket) -> list[PacketField]:
     """Return the header of a large packet, and type and size of each argument, without the values."""
     data = packet.data
     if not bcap.is_whole(data):
-        problem = tr("{count} bytes are not a packet: SOH 01 and the length must come first, EOT 04 last", count=len(data))
+        problem = tr(
+            "{count} bytes are not a packet: SOH 01 and the length must come first, EOT 04 last", count=len(data)
+        )
         return [PacketField(0, data[:SHOWN_BYTES], tr("not a packet"), problem, error=True)]
     _, length, serial, reserved, code, count = bcap.HEADER.unpack_from(data)
     short = bcap.pack(serial, code, 0, b"", reserved)
@@ -123,8 +125,12 @@ def _large_argument(data: bytes, at: int, name: str) -> list[PacketField]:
         return [PacketField(at, data[at : at + 4], name, wrong, error=True, level=1)]
     start, stop = at + _ARGUMENT.size, at + 4 + length
     return [
-        PacketField(at, data[at : at + 4], f"{name}: {tr('length')}", tr("{count} bytes", count=f"{length:,}"), level=1),
+        PacketField(
+            at, data[at : at + 4], f"{name}: {tr('length')}", tr("{count} bytes", count=f"{length:,}"), level=1
+        ),
         PacketField(at + 4, data[at + 4 : at + 6], f"{name}: {tr('data type')}", f"{type_name(vt)} ({vt})", level=1),
         PacketField(at + 6, data[at + 6 : start], f"{name}: {tr('element count')}", f"{count:,}", level=1),
-        PacketField(start, data[start:stop], name, tr("{count} bytes, not decoded", count=f"{stop - start:,}"), level=1),
+        PacketField(
+            start, data[start:stop], name, tr("{count} bytes, not decoded", count=f"{stop - start:,}"), level=1
+        ),
     ]

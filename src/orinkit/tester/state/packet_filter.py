@@ -18,6 +18,8 @@ LONGEST_TEXT: Final = 200
 """Maximum number of characters to search for."""
 LONGEST_BYTES: Final = 256
 """Maximum number of bytes to search for."""
+LONGEST_HEX: Final = 8 * LONGEST_BYTES
+"""Maximum number of characters of bytes in hex, with separators."""
 SLICE: Final = 0.004
 """Time in s for which a search occupies the event loop at a time."""
 PAUSE: Final = 0.001
@@ -32,7 +34,7 @@ def read_bytes(text: str) -> bytes:
     Raises:
         InvalidValue: If the text is not hex, or longer than :data:`LONGEST_BYTES`.
     """
-    if len(text) > 8 * LONGEST_BYTES:
+    if len(text) > LONGEST_HEX:
         raise InvalidValue(tr("at most {most} bytes can be searched for", most=LONGEST_BYTES))
     digits = text.replace("0x", "").replace("0X", "").translate(_SEPARATORS)
     try:

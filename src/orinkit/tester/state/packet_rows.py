@@ -10,11 +10,19 @@ from orinkit.tester.state.packet_facts import facts_of
 from orinkit.tester.state.packet_log import LoggedPacket
 from orinkit.tester.state.packet_text import time_text
 
-TIME_MODES: Final = {"time": N_("Time of day"), "relative": N_("Since the start"), "delta": N_("Since the packet before")}
+TIME_MODES: Final = {
+    "time": N_("Time of day"),
+    "relative": N_("Since the start"),
+    "delta": N_("Since the packet before"),
+}
 
 
 def row_of(
-    packet: LoggedPacket, previous: LoggedPacket | None, mode: str, start_ns: int, summary: Callable[[LoggedPacket], str]
+    packet: LoggedPacket,
+    previous: LoggedPacket | None,
+    mode: str,
+    start_ns: int,
+    summary: Callable[[LoggedPacket], str],
 ) -> list[Any]:
     """Return a packet as a row: number, time, connection, direction, size, summary, CSS class, marks.
 

@@ -85,7 +85,9 @@ class PacketBytes(ui.element, component="packet_detail.js"):
 
 def _note(detail: PacketDetail) -> str:
     if detail.omitted:
-        return tr("Only the first {most} fields are shown; there are {count} more.", most=SHOWN_FIELDS, count=detail.omitted)
+        return tr(
+            "Only the first {most} fields are shown; there are {count} more.", most=SHOWN_FIELDS, count=detail.omitted
+        )
     if detail.is_partial:
         return tr(
             "Only the first {shown} of {size} bytes are shown. Save the packets to examine all.",

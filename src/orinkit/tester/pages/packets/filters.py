@@ -9,7 +9,7 @@ from nicegui import ui
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.tester.state.packet_filter import PacketFilter, check_text, read_bytes
+from orinkit.tester.state.packet_filter import LONGEST_HEX, LONGEST_TEXT, PacketFilter, check_text, read_bytes
 
 _ALL = ""
 
@@ -39,8 +39,9 @@ class FilterBar:
         ):  # fmt: skip
             field.props("outlined dense options-dense").props(f"data-testid=filter-{marker}")
         self._errors.props("dense data-testid=filter-errors")
-        for entry in (self._text, self._hex):
-            entry.props("debounce=250 clearable autocomplete=off spellcheck=false")
+        for entry, most in ((self._text, LONGEST_TEXT), (self._hex, LONGEST_HEX)):
+            # one more than allowed: pasted text is cut off by the browser, and the message appears
+            entry.props(f"debounce=250 clearable autocomplete=off spellcheck=false maxlength={most + 1}")
         self._hex.classes("ok-mono")
         for field in (self._connection, self._direction, self._function, self._text, self._hex, self._errors):
             field.on_value_change(self._apply)

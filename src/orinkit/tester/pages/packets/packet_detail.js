@@ -107,7 +107,9 @@ export default {
         this.signs[at].classList.toggle("ok-on", on);
       }
       this.rows[index].classList.toggle("ok-on", on);
-      if (on) this.$refs.status.textContent = `${field[0]} +${field[1]}: ${field[2]}${field[3] ? " - " + field[3] : ""}`;
+      if (!on) return;
+      const place = field[1] > 1 ? `${field[0]}–${field[0] + field[1] - 1}` : field[0];
+      this.$refs.status.textContent = `${place}  ${field[2]}${field[3] ? ": " + field[3] : ""}`;
     },
     overByte(event) {
       const at = event.target.dataset.byte;
