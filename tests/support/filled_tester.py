@@ -28,6 +28,8 @@ from support import paths
 PRINTED = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 COUNT = int(os.environ.get("FILLED_PACKETS", "1000"))
 LIVE = float(os.environ.get("FILLED_LIVE", "0"))
+DELAY = Path(os.environ["FILLED_DELAY"]) if "FILLED_DELAY" in os.environ else None
+_TICK = 0.001  # s
 
 
 def special() -> list[tuple[str, str, str, bytes]]:
@@ -53,19 +55,21 @@ class FilledWorkspace(Workspace):
     def __init__(self, profiles: Path | None = None) -> None:
         super().__init__(profiles)
         fill(self.packets, COUNT)
-        self._tasks = [asyncio.ensure_future(self._measure()), asyncio.ensure_future(self._add())]
+        self._longest, self._started = 0.0, perf_counter()
+        self._task = asyncio.ensure_future(self._add())
+        if DELAY is not None:
+            self._measure()
 
-    async def _measure(self) -> None:
-        target, longest = os.environ.get("FILLED_DELAY"), 0.0
-        while target:
-            start = perf_counter()
-            await asyncio.sleep(0.001)
-            delay = perf_counter() - start - 0.001
-            if not Path(target).exists():
-                longest = 0.0  # the test has removed the file, to begin a new measurement
-            if delay > longest:
-                longest = delay
-                Path(target).write_text(f"{longest}")
+    def _measure(self) -> None:
+        assert DELAY is not None
+        now = perf_counter()
+        delay, self._started = now - self._started - _TICK, now
+        if not DELAY.exists():  # the test has removed the file, to begin a new measurement
+            self._longest = 0.0
+        if delay > self._longest:
+            self._longest = delay
+            DELAY.write_text(f"{delay}")
+        asyncio.get_running_loop().call_later(_TICK, self._measure)
 
     async def _add(self) -> None:
         packets = cycle(PRINTED)

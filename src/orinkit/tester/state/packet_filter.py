@@ -201,7 +201,7 @@ class PacketView:
 
     async def catch_up(self, is_current: Callable[[], bool] = lambda: True) -> None:
         """Examine all packets in slices; return early if ``is_current`` returns False."""
-        while is_current() and self.advance():
+        while is_current() and self.advance():  # noqa: ASYNC110 - divides work
             await asyncio.sleep(PAUSE)
 
 

@@ -180,7 +180,7 @@ class PacketsPage:
     async def refresh(self) -> None:
         """Examine further packets and show what has changed."""
         view, stop = self._view, perf_counter() + _SEARCH
-        while view.advance() and view is self._view and perf_counter() < stop:
+        while view.advance() and view is self._view and perf_counter() < stop:  # noqa: ASYNC110 - divides work
             await asyncio.sleep(PAUSE)
         self._show_recording()
         if self._tab.value == "last":
