@@ -18,7 +18,7 @@ from orinkit.bcap.dissect import split
 from orinkit.virtual.rc8 import VirtualRC8
 from support.browser import TesterProcess, needs_browser, user
 from support.relay import Relay
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, until
 
 pytestmark = needs_browser
 
@@ -146,7 +146,7 @@ def test_filters_and_invalid_input(packets):
     assert wait_for_count(packets, r"^1,0\d\d of 1,0\d\d packets$") > FILLED
     fill_in(packets, "hex", "")
     packets.get_by_test_id("filter-errors").click()
-    assert wait_for_count(packets, r"^\d of ") == 2
+    wait_for_count(packets, "^2 of ")
     packets.locator(f'.ok-bad[data-number="{FILLED}"]').filter(has_text="malformed").wait_for()
     row(packets, FILLED - 4).filter(has_text="E_BUF_FULL").wait_for()
     packets.get_by_test_id("filter-errors").click()
@@ -161,15 +161,15 @@ def test_copies(packets):
     field(packets, 6).wait_for()
     data = shown_bytes(packets)
     for marker, read in (("hex", bytes.fromhex), ("python", eval)):
-        packets.get_by_test_id(f"copy-{marker}").click()
-        packets.wait_for_function("before => navigator.clipboard.readText().then(text => text !== before)", arg="")
-        packets.get_by_text("copied").first.wait_for()
-        assert read(packets.evaluate("navigator.clipboard.readText()")) == data
-        packets.evaluate("navigator.clipboard.writeText('')")
-    packets.get_by_test_id("copy-call").click()
-    packets.wait_for_function("() => navigator.clipboard.readText().then(text => text.startsWith('client'))")
-    copied = packets.evaluate("navigator.clipboard.readText()")
-    assert copied == "client.call(functions.controller_get_variable, 2, 'IO150', '')"
+        assert read(copied(packets, marker)) == data
+    assert copied(packets, "call") == "client.call(functions.controller_get_variable, 2, 'IO150', '')"
+
+
+def copied(page: Any, marker: str) -> str:
+    page.evaluate("navigator.clipboard.writeText('')")
+    page.get_by_test_id(f"copy-{marker}").click()
+    until(lambda: page.evaluate("navigator.clipboard.readText()"))
+    return str(page.evaluate("navigator.clipboard.readText()"))
 
 
 @pytest.mark.soak

@@ -175,6 +175,15 @@ def test_the_event_loop_is_hardly_delayed_by_100000_packets(condition):
     assert list(view.numbers()) == [each.number for each in log if view.condition.matches(each, summary)]
 
 
+def test_bytes_across_the_parts_of_a_large_packet_are_found():
+    data = bytearray(1024 * 1024)
+    data[256 * 1024 - 3 : 256 * 1024 + 3] = "abc".encode("utf-16-le")
+    log = PacketLog()
+    log.add("a", "tcp", ">", bytes(data))
+    assert found(log, text="abc") == found(log, data=b"b\0c") == [1]
+    assert found(log, text="abd") == []
+
+
 def test_summaries_are_kept():
     calls = Summaries(capacity=2)
     log = printed_log(3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Final
@@ -25,6 +25,7 @@ SLICE: Final = 0.004
 PAUSE: Final = 0.001
 """Time in s between two slices."""
 _STEP: Final = 16  # packets between two looks at the clock
+_SEARCHED: Final = 256 * 1024  # bytes searched at a time; this takes about 1 ms
 _SEPARATORS: Final = str.maketrans("", "", " \t\r\n,;:-")
 
 
@@ -86,25 +87,44 @@ class PacketFilter:
 
     def matches(self, packet: LoggedPacket, summary: Callable[[LoggedPacket], str]) -> bool:
         """Return True if a packet matches; ``summary`` returns its summary."""
+        examination = self.examine(packet, summary)
+        while True:
+            try:
+                next(examination)
+            except StopIteration as done:
+                return bool(done.value)
+
+    def examine(self, packet: LoggedPacket, summary: Callable[[LoggedPacket], str]) -> Generator[None, None, bool]:
+        """Return a generator that returns whether a packet matches; it pauses often in a large packet."""
         if (self.connection and packet.connection != self.connection) or (
             self.direction and packet.direction != self.direction
         ):
-            return False
-        if self.data and self.data not in packet.data:
             return False
         if self.function or self.errors:
             facts = facts_of(packet)
             if (self.function and facts.function != self.function) or (self.errors and not facts.is_error):
                 return False
-        return not self.text or self._has_text(packet, summary)
-
-    def _has_text(self, packet: LoggedPacket, summary: Callable[[LoggedPacket], str]) -> bool:
-        if self.text.casefold() in summary(packet).casefold():
+        if self.data and not (yield from _contains(packet.data, self.data)):
+            return False
+        if not self.text or self.text.casefold() in summary(packet).casefold():
             return True
         if len(packet.data) <= LONGEST_DECODED:
             return False
-        encoded = self.text.encode("utf-16-le", "surrogatepass")
-        return encoded in packet.data or self.text.encode("utf-8", "surrogatepass") in packet.data
+        encoded = (self.text.encode(each, "surrogatepass") for each in ("utf-16-le", "utf-8"))
+        for part in encoded:
+            if (yield from _contains(packet.data, part)):
+                return True
+        return False
+
+
+def _contains(data: bytes, part: bytes) -> Generator[None, None, bool]:
+    """Return a generator that returns whether bytes contain other bytes; it pauses after each :data:`_SEARCHED`."""
+    for at in range(0, max(len(data), 1), _SEARCHED):
+        if at:
+            yield
+        if data.find(part, at, at + _SEARCHED + len(part) - 1) >= 0:
+            return True
+    return False
 
 
 class PacketView:
@@ -127,6 +147,7 @@ class PacketView:
         self._numbers: list[int] = []
         self._dropped = 0  # positions before _numbers[0]
         self._next = log.first_number  # the next packet to examine
+        self._large: tuple[int, Generator[None, None, bool]] | None = None  # a large packet being examined
 
     @property
     def behind(self) -> int:
@@ -180,17 +201,33 @@ class PacketView:
         if self._all:
             return False
         stop = perf_counter() + seconds
-        number, total = max(self._next, self._log.first_number), self._log.total
-        while number <= total:
-            packet = self._log.get(number)
-            if packet is not None and self.condition.matches(packet, self._summary):
-                self._numbers.append(number)
-            number += 1
-            large = packet is not None and len(packet.data) > LONGEST_DECODED
-            if (large or number % _STEP == 0) and perf_counter() > stop:
-                break
-        self._next = number
-        return number <= total
+        self._next, total = max(self._next, self._log.first_number), self._log.total
+        while self._next <= total:
+            packet = self._log.get(self._next)
+            assert packet is not None  # its number is between the first and the last
+            if len(packet.data) > LONGEST_DECODED:
+                self._advance_in_large(packet)
+                if perf_counter() > stop:
+                    break
+            else:
+                if self.condition.matches(packet, self._summary):
+                    self._numbers.append(self._next)
+                self._next += 1
+                if self._next % _STEP == 0 and perf_counter() > stop:
+                    break
+        return self._next <= total
+
+    def _advance_in_large(self, packet: LoggedPacket) -> None:
+        """Continue to examine a large packet."""
+        if self._large is None or self._large[0] != packet.number:
+            self._large = packet.number, self.condition.examine(packet, self._summary)
+        try:
+            next(self._large[1])
+        except StopIteration as done:
+            if done.value:
+                self._numbers.append(packet.number)
+            self._large = None
+            self._next += 1
 
     def _prune(self) -> None:
         """Forget the numbers of discarded packets, if they are many."""
