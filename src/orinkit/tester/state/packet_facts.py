@@ -1,4 +1,4 @@
-"""What a list of packets shows about each packet: :class:`PacketFacts`, and its summary in one line."""
+"""Facts about a packet for a list: :class:`PacketFacts`, and its summary in one line."""
 
 from __future__ import annotations
 

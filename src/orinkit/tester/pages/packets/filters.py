@@ -43,8 +43,8 @@ class FilterBar:
             # one more than allowed: pasted text is cut off by the browser, and the message appears
             entry.props(f"debounce=250 clearable autocomplete=off spellcheck=false maxlength={most + 1}")
         self._hex.classes("ok-mono")
-        for field in (self._connection, self._direction, self._function, self._text, self._hex, self._errors):
-            field.on_value_change(self._apply)
+        for each in (self._connection, self._direction, self._function, self._text, self._hex, self._errors):
+            each.on_value_change(self._apply)
 
     def set_connections(self, names: list[str]) -> None:
         """Offer connections; the one that is chosen remains."""
