@@ -76,12 +76,16 @@ export default {
       }
     },
     toEnd() {
+      if (performance.now() < this.heldUntil) return; // the user is scrolling
       const scroller = this.$refs.scroller;
       scroller.scrollTop = this.latest = scroller.scrollHeight;
       this.latest = scroller.scrollTop;
     },
-    touched() {
+    touched(event) {
       this.input = performance.now();
+      if (!this.state.follow || event.deltaY > 0) return;
+      this.heldUntil = this.input + 400;
+      if (event.deltaY < 0 && this.$refs.scroller.scrollTop > 0) this.$emit("follow", false);
     },
     scrolled() {
       const scroller = this.$refs.scroller;
