@@ -1,7 +1,7 @@
 # make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint types bench soak collect coverage sync messages release-check test-lowest clean setup-all setup-dev
+.PHONY: help demo tester test lint types bench soak collect coverage sync messages release-check test-lowest clean setup-all setup-dev
 export PYTHON
 # The tests start hundreds of programs: none of them is to compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -13,6 +13,9 @@ help: ## this list
 
 demo: setup-all ## a client and a virtual RC8 talk, every packet explained / クライアントと仮想 RC8 の通信を見る
 	@mkdir -p build && $(RUN) orinkit demo --picture build/motion.png
+
+tester: setup-all ## the Tester in a browser, with a virtual RC8 / ブラウザで Tester と仮想 RC8 を使う
+	@$(RUN) orinkit tester --virtual rc8
 
 # Tests are selected by markers (pyproject.toml). Many of them wait, so there are more workers than cores.
 # --no-loadscope-reorder keeps the slow files first (tests/conftest.py). collect compiles the tests once, before the workers start.

@@ -78,5 +78,10 @@ if [ "$extra" = dev ] && ! command -v tshark >/dev/null 2>&1; then
         say "tshark is missing: the tests of the Wireshark dissector will be skipped. Debian, Ubuntu: apt-get install tshark" \
             "tshark がないため、Wireshark のディセクタのテストは省略されます。Debian, Ubuntu: apt-get install tshark"
 fi
+if [ "$extra" = dev ] && ! command -v chromium >/dev/null 2>&1; then
+    { install_package chromium && install_package fonts-noto-cjk; } || # the tests that need it are skipped, with this reason
+        say "Chromium is missing: the browser tests of the Tester will be skipped. Debian, Ubuntu: apt-get install chromium fonts-noto-cjk" \
+            "Chromium がないため、Tester のブラウザテストは省略されます。Debian, Ubuntu: apt-get install chromium fonts-noto-cjk"
+fi
 .venv/bin/python -m compileall -q src || true # makes the first start as fast as later ones
 printf '%s\n' "$wanted" >".venv/.$extra"

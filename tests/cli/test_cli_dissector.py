@@ -16,8 +16,8 @@ from orinkit import HttpOptions
 from orinkit.bcap.dissector import lua
 from orinkit.bcap.pcapng import SERIAL_LINE
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cli._shared.capture import connection_of
 from orinkit.transport.address import DEFAULT_PORT, parse_address
+from orinkit.transport.captured import connection_of
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
 from support.tshark import Result, Tshark, needs_tshark

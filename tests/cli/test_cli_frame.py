@@ -21,6 +21,7 @@ from orinkit.core import i18n
 COMMANDS = (
     "demo",
     "serve",
+    "tester",
     "get",
     "put",
     "call",
@@ -211,7 +212,7 @@ def test_help_does_not_load_modules_of_commands(program):
     [
         (
             ["frob"],
-            "unknown command frob; did you mean demo, serve, get, put, call, info, decode, dissector, functions, pendant, move, stream, plot, gateway, raw, shell, abh3? (see orinkit --help)",
+            "unknown command frob; did you mean demo, serve, get, put, call, info, decode, dissector, functions, pendant, move, stream, plot, gateway, raw, shell, tester, abh3? (see orinkit --help)",
         ),
         (
             ["serve", "frob"],

@@ -45,6 +45,7 @@ class TesterProcess:
         *arguments: Further arguments, for example the addresses of controllers.
         folder: Directory for the user's configuration.
         http: Address to listen on.
+        module: Module to run.
 
     Attributes:
         url: Address of the pages.
@@ -52,10 +53,10 @@ class TesterProcess:
 
     __test__ = False
 
-    def __init__(self, *arguments: str, folder: Path, http: str = "127.0.0.1:0") -> None:
+    def __init__(self, *arguments: str, folder: Path, http: str = "127.0.0.1:0", module: str = "orinkit") -> None:
         environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "ORINKIT_LANG": "en", "PYTHONUNBUFFERED": "1"}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "orinkit", "tester", "--http", http, "--no-browser", *arguments],
+            [sys.executable, "-m", module, "tester", "--http", http, "--no-browser", *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True,
         )  # fmt: skip
         self.errors: list[str] = []

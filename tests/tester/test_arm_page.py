@@ -16,7 +16,7 @@ from support.relay import Relay
 from support.streams import Arm
 from support.waiting import PATIENCE, until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 HIDE = """Object.defineProperty(document, 'hidden', {value: true, configurable: true});
 document.dispatchEvent(new Event('visibilitychange'))"""

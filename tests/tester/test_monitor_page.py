@@ -7,7 +7,7 @@ import pytest
 import orinkit
 from support.browser import needs_browser, user
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from orinkit.tester.pages.monitor.watches import csv_text
 from orinkit.tester.state.controller_log import logged_entry
 from orinkit.tester.state.history import History
 from orinkit.tester.state.poller import VariableRef
-from orinkit.tester.state.watched_value import LONGEST_ENTRY, entered_value, value_text
 from orinkit.tester.state.watch_list import MAX_WATCHED, WatchList, WatchLists, entered_refs
+from orinkit.tester.state.watched_value import LONGEST_ENTRY, entered_value, value_text
 from orinkit.values.types import ARRAY, VarType
 from orinkit.values.variant import Variant
 

@@ -17,7 +17,7 @@ from support.objects_page import add, choose, choose_type, expect, fill, open_ob
 from support.received import ReceivedPackets, received_packets
 from support.waiting import until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from support.browser import TesterProcess, needs_browser, user
 from support.objects_page import add, choose, choose_type, expect, fill, open_objects, open_tab
 from support.received import ReceivedPackets, received_packets
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 PRINTED = json.loads((paths.VECTORS / "bcap-packets.json").read_text(encoding="utf-8"))
 

@@ -8,7 +8,7 @@ from orinkit.rc8.task_modes import StopMode, TaskStatus
 from support.browser import needs_browser, user
 from support.waiting import until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 
 @pytest.fixture(scope="module")

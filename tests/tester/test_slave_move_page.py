@@ -24,7 +24,7 @@ from support.arm_log import ArmLog, logged
 from support.browser import CHROMIUM, TesterProcess, needs_browser, user
 from support.waiting import PATIENCE, until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 START = (3.0, *HOME[1:])

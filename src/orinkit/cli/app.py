@@ -79,7 +79,7 @@ def build() -> App:
     app.command(_command_of("gateway"), name="gateway", sort_key=14, usage="orinkit gateway --upstream URL [OPTIONS]", help=tr("Forward calls to other controllers, over any protocol."))  # fmt: skip
     app.command(_command_of("raw"), name="raw", sort_key=7, usage="orinkit raw URL|OPTIONS HEX...", help=tr("Send raw packets in hex and explain the replies."))  # fmt: skip
     app.command(_command_of("shell"), name="shell", sort_key=6, help=tr("Open an interactive session with a controller."))  # fmt: skip
-    app.command(_command_of("tester"), name="tester", sort_key=3, usage="orinkit tester [OPTIONS] [URL ...]", help=tr("Open the Tester in a browser: connections, objects, packets, motions, the arm in 3D."))  # fmt: skip
+    app.command(_command_of("tester"), name="tester", sort_key=2, usage="orinkit tester [OPTIONS] [URL ...]", help=tr("Open the Tester in a browser: connections, objects, packets, motions, the arm in 3D."))  # fmt: skip
     abh3 = _abh3()
     app.command(abh3)
     for each in (app, serve, abh3):

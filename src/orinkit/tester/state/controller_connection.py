@@ -13,8 +13,8 @@ from orinkit.core.errors import ConnectionClosed, NotImplementedCall, ObjectNotF
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
-from orinkit.tester.state.objects import ObjectRegistry
 from orinkit.tester.state.controller_log import ControllerLog
+from orinkit.tester.state.objects import ObjectRegistry
 from orinkit.tester.state.packet_log import PacketLog
 from orinkit.tester.state.poller import VariablePoller
 from orinkit.tester.state.watch_list import WatchLists

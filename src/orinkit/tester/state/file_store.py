@@ -6,7 +6,8 @@ import codecs
 from dataclasses import dataclass
 from typing import Any, Final
 
-from orinkit.client._async.controller import AsyncController, AsyncFile
+from orinkit.client._async.controller import AsyncController
+from orinkit.client._async.file import AsyncFile
 from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 

@@ -176,7 +176,7 @@ class ErrorCard:
                     place = f"{each.program}:{each.line} " if each.program else ""
                     ui.label(_safe(f"{place}{each.message or info.text}"))
                     if info.hint:
-                        ui.label(tr("Remedy: {remedy}", remedy=info.hint)).classes("ok-remedy")
+                        ui.label(tr("Try: {remedy}", remedy=info.hint)).classes("ok-remedy")
 
 
 class EventCard:

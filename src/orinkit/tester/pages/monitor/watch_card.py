@@ -9,8 +9,8 @@ from orinkit.core.i18n import tr
 from orinkit.tester.pages.monitor.watches import Watches
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.poller import VariableRef
-from orinkit.tester.state.watched_value import LONGEST_ENTRY, entered_value, value_text
 from orinkit.tester.state.watch_list import entered_refs
+from orinkit.tester.state.watched_value import LONGEST_ENTRY, entered_value, value_text
 from orinkit.tester.ui.errors import ErrorBox, error_text
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession, notify

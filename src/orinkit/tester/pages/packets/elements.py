@@ -1,0 +1,97 @@
+"""Elements of the page Packets: a list of which only the visible rows exist, and the bytes and fields of a packet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from orinkit.core.i18n import tr
+from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail, detail_of
+from orinkit.tester.state.packet_log import LoggedPacket
+
+LARGEST_WINDOW = 200
+"""Maximum number of rows that are sent at once."""
+
+
+class PacketList(ui.element, component="packet_list.js"):
+    """A list of packets.
+
+    Args:
+        on_window: Callback invoked with the position and number of the rows to supply.
+        on_pick: Callback invoked with the number of the packet that the user has clicked.
+        on_move: Callback invoked with a number of rows, ``"first"`` or ``"last"`` if the user moves the selection.
+        on_follow: Callback invoked with True or False if the user scrolls to the end, or away from it.
+    """
+
+    def __init__(
+        self,
+        *,
+        on_window: Callable[[int, int], None],
+        on_pick: Callable[[int], None],
+        on_move: Callable[[int | str], None],
+        on_follow: Callable[[bool], None],
+    ) -> None:
+        super().__init__()
+        self._props["labels"] = {
+            "list": tr("Packets"), "sent": tr("sent"), "received": tr("received"),
+            "empty": tr("No packets. They appear here as soon as a connection sends or receives one."),
+            "columns": [tr("No."), tr("Time"), tr("Connection"), "", tr("Bytes"), tr("Packet")],
+        }  # fmt: skip
+        self._props["state"] = {"view": 0, "first": 0, "end": 0, "start": 0, "rows": [], "follow": True}
+        self.on("window", lambda event: _window(event, on_window))
+        self.on("pick", lambda event: on_pick(int(event.args)))
+        self.on("move", lambda event: on_move(event.args if isinstance(event.args, str) else int(event.args)))
+        self.on("follow", lambda event: on_follow(bool(event.args)))
+
+    def show(self, state: dict[str, Any]) -> None:
+        """Show rows; packet_list.js lists the keys of ``state``."""
+        self._props["state"] = state
+        self.update()
+
+
+def _window(event: GenericEventArguments, supply: Callable[[int, int], None]) -> None:
+    start, size = int(event.args["start"]), int(event.args["size"])
+    supply(max(start, 0), max(min(size, LARGEST_WINDOW), 1))
+
+
+class PacketBytes(ui.element, component="packet_detail.js"):
+    """The bytes of a packet as a hex dump, beside its fields.
+
+    Args:
+        marker: Value of ``data-testid``.
+    """
+
+    def __init__(self, marker: str) -> None:
+        super().__init__()
+        self.props(f'data-testid="{marker}"')
+        self._props["labels"] = {"bytes": tr("Bytes of the packet"), "fields": tr("Fields of the packet")}
+        self._props["packet"] = {"hex": "", "fields": [], "note": ""}
+
+    def show(self, packet: LoggedPacket | None) -> None:
+        """Show a packet; ``None`` shows nothing."""
+        detail = detail_of(packet) if packet is not None else PacketDetail(b"", 0, [])
+        self._props["packet"] = {
+            "hex": detail.data.hex(),
+            "fields": [
+                [each.offset, len(each.raw), each.name, each.meaning, each.error, each.level] for each in detail.fields
+            ],
+            "note": _note(detail),
+        }
+        self.update()
+
+
+def _note(detail: PacketDetail) -> str:
+    if detail.omitted:
+        return tr(
+            "Only the first {most} fields are shown; there are {count} more.", most=SHOWN_FIELDS, count=detail.omitted
+        )
+    if detail.is_partial:
+        return tr(
+            "Only the first {shown} of {size} bytes are shown. Save the packets to examine all.",
+            shown=f"{len(detail.data):,}",
+            size=f"{detail.size:,}",
+        )
+    return ""
