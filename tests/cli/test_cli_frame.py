@@ -40,6 +40,7 @@ COMMANDS = (
 )
 
 NO = {
+    "--no-browser",
     "--no-samples",
     "--no-motor",
     "--no-slave-licence",

@@ -16,7 +16,7 @@ _PORT = 8450
 
 
 def tester(
-    *urls: Annotated[str, Parameter(help=tr("Addresses of controllers to connect to."))],
+    *urls: Annotated[str, Parameter(name="URL", help=tr("Addresses of controllers to connect to."))],
     http: Annotated[
         str,
         Parameter(
