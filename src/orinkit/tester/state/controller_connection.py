@@ -103,6 +103,8 @@ class ControllerConnection(Connection):
             option=spec.option,
             timeout=spec.timeout / 1000 if spec.timeout else None,
             tries=spec.tries,
+            messages=spec.messages,
+            debug=spec.debug,
             token=spec.token,
             trace=self._packets.tracer(spec.name, spec.scheme) if trace else None,
             **options,
