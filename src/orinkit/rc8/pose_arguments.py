@@ -150,7 +150,11 @@ def _begins_with_index(elements: Sequence[Variant]) -> bool:
     """Return True if numbers are index, type and pass, False if they are values."""
     if len(elements) > _MOST_OF_ONE_TYPE:
         return False
-    return elements[0].type in INTEGERS or (len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:]))
+    first = elements[0]
+    if first.type in INTEGERS:
+        return True
+    whole = float(first.value).is_integer()
+    return whole and len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:])
 
 
 def _kind_and_values(given: Variant) -> tuple[Kind, tuple[float, ...]]:

@@ -32,6 +32,7 @@ _EXTRA: Final = re.compile(r"\bEXA?\s*\(.*", re.IGNORECASE | re.DOTALL)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
 _BETWEEN: Final = re.compile(r"[\s,]*")
 _PAIR: Final = 2
+_NUMBERS: Final = NUMERIC | {int(VarType.BSTR)}
 
 
 class Amount(NamedTuple):
@@ -135,10 +136,10 @@ def _axes_in_elements(given: Sequence[Variant]) -> AxisValues:
 
 
 def _is_pair(given: Variant) -> bool:
-    """Return True if an array has two numbers."""
+    """Return True if an array has two elements, which are numbers or texts."""
     if not given.type & ARRAY or len(given.value) != _PAIR:
         return False
-    return all(each.type in NUMERIC for each in parameters.elements(given))
+    return all(each.type in _NUMBERS for each in parameters.elements(given))
 
 
 def _is_element(parts: Sequence[Variant]) -> bool:
