@@ -232,7 +232,9 @@ class _ModelReader:
             row.get("acceleration", velocity / DEFAULT_SECONDS_TO_SPEED), f"{key}.acceleration"
         )
         slave_acceleration = (
-            self._positive(row["slave_acceleration"], f"{key}.slave_acceleration") if "slave_acceleration" in row else 0.0
+            self._positive(row["slave_acceleration"], f"{key}.slave_acceleration")
+            if "slave_acceleration" in row
+            else 0.0
         )
         linear = row.get("linear", False)
         if not isinstance(linear, bool):

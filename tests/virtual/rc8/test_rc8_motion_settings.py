@@ -135,7 +135,10 @@ def test_arch_move(cell, start, end):
      ((ARCH, 5000.0), hresult.OUT_OF_WORKING_RANGE)],
 )  # fmt: skip
 def test_arguments_of_arch_move(cell, parameters, code):
-    assert refused(cell, "ArchMove", *parameters) in (code, hresult.TARGET_OUT_OF_RANGE if code == hresult.OUT_OF_WORKING_RANGE else code)
+    assert refused(cell, "ArchMove", *parameters) in (
+        code,
+        hresult.TARGET_OUT_OF_RANGE if code == hresult.OUT_OF_WORKING_RANGE else code,
+    )
     assert not cell.arm.busy
 
 
@@ -352,7 +355,10 @@ def test_values_of_speed(cell, command, parameters, percent):
     cell.robot.speed(-1, result.plain)
 
 
-@pytest.mark.parametrize(("command", "parameters"), [("MPS", [0.0]), ("MPS", [2000.0]), ("RPM", [1, 1000.0]), ("RPM", [9, 1.0]), ("DPS", [0, 5.0])])
+@pytest.mark.parametrize(
+    ("command", "parameters"),
+    [("MPS", [0.0]), ("MPS", [2000.0]), ("RPM", [1, 1000.0]), ("RPM", [9, 1.0]), ("DPS", [0, 5.0])],
+)
 def test_values_of_speed_out_of_range(cell, command, parameters):
     assert refused(cell, command, *parameters) in (hresult.VALUE_OUT_OF_RANGE, hresult.E_INVALIDARG)
 

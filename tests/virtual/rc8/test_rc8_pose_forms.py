@@ -85,7 +85,9 @@ def test_forms_of_a_joint_position(cell, form):
     assert cell.arm.queue.joints == pytest.approx(J[:6])
 
 
-@pytest.mark.parametrize("form", ["J(1, 2, 93, 4)", parts(r8(1.0, 2.0, 93.0, 4.0), "J"), parts(r4(1.0, 2.0, 93.0, 4.0), 2)])
+@pytest.mark.parametrize(
+    "form", ["J(1, 2, 93, 4)", parts(r8(1.0, 2.0, 93.0, 4.0), "J"), parts(r4(1.0, 2.0, 93.0, 4.0), 2)]
+)
 @pytest.mark.guide("5.2.25, App. B Move")
 def test_joints_that_are_not_given_keep_their_positions(cell, form):
     cell.stand(0, 45, 90, 0, 41, 7)
@@ -141,7 +143,9 @@ LENGTHS = {
 
 
 @pytest.mark.parametrize("form", LENGTHS)
-@pytest.mark.parametrize("base", ["P70", parts(70, "P"), parts(r8(*P), "P"), parts(parts(*P), "P")], ids=["text", "index", "raw", "nested"])
+@pytest.mark.parametrize(
+    "base", ["P70", parts(70, "P"), parts(r8(*P), "P"), parts(parts(*P), "P")], ids=["text", "index", "raw", "nested"]
+)
 @pytest.mark.field("2.3")
 @pytest.mark.guide("5.2.28.46 Approach")
 def test_approach(cell, base, form):
@@ -178,7 +182,9 @@ def test_a_pass_mark_in_the_base_of_approach_is_refused(cell):
     assert cell.code_of(lambda: cell.robot.execute("Approach", parts(PTP, "@P P70", "20"))) == hresult.E_INVALIDARG
 
 
-@pytest.mark.parametrize("form", ["@X 20", "20 mm", "", [20.0, "", "@P", None, 1], [[1.0, 2.0], "", "@P"], "20 EX(9, 1)"])
+@pytest.mark.parametrize(
+    "form", ["@X 20", "20 mm", "", [20.0, "", "@P", None, 1], [[1.0, 2.0], "", "@P"], "20 EX(9, 1)"]
+)
 def test_what_is_not_a_length(cell, form):
     codes = (hresult.E_INVALIDARG, hresult.DISP_E_TYPEMISMATCH)
     assert cell.code_of(lambda: cell.robot.execute("Depart", parts(LINE, form))) in codes
@@ -214,7 +220,10 @@ def test_draw_is_relative_to_the_work_frame(cell):
     assert cell.tip[:3, :3] == pytest.approx(before[:3, :3], abs=1e-6)
 
 
-@pytest.mark.parametrize(("form", "code"), [("P70", hresult.DISP_E_TYPEMISMATCH), ("V1, V1", hresult.E_INVALIDARG), (5, hresult.DISP_E_TYPEMISMATCH)])
+@pytest.mark.parametrize(
+    ("form", "code"),
+    [("P70", hresult.DISP_E_TYPEMISMATCH), ("V1, V1", hresult.E_INVALIDARG), (5, hresult.DISP_E_TYPEMISMATCH)],
+)
 def test_what_is_not_a_vector(cell, form, code):
     assert cell.code_of(lambda: cell.robot.execute("Draw", parts(LINE, form))) == code
 
@@ -256,7 +265,9 @@ def test_one_axis_with_a_pass_mark(cell, form):
     assert cell.arm.queue.joints[0] == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("form", [[], ["@0"], ["(1, 10) x"], [[1.0]], [[[1, 2, 3]]], [["a", "b"]], [[0, 5.0]], [[7, 5.0]], [1, 10.0]])
+@pytest.mark.parametrize(
+    "form", [[], ["@0"], ["(1, 10) x"], [[1.0]], [[[1, 2, 3]]], [["a", "b"]], [[0, 5.0]], [[7, 5.0]], [1, 10.0]]
+)
 def test_what_is_not_an_axis(cell, form):
     codes = (hresult.E_INVALIDARG, hresult.DISP_E_TYPEMISMATCH)
     assert cell.code_of(lambda: cell.robot.execute("DriveEx", parts(*form))) in codes
@@ -300,7 +311,9 @@ def test_planes_of_the_tool(cell, plane, axis):
 
 @pytest.mark.parametrize("plane", ["XYZ", "X", "HXY", "", "V1 V2", "V1 V2 V3 V4", "V1;V2;V3"])
 def test_what_is_not_a_plane(cell, plane):
-    assert cell.code_of(lambda: cell.robot.rotate(variant(plane), 10.0, variant("V(0, 0, 0)"), "")) == hresult.E_INVALIDARG
+    assert (
+        cell.code_of(lambda: cell.robot.rotate(variant(plane), 10.0, variant("V(0, 0, 0)"), "")) == hresult.E_INVALIDARG
+    )
 
 
 @pytest.mark.guide("5.2.23 Change")

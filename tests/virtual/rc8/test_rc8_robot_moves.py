@@ -622,10 +622,6 @@ def test_marks_of_approach_and_depart(cell):
         assert cell.execute(name, [*rest, "@0 40", "SPEED=10,NEXT"]) is None
         assert cell.arm.busy
         cell.run(cell.robot.halt(""))
-    cell.stand(*HOME)
-    assert cell.cycles(cell.robot.execute("Approach", variant([1, "@E " + POSE, 40]))) == 3 + cell.cycles(
-        cell.stand(*HOME).robot.execute("Approach", variant([1, POSE, 40]))
-    )
 
 
 # --- drive, rotate, home ----------------------------------------------------------------------------------------------

@@ -105,7 +105,10 @@ def test_a_strict_controller_answers_only_the_commands_of_slave_mode():
         assert cell.code_of(lambda command=command: raw(cell, command)) == hresult.REFUSED_IN_SLAVE_MODE
     for command in ("SysState", "ClearError", "ManualReset"):
         call = cell.controller.execute
-        assert cell.code_of(lambda call=call, command=command: call(command, variant(None))) == hresult.REFUSED_IN_SLAVE_MODE
+        assert (
+            cell.code_of(lambda call=call, command=command: call(command, variant(None)))
+            == hresult.REFUSED_IN_SLAVE_MODE
+        )
     assert raw(cell, "GetSrvData", 4).type == R8S
     assert cell.mode == J0
     cell.close()
@@ -159,7 +162,9 @@ def test_flags_of_axes_that_do_not_exist_are_refused(cell, flags):
 def test_flags_of_robot_axes_belong_to_joints_only(cell):
     cell.on(P0)
     pose = raw(cell, "CurPos").plain
-    assert cell.code_of(lambda: cell.robot.execute("slvMove", variant([*pose, float(0x40003F)]))) == hresult.E_INVALIDARG
+    assert (
+        cell.code_of(lambda: cell.robot.execute("slvMove", variant([*pose, float(0x40003F)]))) == hresult.E_INVALIDARG
+    )
 
 
 USER_SENT, USER_BACK = 0x200, 0x202

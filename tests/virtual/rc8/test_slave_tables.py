@@ -62,7 +62,9 @@ class SlaveCell(Cell):
     """A cell whose client has the arm, and its use of slave mode."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**{"strict": True, "strict_time": True, "user_io_unit": "bytes", **options})  # as in the document
+        super().__init__(
+            **{"strict": True, "strict_time": True, "user_io_unit": "bytes", **options}
+        )  # as in the document
         self.take()
 
     def on(self, mode: int = 0x002) -> SlaveCell:
@@ -871,7 +873,7 @@ def underflow(cell: SlaveCell) -> int:
 
 
 def leap(cell: SlaveCell) -> int:
-    cell.feed([j(0.2)])
+    cell.feed([j(0.8)])
     return ACCELERATION_OVER + 1
 
 

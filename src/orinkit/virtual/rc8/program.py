@@ -139,9 +139,7 @@ class TaskHost:
         """Switch the motor on or off."""
         name = "Motor on" if on else "Motor off"
         require(name, self._arm, self._operator)
-        return _until(
-            self._arm.switch_motor(on, self._operator, lambda: require(name, self._arm, self._operator))
-        )
+        return _until(self._arm.switch_motor(on, self._operator, lambda: require(name, self._arm, self._operator)))
 
     def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
         """Move to one or more poses, or along a stored path."""

@@ -80,7 +80,9 @@ def _arch_move(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("ArchMove", caller.state.arm, caller)
     given = parameters.at_least(parameter, 2)
     if len(given) > 4:
-        raise error_for(hresult.E_INVALIDARG, tr("got {given} parameters, expected {wanted}", given=len(given), wanted="2..4"))
+        raise error_for(
+            hresult.E_INVALIDARG, tr("got {given} parameters, expected {wanted}", given=len(given), wanted="2..4")
+        )
     heights = [conversion.double(each) for each in given[1:]] + [0.0] * (4 - len(given))
     options = MotionOptions()
     plans = caller.state.moves.arch(parameters.pose(given[0]), ArchHeights(*heights), options)
@@ -117,9 +119,7 @@ def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
 
 def _check_group(group: int) -> None:
     if not _OWN_GROUP <= group <= _LAST_GROUP:
-        raise error_for(
-            hresult.VALUE_OUT_OF_RANGE, tr("arm group {group} is not in -1 to 31", group=group)
-        )
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group} is not in -1 to 31", group=group))
 
 
 def _options(given: list[Variant]) -> MotionOptions:

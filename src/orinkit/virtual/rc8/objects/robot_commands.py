@@ -250,7 +250,10 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
         *(RobotCommand(name, run, reads=False) for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS).items()),
         *(RobotCommand(name, run) for name, run in (MOTION_QUERIES | ACCURACY_QUERIES).items()),
-        *(RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED) for name in OF_CONTROLLER),
+        *(
+            RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED)
+            for name in OF_CONTROLLER
+        ),
         RobotCommand("SetToolDef", _define("SetToolDef", tool=True), reads=False),
         RobotCommand("GetToolDef", _defined(tool=True)),
         RobotCommand("SetWorkDef", _define("SetWorkDef", tool=False), reads=False),

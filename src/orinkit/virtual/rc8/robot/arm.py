@@ -476,7 +476,9 @@ class RC8Arm:
         wait.ended = self.seconds() if wait.ended is None else wait.ended
         if (self.seconds() - wait.ended) * 1000 < self.accuracy.timeout:
             return False
-        wait.done.set_exception(error_for(hresult.E_TIMEOUT, tr("the encoders have not arrived in time (MotionTimeout)")))
+        wait.done.set_exception(
+            error_for(hresult.E_TIMEOUT, tr("the encoders have not arrived in time (MotionTimeout)"))
+        )
         return True
 
     def _at_rest(self) -> bool:

@@ -186,9 +186,7 @@ class MotionPlanner:
         end = self._space.with_extra(extra, start, tuple(joints))
         return self.ptp(end, mark or self._options.mark, start)
 
-    def rotate(
-        self, axis: Matrix, point: Matrix, angle: float, start: Joints, extra: Extra | None = None
-    ) -> Motion:
+    def rotate(self, axis: Matrix, point: Matrix, angle: float, start: Joints, extra: Extra | None = None) -> Motion:
         """Plan a rotation by ``angle`` deg about an axis through a point, vectors of the base frame in mm."""
         return planner.plan_rotation(
             self._space.kinematics, start, axis, point, angle, self._tool(), self._path_rates(),

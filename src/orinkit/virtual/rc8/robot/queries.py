@@ -181,7 +181,8 @@ def rpm(arm: RC8Arm, parameter: Variant) -> Variant:
 
 def dps(arm: RC8Arm, parameter: Variant) -> Variant:
     """DPS: return the value of SPEED, %, for a velocity in deg/s: of an axis by PTP, or of the tool on a path."""
-    if len(parameters.elements(parameter)) > 1 or "," in str(parameter.value):
+    one_text = isinstance(parameter.value, str) and "," in parameter.value
+    if one_text or len(parameters.elements(parameter)) > 1:
         axis, velocity = parameters.numbers(parameter, None, None)
         return _percent(velocity, _velocity(arm, axis))
     (velocity,) = parameters.numbers(parameter, None)

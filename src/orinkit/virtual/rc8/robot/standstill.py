@@ -58,9 +58,7 @@ class StandstillActions:
 
     def drop(self, error: CallError, operator: Operator | None = None) -> None:
         """Drop the revocable actions of an operator, or all actions if no operator is given; their calls fail."""
-        dropped = [
-            each for each in self._actions if operator is None or (each.revocable and each.operator is operator)
-        ]
+        dropped = [each for each in self._actions if operator is None or (each.revocable and each.operator is operator)]
         self._actions = [each for each in self._actions if each not in dropped]
         for action in dropped:
             action.done.set_exception(error)
