@@ -25,6 +25,7 @@ from orinkit.client._shared.stream_options import (
 )
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
 from orinkit.streaming.process.shared_memory import Outputs, StreamCommand
@@ -36,6 +37,7 @@ from orinkit.transport.runner import asleep
 from orinkit.values.poses import J, P, T
 
 
+@public("orinkit.aio")
 class AsyncStream(AsyncSlaveMode):
     """A context manager for slave mode, returned by ``Robot.slave_mode``.
 
