@@ -268,7 +268,6 @@ class Clicks:
         """Click, and measure the time until the page has reacted."""
         number = len(self.times)
         element = self._target(number)
-        element.scroll_into_view_if_needed()
         box = element.bounding_box()
         self._page.evaluate(CLICKED, [self._tests[number % 2]])
         self._page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -308,6 +307,8 @@ def clicks_of(context: Any, url: str) -> dict[str, Clicks]:
 
 def together(opened: Any, tester: Tester, seconds: float, count: int, stalls: Stalls, report: Report) -> None:
     """Measure three pages, a stream and logged packets at the same time."""
+    from playwright.sync_api import Error
+
     context = opened.new_context(viewport={"width": 1360, "height": 900})
     context.set_default_timeout(PATIENCE * 1000)
     clicks = clicks_of(context, tester.url)
@@ -321,8 +322,11 @@ def together(opened: Any, tester: Tester, seconds: float, count: int, stalls: St
     for number in range(count):
         due = began + number * pause
         time.sleep(max(0.0, due - time.monotonic()))
-        for each in clicks.values():
-            each.click()
+        for what, each in clicks.items():
+            try:
+                each.click()
+            except Error as error:  # the page was loaded again, or does not react
+                raise SystemExit(f"{what}, click {number}: {error}") from error
     figures = tester.do("report")
     while not (stream := tester.do("report")["stream"])["finished"]:
         time.sleep(0.1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Final
 
-from nicegui import ui
+from nicegui import Client, ui
 
 from orinkit.core.i18n import N_
 from orinkit.tester.state.workspace import Workspace
@@ -66,7 +66,24 @@ def _register(page: Page, workspace: Workspace) -> None:
     @ui.page(page.path, response_timeout=_LONGEST_BUILD)
     async def show() -> None:
         session = open_session(workspace)
+        complete = _hold_back(session.client)
         with frame(session, page, PAGES):
             await asyncio.sleep(0)
             for _ in build(session) or ():
                 await asyncio.sleep(0)
+        complete.set()
+
+
+def _hold_back(client: Client) -> asyncio.Event:
+    """Let timers wait until the page is complete; return the event for it.
+
+    A task that waits for the connection of the browser makes NiceGUI deliver the page as far as it has been built.
+    """
+    complete, connected = asyncio.Event(), client.connected
+
+    async def wait(timeout: float | None = None) -> None:
+        await complete.wait()
+        await connected(timeout)
+
+    client.connected = wait  # type: ignore[method-assign]
+    return complete
