@@ -47,19 +47,42 @@ class PageSession:
     dark: bool
     chosen: str = ""
 
-    _entered: bool = field(default=False, init=False)
+    _present: bool = field(default=False, init=False)
+    _arrivals: list[Callable[[], Any]] = field(default_factory=list, init=False)
+    _departures: list[Callable[[], Any]] = field(default_factory=list, init=False)
 
-    def enter(self) -> None:
-        """Note that the browser has opened the page, or has connected again."""
-        if not self._entered:
-            self._entered = True
+    def connected(self) -> None:
+        """Note that the browser has opened a connection to the page: the first one, or a further one."""
+        if not self._present:
+            self._present = True
             self.workspace.controls.enter(self.user)
+            for each in self._arrivals:
+                self.client.safe_invoke(each)
 
-    def leave(self) -> None:
-        """Note that the page has been closed, or the browser cannot be reached."""
-        if self._entered:
-            self._entered = False
+    def disconnected(self) -> None:
+        """Note that a connection of the browser has ended.
+
+        A browser that connects again may open the new connection before the Tester notices the end of the previous one.
+        Then the user remains present.
+        """
+        if self._present and not self.client.has_socket_connection:
+            self._present = False
             self.workspace.controls.leave(self.user)
+            for each in self._departures:
+                self.client.safe_invoke(each)
+
+    def while_connected(self, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:
+        """Register callbacks, possibly asynchronous, for the first connection of the browser and for the end of the last one.
+
+        Both are invoked again if the browser connects again later.
+        """
+        self._arrivals.append(enter)
+        self._departures.append(leave)
+
+    @property
+    def is_present(self) -> bool:
+        """True while at least one connection of the browser to the page is open."""
+        return self._present
 
     @property
     def connection(self) -> Connection | None:
@@ -114,8 +137,8 @@ def open_session(workspace: Workspace) -> PageSession:
         request.query_params.get("connection") or cookies.get(CONNECTION_COOKIE, ""),
     )
     _SESSIONS[client.id] = session
-    client.on_connect(session.enter)
-    client.on_disconnect(session.leave)
+    client.on_connect(session.connected)
+    client.on_disconnect(session.disconnected)
     client.on_delete(lambda: _SESSIONS.pop(client.id, None))
     return session
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from nicegui import ui
 
 from orinkit.core.errors import InvalidAddress, InvalidValue
@@ -25,10 +27,15 @@ class ConnectionForm:
 
     def __init__(self, session: PageSession) -> None:
         self._session = session
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
+        session = self._session
         with ui.element("section").classes("ok-card").props("data-testid=connection-form"):
             ui.label(tr("New connection")).classes("ok-card-title")
             self._build_saved()
-            self._build_fields()
+            yield
+            yield from self._build_fields()
             self._errors = ErrorBox("error-form")
             with ui.element("div").classes("ok-row"):
                 self._connect = (
@@ -44,7 +51,7 @@ class ConnectionForm:
         self._saved.props("outlined dense").props("data-testid=saved")
         self._saved.visible = bool(saved)
 
-    def _build_fields(self) -> None:
+    def _build_fields(self) -> Iterator[None]:
         self.scheme = ui.toggle(
             {"tcp": "TCP", "udp": "UDP", "serial": "Serial", "http": "HTTP", "can": "CAN"}, value="tcp"
         )
@@ -53,6 +60,7 @@ class ConnectionForm:
         self.url.props("outlined dense").classes("ok-mono").props("data-testid=url").without_auto_validation()
         self.name = ui.input(tr("Name")).props("outlined dense").props("data-testid=name")
         with ui.expansion(tr("More parameters")).props("dense"):
+            yield
             self._build_parameters()
         self.scheme.on_value_change(lambda: self.url.props(f"placeholder={_EXAMPLES[self.scheme.value]}"))
 
