@@ -28,7 +28,7 @@ def build(session: PageSession) -> None:
         for key in KINDS:
             _simulator_card(session, key)
     ui.element("div").style("height: 16px")
-    with ui.element("div").classes("ok-columns"):
+    with ui.element("div").classes("ok-columns ok-even"):
         with ui.element("section").classes("ok-card"):
             ui.label(tr("Open connections")).classes("ok-card-title")
             _connection_list(session)
