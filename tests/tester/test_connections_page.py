@@ -45,7 +45,7 @@ def test_the_connection_of_the_command_line_is_open(page, bench):
 def test_string_and_fields_follow_each_other_and_the_string_can_be_chosen_again(page, bench):
     server = bench.server.url.removeprefix("tcp://")
     open_parameters(page)
-    fill(page, "string", f'Server={server}, UDP=0, Timeout=8000, TORetry=9, Machine=here, Option="A=1,B=*", Message=0')
+    fill(page, "string", f'Server={server}, UDP=0, Timeout=8000, TORetry=9, Machine=here, Option="@EventDisable=False,Wpj=*", Message=0')
     expect(page.get_by_test_id("url")).to_have_value(bench.server.url)
     expect(page.get_by_test_id("field-timeout")).to_have_value("8000")
     expect(page.get_by_test_id("field-tries")).to_have_value("7")
@@ -54,20 +54,39 @@ def test_string_and_fields_follow_each_other_and_the_string_can_be_chosen_again(
     page.get_by_test_id("field-debug").click()
     string = (
         f"Server={server}, UDP=False, Timeout=8000, TORetry=7, Provider=CaoProv.DENSO.VRC, Machine=there, "
-        'Option="A=1,B=*", Message=False, Debug=True'
+        'Option="@EventDisable=False,Wpj=*", Message=False, Debug=True'
     )
     expect(page.get_by_test_id("string")).to_have_value(string)
     fill(page, "name", "by string")
     with received_packets() as received:
         page.get_by_test_id("connect").click()
         arguments = received.wait_for(f.controller_connect).arguments
-    assert [Variant(VarType.BSTR, text) for text in ("CaoProv.DENSO.VRC", "there", "A=1,B=*")] == arguments[1:4]
+    assert [Variant(VarType.BSTR, text) for text in ("CaoProv.DENSO.VRC", "there", "@EventDisable=False,Wpj=*")] == arguments[1:4]
     page.get_by_test_id("connection-by string").get_by_text("connected", exact=True).wait_for()
     page.reload()
     page.get_by_test_id("string-history").click()
     page.get_by_test_id("string-0").get_by_text(string).click()
     expect(page.get_by_test_id("url")).to_have_value(bench.server.url)
     expect(page.get_by_test_id("string")).to_have_value(string)
+
+
+@pytest.mark.soak
+def test_connect_and_disconnect(page, bench):
+    fill(page, "url", bench.server.url)
+    fill(page, "name", "twice")
+    row = page.get_by_test_id("connection-twice")
+    with received_packets() as received:
+        page.get_by_test_id("connect").click()
+        row.get_by_text("connected", exact=True).wait_for()
+        row.get_by_role("button", name="Disconnect").click()
+        row.get_by_text("not connected", exact=True).wait_for()
+        received.wait_for(f.controller_disconnect)
+        row.get_by_role("button", name="Connect", exact=True).click()
+        row.get_by_text("connected", exact=True).wait_for()
+        row.get_by_role("button", name="Remove").click()
+        row.wait_for(state="detached")
+        received.wait_for(f.controller_disconnect, 2)
+        assert len(received.of(f.controller_connect)) >= 2
 
 
 @pytest.mark.soak
