@@ -1,4 +1,4 @@
-"""What the pages of the Tester show in their pictures: THE TABLE :data:`FILLS`, for tools/pictures.py.
+"""Contents of the pictures of the Tester: THE TABLE :data:`FILLS`, for tools/pictures.py.
 
 A page without a row is taken as it opens. A row is a context manager: it fills the page, and ends what it has started
 after the picture has been taken.
@@ -12,12 +12,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+import orinkit
 from orinkit.core.i18n import translate
 
 LONG_STRING: Final = (
     "Server=192.168.0.1:5007, UDP=True, Timeout=800, TORetry=3, Provider=CaoProv.DENSO.VRC, Machine=192.168.0.1, "
     'Option="@EventDisable=False,Wpj=*", Message=True, Debug=True'
 )
+EARLIER_STRINGS: Final = [LONG_STRING, "Server=192.168.0.2:5007, UDP=False, Timeout=500, Provider=CaoProv.DENSO.VRC9"]
+_COMMAND: Final = "Dev"
+_HOME: Final = "J(0, 45, 90, 0, 45, 0)"
+_HIDDEN_LINES: Final = ("[7]", "[6]", "[5]", "[3]")  # their values are constant
 _HISTORY: Final = 14_000  # ms of values in the plot of the page Monitor
 _JOGGED: Final = 2_000  # ms
 
@@ -91,6 +96,8 @@ def press(page: Any, button: str) -> None:
 def arm(visit: Visit) -> Iterator[None]:
     """Jog the tool, and hold a button while the picture is taken."""
     page = visit.page
+    move_home(visit)
+    page.bring_to_front()
     enable_jogging(page)
     visit.by("jog-frame").get_by_role("button").nth(1).click()  # base
     visit.by("jog-z-").wait_for()
@@ -106,10 +113,23 @@ def arm(visit: Visit) -> Iterator[None]:
         if not moving.count() or page.locator(".ok-jog-notice").count():
             raise NotShownError(visit.by("jog-message").inner_text())
         yield
+        if not moving.count():
+            raise NotShownError(visit.by("jog-message").inner_text())
     finally:
         page.mouse.up()
-        visit.by("jog-enable").click()
-        page.locator('[data-jog="1+"][aria-disabled="true"]').wait_for()
+        if page.locator('[data-jog="1+"][aria-disabled="false"]').count():
+            visit.by("jog-enable").click()
+            page.locator('[data-jog="1+"][aria-disabled="true"]').wait_for()
+
+
+def move_home(visit: Visit) -> None:
+    """Switch the motor on and move the arm to its first pose."""
+    with visit.open_page("/arm") as page:
+        motor_on(page)
+    with visit.open_page("/") as page:
+        url = page.get_by_text("tcp://127.0.0.1:").first.inner_text()
+    with orinkit.connect(url) as rc8, rc8.robot("Arm") as robot, robot.arm():
+        robot.move(_HOME, "@E", speed=50)
 
 
 # --- programs and variables -------------------------------------------------------------------------------------------
@@ -125,6 +145,7 @@ def _running(page: Any) -> Iterator[None]:
     row = page.get_by_test_id("task-Pro1")
     row.get_by_test_id("start").click()
     row.locator('[data-testid="status"].ok-good').wait_for()
+    page.mouse.move(0, 0)
     try:
         yield
     finally:
@@ -148,7 +169,7 @@ def monitor(visit: Visit) -> Iterator[None]:
     page = visit.page
     with visit.open_page("/arm") as arm_page:
         motor_on(arm_page)
-        arm_page.get_by_test_id("pendant-error-code").fill("83204071")
+        arm_page.get_by_test_id("pendant-error-code").fill("0x83204071")
         arm_page.get_by_test_id("pendant-raise").click()
         arm_page.locator('[data-testid="chip-error"].ok-bad').wait_for()
         arm_page.get_by_test_id("pendant-clear").click()
@@ -167,6 +188,9 @@ def monitor(visit: Visit) -> Iterator[None]:
         row.locator('[data-testid="plot"]').click()
         visit.by("plot-window").click()
         page.get_by_role("option").first.click()
+        page.mouse.move(0, 0)
+        for name in _HIDDEN_LINES:
+            page.locator(".q-chip").filter(has_text=name).locator(".q-chip__icon--remove").click()
         page.wait_for_timeout(_HISTORY)
         yield
 
@@ -182,6 +206,7 @@ def connections(visit: Visit) -> Iterator[None]:
     visit.by("name").fill("RC8")
     visit.page.get_by_text(visit.text("More parameters")).click()
     visit.by("field-machine").wait_for()
+    visit.page.mouse.move(0, 0)
     yield
 
 
@@ -195,7 +220,7 @@ def _add(visit: Visit, kind: str, name: str) -> None:
 
 @contextmanager
 def objects(visit: Visit) -> Iterator[None]:
-    """Add objects, and convert a position with a command of the robot."""
+    """Add objects, and compute a position with a command of the robot."""
     page = visit.page
     visit.by("object-handle").wait_for()
     controller = visit.by("tree").get_by_role("treeitem").nth(1)
@@ -206,12 +231,13 @@ def objects(visit: Visit) -> Iterator[None]:
         _add(visit, "Variable", "@CURRENT_POSITION")
     visit.by("tree").get_by_role("treeitem").filter(has_text="Arm").last.click()
     visit.by("tab-Execute").click()
-    visit.by("command").fill("P2J")
+    visit.by("command").fill(_COMMAND)
     visit.by("command-hint").filter(has_text=":").wait_for()
-    visit.by("parameter").fill("P(400, 0, 300, 180, 0, 180, 5)")
+    visit.by("parameter").fill("P(400, 0, 300, 180, 0, 180, 5), P(0, 50, 20, 0, 0, 0)")
     page.wait_for_timeout(500)
     visit.by("execute").click()
     visit.by("result-value").wait_for()
+    page.mouse.move(0, 0)
     yield
 
 
@@ -219,11 +245,10 @@ def objects(visit: Visit) -> Iterator[None]:
 def slave_move(visit: Visit) -> Iterator[None]:
     """Draw a circle in space."""
     page = visit.page
-    with visit.open_page("/arm") as arm_page:
-        motor_on(arm_page)
+    move_home(visit)
     page.bring_to_front()
     visit.by("shape").get_by_role("button").nth(2).click()  # circle
-    visit.by("radius").fill("60")
+    visit.by("radius").fill("40")
     visit.by("period").fill("4")
     visit.by("repetitions").fill("2")
     page.wait_for_timeout(2000)
@@ -233,15 +258,16 @@ def slave_move(visit: Visit) -> Iterator[None]:
     page.locator('[data-testid="start"]:not(.disabled)').wait_for()
     if not page.locator('[data-testid="step-give_arm"].ok-sm-done').count() or page.locator(".ok-sm-warned").count():
         raise NotShownError(visit.by("outcome").inner_text())
+    page.mouse.move(0, 0)
     yield
 
 
 @contextmanager
 def packets(visit: Visit) -> Iterator[None]:
-    """Select the request of the conversion that the page Objects has made."""
+    """Select the request of the computation that the page Objects has made."""
     page = visit.page
     page.locator("[data-number]").first.wait_for()
-    visit.by("filter-text").fill("P2J")
+    visit.by("filter-text").fill(_COMMAND)
     page.wait_for_timeout(1500)
     found = page.locator("[data-number]").last
     number = found.get_attribute("data-number")

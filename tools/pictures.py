@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import base64
 import io
+import json
 import os
 import shutil
 import signal
@@ -26,25 +27,32 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 from urllib.parse import urlencode
 
+from PIL import Image, ImageColor
+from playwright.sync_api import TimeoutError as PageTimeout
+from playwright.sync_api import sync_playwright
+
 from orinkit.core.i18n import Language, translate
 from orinkit.tester.pages import PAGES
 from orinkit.tester.state.simulators import KINDS
-from picture_pages import FILLS, NotShownError, Visit, enable_jogging, press, set_slider
-from PIL import Image
+from picture_pages import EARLIER_STRINGS, FILLS, NotShownError, Visit, enable_jogging, press, set_slider
 
 PICTURES: Final = Path(__file__).parents[1] / "docs" / "pictures"
+FAILED: Final = Path(__file__).parents[1] / "build" / "picture-failed.png"
 LANGUAGES: Final[tuple[Language, ...]] = ("en", "ja")
 _WIDTH: Final = 1360
 _HEIGHTS: Final = range(760, 1601)
 _PHONE: Final = (400, 860)
 _LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to 256 colours
 _ATTEMPTS: Final = 5
-_PATIENCE: Final = 90_000  # ms
+_PATIENCE: Final = 60_000  # ms
 _SETTLE: Final = 1_200  # ms
 _CHROMIUM: Final = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
     "--force-color-profile=srgb", "--font-render-hinting=none",
+)  # fmt: skip
+_STATE_COLOURS: Final = (
+    "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
 )  # fmt: skip
 _FILM: Final = (1280, 720)  # pixels of the page
 _FILM_WIDTH: Final = 900  # pixels of the animation
@@ -108,6 +116,8 @@ def kind_of(path: str) -> str:
 @contextmanager
 def tester(language: Language, folder: Path) -> Iterator[str]:
     """Run a Tester with all virtual controllers; yield its address."""
+    (folder / "orinkit").mkdir()
+    (folder / "orinkit" / "connection-strings.json").write_text(json.dumps(EARLIER_STRINGS), "utf-8")
     virtual = [word for key in KINDS for word in ("--virtual", key)]
     process = subprocess.Popen(
         [sys.executable, "-m", "orinkit", "tester", "--http", "127.0.0.1:0", "--no-browser", *virtual],
@@ -160,7 +170,7 @@ class Studio:
             connection = translate(self.language, KINDS[kind_of(path)].label)
             query = urlencode({"lang": self.language, "dark": int(dark), "connection": connection})
             page.goto(f"{self._url}{path}?{query}")
-            page.locator("main").wait_for()
+            page.locator(".ok-main").wait_for()
             page.evaluate("document.fonts.ready")
             yield page
         finally:
@@ -172,28 +182,39 @@ class Studio:
             try:
                 with self.page(shot.path, dark=shot.dark, phone=shot.phone) as page:
                     self._fill_and_take(page, shot)
-                return
             except NotShownError as error:
                 print(f"{shot.name}.{self.language}: attempt {attempt}: {error}", flush=True)
+            else:
+                return
         sys.exit(f"{shot.name}.{self.language}: no picture after {_ATTEMPTS} attempts")
 
     def _fill_and_take(self, page: Any, shot: Shot) -> None:
         page.wait_for_timeout(_SETTLE)
+        self._fit(page, shot)
         fill = FILLS.get(shot.path)
         visit = Visit(page, self.language, self.page, self._folder)
         if fill is None:
             self._store(page, shot)
             return
-        with fill(visit):
-            self._store(page, shot)
+        try:
+            with fill(visit):
+                self._store(page, shot)
+        except PageTimeout as error:
+            FAILED.parent.mkdir(exist_ok=True)
+            page.screenshot(path=FAILED)
+            raise NotShownError(f"{error}".splitlines()[0] + f" ({FAILED})") from None
+
+    def _fit(self, page: Any, shot: Shot) -> None:
+        """Make the window as high as the page."""
+        page.evaluate("window.scrollTo(0, 0)")
+        wanted = int(page.evaluate("document.querySelector('.ok-main').getBoundingClientRect().bottom"))
+        height = min(max(wanted, _HEIGHTS.start), _HEIGHTS.stop - 1)
+        if not shot.phone and height != page.viewport_size["height"]:
+            page.set_viewport_size({"width": _WIDTH, "height": height})
+            page.wait_for_timeout(_SETTLE)
 
     def _store(self, page: Any, shot: Shot) -> None:
-        if not shot.phone:
-            page.evaluate("window.scrollTo(0, 0)")
-            wanted = page.evaluate("document.querySelector('main').getBoundingClientRect().bottom")
-            height = min(max(int(wanted), _HEIGHTS.start), _HEIGHTS.stop - 1)
-            page.set_viewport_size({"width": _WIDTH, "height": height})
-        page.wait_for_timeout(_SETTLE)
+        self._fit(page, shot)
         path = PICTURES / f"{shot.name}.{self.language}.png"
         size = store(page.screenshot(), path)
         print(f"{path.name}: {size / 1000:.0f} kB", flush=True)
@@ -229,8 +250,17 @@ def store(png: bytes, path: Path) -> int:
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     picture.save(path, optimize=True)
     if path.stat().st_size > _LARGEST:
-        picture.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+        picture.quantize(palette=_palette(picture), dither=Image.Dither.NONE).save(path, optimize=True)
     return path.stat().st_size
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """Return a palette of 256 colours, which contains the colours of states although they fill small areas."""
+    colours = [ImageColor.getrgb(name) for name in _STATE_COLOURS]
+    frequent = picture.quantize(256 - len(colours)).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(frequent[: 3 * (256 - len(colours))] + [part for colour in colours for part in colour])
+    return palette
 
 
 class Frame(NamedTuple):
@@ -279,7 +309,9 @@ def store_film(frames: list[Frame], path: Path) -> None:
     for at in times:
         while index + 1 < len(frames) and frames[index + 1].time <= at:
             index += 1
-        pictures.append(Image.open(io.BytesIO(frames[index].data)).convert("RGB").resize(size, Image.Resampling.LANCZOS))
+        pictures.append(
+            Image.open(io.BytesIO(frames[index].data)).convert("RGB").resize(size, Image.Resampling.LANCZOS)
+        )
     durations = [_FRAME] * (len(pictures) - 1) + [1200]
     pictures[0].save(
         path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, quality=72, method=4,
@@ -297,8 +329,6 @@ def main() -> None:
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         sys.exit("Chromium is missing. Debian, Ubuntu: apt-get install chromium fonts-noto-cjk")
-    from playwright.sync_api import sync_playwright
-
     PICTURES.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     with sync_playwright() as playwright:

@@ -14,7 +14,9 @@ PICTURES = ROOT / "docs" / "pictures"
 GUIDE = (ROOT / "docs" / "howto" / "tester.md").read_text(encoding="utf-8")
 READMES = {"en": "README.md", "ja": "README.ja.md"}
 LARGEST = {".png": 150_000, ".webp": 2_000_000}
-PAGES = re.findall(r'^    Page\("([^"]+)"', (ROOT / "src/orinkit/tester/pages/__init__.py").read_text("utf-8"), re.MULTILINE)
+PAGES = re.findall(
+    r'^    Page\("([^"]+)"', (ROOT / "src/orinkit/tester/pages/__init__.py").read_text("utf-8"), re.MULTILINE
+)
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
 TEST = re.compile(r"`([\w/]+\.py)::(test_\w+)`")
 

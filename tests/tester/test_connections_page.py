@@ -45,7 +45,11 @@ def test_the_connection_of_the_command_line_is_open(page, bench):
 def test_string_and_fields_follow_each_other_and_the_string_can_be_chosen_again(page, bench):
     server = bench.server.url.removeprefix("tcp://")
     open_parameters(page)
-    fill(page, "string", f'Server={server}, UDP=0, Timeout=8000, TORetry=9, Machine=here, Option="@EventDisable=False,Wpj=*", Message=0')
+    fill(
+        page,
+        "string",
+        f'Server={server}, UDP=0, Timeout=8000, TORetry=9, Machine=here, Option="@EventDisable=False,Wpj=*", Message=0',
+    )
     expect(page.get_by_test_id("url")).to_have_value(bench.server.url)
     expect(page.get_by_test_id("field-timeout")).to_have_value("8000")
     expect(page.get_by_test_id("field-tries")).to_have_value("7")
@@ -61,7 +65,9 @@ def test_string_and_fields_follow_each_other_and_the_string_can_be_chosen_again(
     with received_packets() as received:
         page.get_by_test_id("connect").click()
         arguments = received.wait_for(f.controller_connect).arguments
-    assert [Variant(VarType.BSTR, text) for text in ("CaoProv.DENSO.VRC", "there", "@EventDisable=False,Wpj=*")] == arguments[1:4]
+    assert [
+        Variant(VarType.BSTR, text) for text in ("CaoProv.DENSO.VRC", "there", "@EventDisable=False,Wpj=*")
+    ] == arguments[1:4]
     page.get_by_test_id("connection-by string").get_by_text("connected", exact=True).wait_for()
     page.reload()
     page.get_by_test_id("string-history").click()

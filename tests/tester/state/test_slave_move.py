@@ -135,8 +135,9 @@ def test_the_newest_set_point_is_used_in_mode_1(cell, tmp_path):
     modes = set()
 
     async def observe(_: Workspace, move: SlaveMove) -> None:
-        while not move.finished:  # noqa: ASYNC110
-            modes.add(cell.rc8.state.arm.slave.mode)
+        while not move.finished:
+            mode = cell.rc8.state.arm.slave.mode
+            modes.add(mode and mode.number)
             await asyncio.sleep(0.005)
 
     with logged(cell.rc8) as log:

@@ -73,9 +73,7 @@ class ConnectionForm:
             )
             self._machine = ui.input(tr("Machine"), placeholder="localhost")
             self._option = ui.input(tr("Option"))
-            self._timeout = ui.number(
-                tr("Time-out (ms)"), min=0, max=3_600_000, precision=0, placeholder=tr("default")
-            )
+            self._timeout = ui.number(tr("Time-out (ms)"), min=0, max=3_600_000, precision=0, placeholder=tr("default"))
             self._tries = ui.number(tr("Attempts (UDP, serial)"), value=5, min=1, max=7, precision=0)
             self._token = ui.input(tr("Access token (HTTP)"), password=True)
             self._driver = ui.number(tr("Driver address (CAN)"), value=1, min=1, max=63, precision=0)

@@ -24,7 +24,7 @@ def build(session: PageSession) -> None:
             "Connect to a controller, or start a virtual one on this computer. No hardware is required to try everything."
         )
     ).classes("ok-page-hint")
-    with ui.element("div").classes("ok-grid"):
+    with ui.element("div").classes("ok-grid ok-simulators"):
         for key in KINDS:
             _simulator_card(session, key)
     ui.element("div").style("height: 16px")
