@@ -24,7 +24,7 @@ _COMMAND: Final = "Dev"
 _HOME: Final = "J(0, 45, 90, 0, 45, 0)"
 _HIDDEN_LINES: Final = ("[7]", "[6]", "[5]", "[3]")  # their values are constant
 _HISTORY: Final = 14_000  # ms of values in the plot of the page Monitor
-_JOGGED: Final = 2_000  # ms
+_JOGGED: Final = 1_500  # ms
 
 
 class NotShownError(Exception):
@@ -79,6 +79,12 @@ def enable_jogging(page: Any) -> None:
     page.locator('[data-jog="1+"][aria-disabled="false"]').wait_for()
 
 
+def rest(page: Any) -> None:
+    """Move pointer and focus away from the elements."""
+    page.mouse.move(0, 0)
+    page.evaluate("document.activeElement?.blur()")
+
+
 def set_slider(page: Any, marker: str, value: int) -> None:
     """Set a slider by pointer."""
     slider = page.get_by_test_id(marker)
@@ -102,11 +108,11 @@ def arm(visit: Visit) -> Iterator[None]:
     visit.by("jog-frame").get_by_role("button").nth(1).click()  # base
     visit.by("jog-z-").wait_for()
     set_slider(page, "jog-speed", 60)
-    for button in ("y+", "z-", "y-"):
+    for button in ("y+", "z+", "y-"):
         press(page, button)
         page.wait_for_timeout(_JOGGED)
         page.mouse.up()
-    press(page, "z+")
+    press(page, "z-")
     page.wait_for_timeout(_JOGGED // 2)
     moving = page.locator('[data-testid="jog-state"].ok-warn')
     try:
@@ -145,7 +151,7 @@ def _running(page: Any) -> Iterator[None]:
     row = page.get_by_test_id("task-Pro1")
     row.get_by_test_id("start").click()
     row.locator('[data-testid="status"].ok-good').wait_for()
-    page.mouse.move(0, 0)
+    rest(page)
     try:
         yield
     finally:
@@ -188,7 +194,7 @@ def monitor(visit: Visit) -> Iterator[None]:
         row.locator('[data-testid="plot"]').click()
         visit.by("plot-window").click()
         page.get_by_role("option").first.click()
-        page.mouse.move(0, 0)
+        rest(page)
         for name in _HIDDEN_LINES:
             page.locator(".q-chip").filter(has_text=name).locator(".q-chip__icon--remove").click()
         page.wait_for_timeout(_HISTORY)
@@ -206,7 +212,7 @@ def connections(visit: Visit) -> Iterator[None]:
     visit.by("name").fill("RC8")
     visit.page.get_by_text(visit.text("More parameters")).click()
     visit.by("field-machine").wait_for()
-    visit.page.mouse.move(0, 0)
+    rest(visit.page)
     yield
 
 
@@ -237,7 +243,7 @@ def objects(visit: Visit) -> Iterator[None]:
     page.wait_for_timeout(500)
     visit.by("execute").click()
     visit.by("result-value").wait_for()
-    page.mouse.move(0, 0)
+    rest(page)
     yield
 
 
@@ -258,7 +264,7 @@ def slave_move(visit: Visit) -> Iterator[None]:
     page.locator('[data-testid="start"]:not(.disabled)').wait_for()
     if not page.locator('[data-testid="step-give_arm"].ok-sm-done').count() or page.locator(".ok-sm-warned").count():
         raise NotShownError(visit.by("outcome").inner_text())
-    page.mouse.move(0, 0)
+    rest(page)
     yield
 
 
@@ -277,6 +283,7 @@ def packets(visit: Visit) -> Iterator[None]:
     page.wait_for_timeout(1500)
     page.locator(f'[data-number="{number}"]').wait_for()
     field = visit.by("packet-bytes").locator("[data-field]").nth(9)
+    rest(page)
     if field.count():
         field.hover()
     yield

@@ -40,10 +40,10 @@ PICTURES: Final = Path(__file__).parents[1] / "docs" / "pictures"
 FAILED: Final = Path(__file__).parents[1] / "build" / "picture-failed.png"
 LANGUAGES: Final[tuple[Language, ...]] = ("en", "ja")
 _WIDTH: Final = 1360
-_HEIGHTS: Final = range(760, 1601)
+_HEIGHTS: Final = range(760, 2001)
 _PHONE: Final = (400, 860)
 _LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to 256 colours
-_ATTEMPTS: Final = 5
+_ATTEMPTS: Final = 8
 _PATIENCE: Final = 60_000  # ms
 _SETTLE: Final = 1_200  # ms
 _CHROMIUM: Final = (
@@ -52,7 +52,7 @@ _CHROMIUM: Final = (
     "--force-color-profile=srgb", "--font-render-hinting=none",
 )  # fmt: skip
 _STATE_COLOURS: Final = (
-    "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
+    "#ffffff", "#f5f7f9", "#18212b", "#0c1117", "#141b23", "#e0f2f7", "#0e7490", "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
 )  # fmt: skip
 _FILM: Final = (1280, 720)  # pixels of the page
 _FILM_WIDTH: Final = 900  # pixels of the animation
@@ -207,9 +207,11 @@ class Studio:
     def _fit(self, page: Any, shot: Shot) -> None:
         """Make the window as high as the page."""
         page.evaluate("window.scrollTo(0, 0)")
-        wanted = int(page.evaluate("document.querySelector('.ok-main').getBoundingClientRect().bottom"))
-        height = min(max(wanted, _HEIGHTS.start), _HEIGHTS.stop - 1)
-        if not shot.phone and height != page.viewport_size["height"]:
+        for _ in range(0 if shot.phone else 3):  # some elements are higher in a higher window
+            wanted = int(page.evaluate("document.querySelector('.ok-main').getBoundingClientRect().bottom"))
+            height = min(max(wanted, _HEIGHTS.start), _HEIGHTS.stop - 1)
+            if height == page.viewport_size["height"]:
+                return
             page.set_viewport_size({"width": _WIDTH, "height": height})
             page.wait_for_timeout(_SETTLE)
 
