@@ -104,7 +104,7 @@ def test_an_invalid_string_is_reported_beside_the_field_and_nothing_is_sent(page
             ('Server=a, Option="x', "is missing after"), ("Server=a, UDP=2", "True or False"),
         ):  # fmt: skip
             fill(page, "string", text)
-            expect(form.locator(".q-field__messages [role=alert]")).to_contain_text(problem)
+            expect(form.locator(".q-field__messages [role=alert]").last).to_contain_text(problem)
             page.get_by_test_id("connect").click()
             expect(page.get_by_test_id("error-form")).to_contain_text(problem)
         expect(page.get_by_test_id("url")).to_have_value("")

@@ -36,7 +36,7 @@ class ConnectionForm:
     def __init__(self, session: PageSession) -> None:
         self._session = session
         self._adopting = False  # True while the fields follow the string, or a saved connection
-        with ui.element("section").classes("ok-card").props("data-testid=connection-form"):
+        with ui.element("section").classes("ok-card ok-new").props("data-testid=connection-form"):
             ui.label(tr("New connection")).classes("ok-card-title")
             self._build_saved()
             self._build_fields()
@@ -63,7 +63,7 @@ class ConnectionForm:
         self._scheme.props("no-caps unelevated dense spread").props("data-testid=scheme")
         with ui.element("div").classes("ok-form"):
             self._url = ui.input(tr("Address"), placeholder=_EXAMPLES["tcp"]).classes("ok-mono")
-            self._url.props("outlined dense debounce=250 maxlength=4000 data-testid=url")
+            self._url.props("outlined dense debounce=250 maxlength=4000 data-testid=url").without_auto_validation()
             self._name = ui.input(tr("Name")).props("outlined dense maxlength=60 data-testid=name")
 
     def _build_parameters(self) -> None:

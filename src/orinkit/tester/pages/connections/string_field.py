@@ -34,6 +34,7 @@ class StringField:
         self._error: InvalidAddress | InvalidValue | None = None
         self._showing = False
         self.input = ui.textarea(tr("Connection string"), placeholder="Server=192.168.0.1, UDP=False, Timeout=500")
+        self.input.without_auto_validation()  # which would remove the errors that _changed displays
         # one character more than allowed, so that a pasted text that is too long is detected
         self.input.props(f"outlined dense autogrow debounce=250 maxlength={LONGEST_STRING + 1} rows=1 spellcheck=false")
         self.input.props("data-testid=string autocomplete=off").classes("ok-mono ok-string")
