@@ -34,7 +34,7 @@ from playwright.sync_api import sync_playwright
 from orinkit.core.i18n import Language, translate
 from orinkit.tester.pages import PAGES
 from orinkit.tester.state.simulators import KINDS
-from picture_pages import EARLIER_STRINGS, FILLS, NotShownError, Visit, enable_jogging, press, set_slider
+from picture_pages import EARLIER_STRINGS, FILLS, NotShownError, Visit, enable_jogging, move_home, press, set_slider
 
 PICTURES: Final = Path(__file__).parents[1] / "docs" / "pictures"
 FAILED: Final = Path(__file__).parents[1] / "build" / "picture-failed.png"
@@ -43,7 +43,7 @@ _WIDTH: Final = 1360
 _HEIGHTS: Final = range(760, 2001)
 _PHONE: Final = (400, 860)
 _LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to 256 colours
-_ATTEMPTS: Final = 8
+_ATTEMPTS: Final = 6
 _PATIENCE: Final = 60_000  # ms
 _SETTLE: Final = 1_200  # ms
 _CHROMIUM: Final = (
@@ -143,10 +143,14 @@ class Studio:
         url: Address of the Tester.
         language: Language of the pages.
         folder: Directory for files.
+
+    Attributes:
+        failed: The names of the pictures that could not be taken.
     """
 
     def __init__(self, browser: Any, url: str, language: Language, folder: Path) -> None:
         self.language = language
+        self.failed: list[str] = []
         self._url, self._folder = url, folder
         self._contexts = {
             phone: browser.new_context(
@@ -181,18 +185,18 @@ class Studio:
         for attempt in range(1, _ATTEMPTS + 1):
             try:
                 with self.page(shot.path, dark=shot.dark, phone=shot.phone) as page:
-                    self._fill_and_take(page, shot)
+                    self._fill_and_take(page, shot, attempt)
             except NotShownError as error:
                 print(f"{shot.name}.{self.language}: attempt {attempt}: {error}", flush=True)
             else:
                 return
-        sys.exit(f"{shot.name}.{self.language}: no picture after {_ATTEMPTS} attempts")
+        self.failed.append(f"{shot.name}.{self.language}")
 
-    def _fill_and_take(self, page: Any, shot: Shot) -> None:
+    def _fill_and_take(self, page: Any, shot: Shot, attempt: int) -> None:
         page.wait_for_timeout(_SETTLE)
         self._fit(page, shot)
         fill = FILLS.get(shot.path)
-        visit = Visit(page, self.language, self.page, self._folder)
+        visit = Visit(page, self.language, attempt, self.page, self._folder)
         if fill is None:
             self._store(page, shot)
             return
@@ -228,6 +232,8 @@ class Studio:
                 page.set_viewport_size({"width": _FILM[0], "height": _FILM[1]})
                 page.add_init_script(_POINTER)
                 page.reload()
+                move_home(Visit(page, self.language, attempt, self.page, self._folder))
+                page.bring_to_front()
                 frames = record(page)
                 if page.locator(".ok-jog-notice").count():
                     print(f"jogging.{self.language}: attempt {attempt}: jogging was interrupted", flush=True)
@@ -236,7 +242,7 @@ class Studio:
             store_film(frames, path)
             print(f"{path.name}: {len(frames)} frames, {path.stat().st_size / 1000:.0f} kB", flush=True)
             return
-        sys.exit(f"jogging.{self.language}: no recording after {_ATTEMPTS} attempts")
+        self.failed.append(f"jogging.{self.language}")
 
     def close(self) -> None:
         """Close the pages."""
@@ -333,6 +339,7 @@ def main() -> None:
         sys.exit("Chromium is missing. Debian, Ubuntu: apt-get install chromium fonts-noto-cjk")
     PICTURES.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
+    failed: list[str] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(_CHROMIUM))
         for language in [given.language] if given.language else LANGUAGES:
@@ -343,9 +350,12 @@ def main() -> None:
                         studio.take(shot)
                 if not given.only or "jogging" in given.only:
                     studio.film()
+                failed += studio.failed
                 studio.close()
         browser.close()
     print(f"{PICTURES}: {time.monotonic() - started:.0f} s")
+    if failed:
+        sys.exit(f"not taken: {', '.join(failed)}. Try again while the machine is idle.")
 
 
 if __name__ == "__main__":
