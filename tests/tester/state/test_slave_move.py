@@ -131,6 +131,25 @@ def test_without_a_user_the_arm_stops_within_its_limits_and_is_released(cell, tm
     assert_released(cell)
 
 
+def test_the_newest_set_point_is_used_in_mode_1(cell, tmp_path):
+    modes = set()
+
+    async def observe(_: Workspace, move: SlaveMove) -> None:
+        while not move.finished:
+            mode = cell.rc8.state.arm.slave.mode
+            modes.add(mode and mode.number)
+            await asyncio.sleep(0.005)
+
+    with logged(cell.rc8) as log:
+        options = SlaveMoveOptions(1, timeout=PATIENCE, approach=100.0)
+        move = asyncio.run(carry_out(cell, tmp_path, SHORT, options, during=observe))
+    assert (move.error, move.reason) == (None, "")
+    assert modes == {None, 0x102}  # joints, mode 1
+    log.check_limits()
+    assert log.commands[-1][:6] == pytest.approx(SHORT.points[-1], abs=1e-6)
+    assert_released(cell)
+
+
 def test_the_stop_button_stops_the_sequence_and_waits_for_standstill(cell, tmp_path):
     async def press(workspace: Workspace, move: SlaveMove) -> None:
         while move.sent < 50 and not move.finished:  # noqa: ASYNC110 - as above

@@ -26,12 +26,12 @@ def build(session: PageSession) -> Iterator[None]:
             "Connect to a controller, or start a virtual one on this computer. No hardware is required to try everything."
         )
     ).classes("ok-page-hint")
-    with ui.element("div").classes("ok-grid"):
+    with ui.element("div").classes("ok-grid ok-simulators"):
         for key in KINDS:
             _simulator_card(session, key)
     yield
     ui.element("div").style("height: 16px")
-    with ui.element("div").classes("ok-columns"):
+    with ui.element("div").classes("ok-columns ok-even"):
         with ui.element("section").classes("ok-card"):
             ui.label(tr("Open connections")).classes("ok-card-title")
             _connection_list(session)
