@@ -21,7 +21,6 @@ from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.fields import Field, NumberField, TextField, ValueField, field_for, read_fields
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession
-from orinkit.transport.address import whole_number
 from orinkit.values.types import VarType
 
 _PROFILES: Final = {"tcp": STREAM, "udp": DATAGRAM, "serial": LINE}
@@ -96,7 +95,7 @@ class AssemblerCard:
         if data is None:
             return
         self._transmit.append(hex_text(data).upper())
-        serial = whole_number(self._serial.input.value or "0")
+        serial = int.from_bytes(data[5:7], "little")
         self._serial.input.value = f"{serial + 1 if serial < _LAST_SERIAL else 1}"
 
     async def _assemble_request(self) -> bytes | None:

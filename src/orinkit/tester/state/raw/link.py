@@ -243,9 +243,9 @@ class RawLink:
         """
         exchange = self._exchange
         if exchange is None or not self.is_open:
-            raise InvalidValue(tr("the raw connection is not open. Try: Connect"))
+            raise InvalidValue(tr("the raw connection is not open. Try: press Connect"))
         if self._is_sending:
-            raise InvalidValue(tr("packets are being sent. Try: Stop"))
+            raise InvalidValue(tr("packets are being sent. Try: press Stop"))
         if (whole(count) or 0) not in range(1, MOST_ROUNDS + 1):
             raise InvalidValue(tr("the count must be 1 to {most}", most=f"{MOST_ROUNDS:,}"))
         self._is_sending, self.interruption, self._unattended = True, "", unattended
