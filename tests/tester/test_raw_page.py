@@ -13,6 +13,7 @@ import pytest
 
 import orinkit
 from orinkit.bcap import packet
+from orinkit.bcap.dissect import split
 from orinkit.cao import functions as f
 from orinkit.raw.hex_text import hex_text
 from orinkit.raw.packets import assemble, assemble_reply
@@ -24,6 +25,7 @@ from support.browser import TesterProcess, needs_browser, user
 from support.objects_page import choose_type, expect, fill
 from support.peers import RawClient
 from support.received import ReceivedPackets, received_packets
+from support.recording_relay import Relay
 from support.waiting import PATIENCE, until
 
 pytestmark = needs_browser
@@ -113,39 +115,45 @@ def opening(*further: tuple[str, list[str]]) -> list[bytes]:
 # --- the procedures of the document -----------------------------------------------------------------------------------
 
 
-def test_rc8_5_2_raw_packet_mode(page: Any, bench: Any, received: ReceivedPackets) -> None:
+def test_rc8_5_2_raw_packet_mode(page: Any, bench: Any) -> None:
     open_page(page, bench.tester.url)
     place = bench.server.url.partition("://")[2]  # of the selected connection
     expect(page.get_by_test_id("raw-place")).to_have_value(place)
-    fill(page, "raw-parameters", f"Conn=eth:{place}, Timeout=30000, PacketOpt=0:0:0, EtherOpt=0:0, Sync=True")  # 5.2.1
-    page.get_by_test_id("raw-connect").click()
-    expect(page.get_by_test_id("raw-state")).to_have_text(f"connected to {bench.server.url}")
-    write(page, *SESSION)  # 5.2.2: several packets
-    expect(page.get_by_test_id("raw-status")).to_contain_text("8 packets")
-    page.get_by_test_id("raw-send").click()
-    counter(page, "received", len(SESSION))
-    frames = [data for data, _ in received.raw if data in SESSION]
-    assert frames == SESSION
-    expect(page.get_by_test_id("raw-reply")).to_have_text("S_OK")  # the reply to the last packet
-    assert shown_bytes(page, "raw-rx-bytes") == bytes.fromhex("01100000000800000000000000000004")
-    write(page, printed(216))
-    fill(page, "raw-count", "20")
-    page.get_by_test_id("raw-loop").click()
-    expect(page.get_by_test_id("raw-progress")).to_contain_text("20 of 20 · 20 sent · 20 replies")
-    assert [data for data, _ in received.raw].count(printed(216)) == 20
-    fill(page, "raw-count", "1000000")
-    page.get_by_test_id("raw-loop").click()
-    until(lambda: len(received.raw) > 100)
-    page.get_by_test_id("raw-stop").click()
-    expect(page.get_by_test_id("raw-progress")).to_contain_text("the button Stop was pressed")
-    count = len(received.of(f.service_start))
-    page.get_by_test_id("raw-disconnect").click()
-    expect(page.get_by_test_id("raw-state")).to_have_text("not connected")
-    assert len(received.of(f.service_start)) == count  # it has not begun again
+    with Relay(int(place.rpartition(":")[2])) as relay:
+        place = relay.url.partition("://")[2]
+        fill(
+            page, "raw-parameters", f"Conn=eth:{place}, Timeout=30000, PacketOpt=0:0:0, EtherOpt=0:0, Sync=True"
+        )  # 5.2.1
+        page.get_by_test_id("raw-connect").click()
+        expect(page.get_by_test_id("raw-state")).to_have_text(f"connected to {relay.url}")
+        write(page, *SESSION)  # 5.2.2: several packets
+        expect(page.get_by_test_id("raw-status")).to_contain_text("8 packets")
+        page.get_by_test_id("raw-send").click()
+        counter(page, "received", len(SESSION))
+        ((sent, _),) = relay.streams
+        assert split(bytes(sent)) == SESSION
+        expect(page.get_by_test_id("raw-reply")).to_have_text("S_OK")  # the reply to the last packet
+        assert shown_bytes(page, "raw-rx-bytes") == bytes.fromhex("01100000000800000000000000000004")
+        write(page, printed(216))
+        fill(page, "raw-count", "20")
+        page.get_by_test_id("raw-loop").click()
+        expect(page.get_by_test_id("raw-progress")).to_contain_text("20 of 20 · 20 sent · 20 replies")
+        assert split(bytes(sent)) == SESSION + 20 * [printed(216)]
+        fill(page, "raw-count", "1000000")
+        page.get_by_test_id("raw-loop").click()
+        until(lambda: len(sent) > 100 * len(printed(216)))
+        page.get_by_test_id("raw-stop").click()
+        expect(page.get_by_test_id("raw-progress")).to_contain_text("the button Stop was pressed")
+        size = len(sent)
+        page.get_by_test_id("raw-disconnect").click()
+        expect(page.get_by_test_id("raw-state")).to_have_text("not connected")
+        assert len(sent) == size  # it has not begun again
 
 
-def test_invalid_text_is_reported_at_its_place_and_not_sent(page: Any, bench: Any, received: ReceivedPackets) -> None:
-    open_page(page, bench.tester.url, eth(bench.server.url, timeout=300))
+def test_invalid_text_is_reported_at_its_place_and_not_sent(page: Any, bench: Any) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        open_page(page, bench.tester.url, eth(f"tcp://127.0.0.1:{listener.getsockname()[1]}", timeout=200))
+        line, _ = listener.accept()
     problems, error = page.get_by_test_id("raw-problems"), page.get_by_test_id("error-raw-send")
     for text, problem, refusal in (
         (f"{START}\n\n01 1z", "line 3, column 4", "packet 2: '1z' is not hex"),
@@ -163,23 +171,19 @@ def test_invalid_text_is_reported_at_its_place_and_not_sent(page: Any, bench: An
     page.get_by_test_id("raw-send").click()
     expect(error).to_contain_text("exceeds 300,000 characters")
     counter(page, "sent", 0)
-    write(page, START)
-    expect(page.get_by_test_id("raw-packet-1")).to_contain_text("Service_Start()")
-    page.get_by_test_id("raw-send").click()
-    counter(page, "received", 1)
-    expect(problems).to_be_hidden()
-    with socket.create_server(("127.0.0.1", 0)) as listener:  # a broken packet, on purpose
-        page.get_by_test_id("raw-disconnect").click()
-        expect(page.get_by_test_id("raw-connect")).to_be_enabled()
-        fill(page, "raw-parameters", eth("tcp://127.0.0.1:%d" % listener.getsockname()[1], timeout=200))
-        page.get_by_test_id("raw-connect").click()
-        line, _ = listener.accept()
-        with line:
-            line.settimeout(PATIENCE)
-            page.get_by_test_id("raw-as-is").click()
-            send(page, "01 02 03")
-            assert line.recv(100) == b"\1\2\3"
-            expect(error).to_contain_text("1 of 1 packets have no reply within 0.2 s")
+    with line:
+        line.settimeout(PATIENCE)
+        write(page, START)
+        expect(page.get_by_test_id("raw-packet-1")).to_contain_text("Service_Start()")
+        page.get_by_test_id("raw-send").click()
+        assert line.recv(1000) == bytes.fromhex(START)  # the first bytes that have arrived
+        expect(error).to_contain_text("1 of 1 packets have no reply within 0.2 s")
+        page.get_by_test_id("raw-as-is").click()
+        send(page, "01 02 03")  # on purpose
+        assert line.recv(1000) == b"\1\2\3"
+        counter(page, "sent", 2)
+        line.sendall(assemble_reply(0, [7], 1))
+        expect(page.get_by_test_id("raw-reply")).to_have_text("S_OK -> 7")
 
 
 def test_a_tcp_server_shows_what_clients_send_and_sends_to_them(page: Any, bench: Any) -> None:
@@ -201,7 +205,7 @@ def test_a_tcp_server_shows_what_clients_send_and_sends_to_them(page: Any, bench
         send(page, answer)
         assert (first.frame(), second.frame()) == (answer, answer)
         page.get_by_test_id("raw-peer").click()
-        page.get_by_role("option", name="127.0.0.1:%d" % second.socket.getsockname()[1]).click()
+        page.get_by_role("option", name=f"127.0.0.1:{second.socket.getsockname()[1]}").click()
         send(page, assemble_reply(0, [8], 1))
         assert second.frame() == assemble_reply(0, [8], 1)
         with RawClient(url) as third:
@@ -342,9 +346,7 @@ def test_the_string_and_the_fields_stay_in_step(page: Any, bench: Any) -> None:
 
 
 @pytest.mark.soak
-def test_another_user_cannot_connect_or_send(
-    browser: Any, page: Any, bench: Any, received: ReceivedPackets
-) -> None:
+def test_another_user_cannot_connect_or_send(browser: Any, page: Any, bench: Any, received: ReceivedPackets) -> None:
     first = open_page(page, bench.tester.url, eth(bench.server.url))
     with user(browser, language="ja") as second:
         open_page(second, bench.tester.url)

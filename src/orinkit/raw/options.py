@@ -143,7 +143,11 @@ class RawOptions:
         return _parse_table(text)
 
     def __str__(self) -> str:
-        values = [f"Conn={_quoted(place_text(self.address))}", f"Timeout={round(self.timeout * 1000)}", "PacketOpt=0:0:0"]
+        values = [
+            f"Conn={_quoted(place_text(self.address))}",
+            f"Timeout={round(self.timeout * 1000)}",
+            "PacketOpt=0:0:0",
+        ]
         if self.role is not Role.SERIAL:
             values.append(f"EtherOpt={self.role:d}:{self.clients if self.role is Role.TCP_SERVER else 0}")
         return ", ".join([*values, f"Sync={self.sync}"])

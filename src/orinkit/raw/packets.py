@@ -117,7 +117,9 @@ class TypedPackets:
                     tr("packet {number}: {text}", number=problem.packet + 1, text=problem.text),
                 )
         if not self.is_complete:
-            raise InvalidValue(tr("the text has more than {most} problems. Try: correct these first", most=MOST_PROBLEMS))
+            raise InvalidValue(
+                tr("the text has more than {most} problems. Try: correct these first", most=MOST_PROBLEMS)
+            )
         if not self.packets:
             raise InvalidValue(tr("no packet given. Try: the bytes of a packet in hex"))
         return [each.data for each in self.packets]

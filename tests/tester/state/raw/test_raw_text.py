@@ -46,7 +46,11 @@ def test_places_are_those_of_the_browser():
         (START.replace("10", "12", 1), STREAM, "the length is 18, but 16 bytes are present"),
         ("02" + START[2:], STREAM, "must begin with SOH"),
         (START[:-2] + "05", STREAM, "must end with EOT"),
-        (hex_text(assemble("Service_Start", [], 1, LINE)).replace("01 00 01 00", "02 00 01 00", 1), LINE, "CRC is wrong"),
+        (
+            hex_text(assemble("Service_Start", [], 1, LINE)).replace("01 00 01 00", "02 00 01 00", 1),
+            LINE,
+            "CRC is wrong",
+        ),
         (hex_text(assemble("Controller_Execute", ["1", "Do", "8," + "x" * 400])), DATAGRAM, "over udp"),
         (START.replace("01 00 00 00 00 00 04", "FE 00 00 00 00 00 04"), STREAM, "function id 254 is unknown"),
     ],

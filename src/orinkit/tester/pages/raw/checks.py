@@ -69,7 +69,9 @@ class CheckList:
         if packet.number == self._chosen:
             row.classes("ok-current").props("aria-current=true")
         with row:
-            ui.icon("warning_amber" if is_wrong else "check_circle").classes("ok-raw-wrong" if is_wrong else "ok-raw-right")
+            ui.icon("warning_amber" if is_wrong else "check_circle").classes(
+                "ok-raw-wrong" if is_wrong else "ok-raw-right"
+            )
             ui.label(f"{packet.number}").classes("ok-dim")
             ui.label(packet.summary).classes("ok-raw-summary")
             ui.label(tr("{count} bytes", count=f"{len(packet.logged.data):,}")).classes("ok-dim ok-nowrap")

@@ -58,11 +58,15 @@ class ConnectionCard:
         self._disconnect.on_click(reported(session, link.close, self._errors.show))
 
     def _build_string(self, initial: RawFields) -> None:
-        self._text = ui.input(tr("Parameters"), value=f"{initial}").props("outlined dense debounce=200 data-testid=raw-parameters")
+        self._text = ui.input(tr("Parameters"), value=f"{initial}").props(
+            "outlined dense debounce=200 data-testid=raw-parameters"
+        )
         self._text.props(f"maxlength={_LONGEST} autocomplete=off spellcheck=false").classes("ok-mono ok-grow")
         self._text.on_value_change(self._read_string)
         self._connect = ui.button(tr("Connect"), icon="link").props("unelevated no-caps data-testid=raw-connect")
-        self._disconnect = ui.button(tr("Disconnect"), icon="link_off").props("outline no-caps data-testid=raw-disconnect")
+        self._disconnect = ui.button(tr("Disconnect"), icon="link_off").props(
+            "outline no-caps data-testid=raw-disconnect"
+        )
 
     def _build_fields(self, initial: RawFields) -> None:
         with ui.element("div").classes("ok-form ok-raw-fields"):

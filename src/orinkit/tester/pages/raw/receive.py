@@ -32,7 +32,9 @@ class ReceiveCard:
                 ui.space()
                 self._sent = _counter(tr("Sent"), "raw-sent")
                 self._received = _counter(tr("Received"), "raw-received")
-                clear = ui.button(icon="delete_sweep", on_click=link.clear).props("flat dense round data-testid=raw-clear")
+                clear = ui.button(icon="delete_sweep", on_click=link.clear).props(
+                    "flat dense round data-testid=raw-clear"
+                )
                 clear.props(f'aria-label="{tr("Clear")}"').tooltip(tr("Clear"))
             self._summary = ui.label().classes("ok-mono ok-packet-summary").props("data-testid=raw-reply")
             self._facts = ui.label().classes("ok-dim ok-packet-facts")

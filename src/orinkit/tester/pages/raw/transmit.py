@@ -40,7 +40,9 @@ class TransmitCard:
             self._title = ui.label().classes("ok-card-title")
             self._build_text()
             self._list = CheckList(self._text)
-            self._as_is = ui.checkbox(tr("Send as it is, even if a packet is malformed")).props("dense data-testid=raw-as-is")
+            self._as_is = ui.checkbox(tr("Send as it is, even if a packet is malformed")).props(
+                "dense data-testid=raw-as-is"
+            )
             self._build_buttons()
             self._errors = ErrorBox("error-raw-send")
             self._build_progress()

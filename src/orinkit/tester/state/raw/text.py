@@ -107,7 +107,9 @@ def check_text(text: str, profile: BcapProfile, kind: Kind = "request") -> Check
         kind: ``"reply"`` if the packets are replies, because this side is a server.
     """
     if len(text) > LONGEST_TEXT:
-        too_long = tr("the text exceeds {most} characters. Try: a shorter text, or orinkit raw", most=f"{LONGEST_TEXT:,}")
+        too_long = tr(
+            "the text exceeds {most} characters. Try: a shorter text, or orinkit raw", most=f"{LONGEST_TEXT:,}"
+        )
         return CheckedText(refusal=too_long)
     found = parse_packets(text, profile, kind)
     packets = [_packet(text, each, number, profile, kind) for number, each in _numbered(found)[:SHOWN_PACKETS]]
@@ -130,9 +132,7 @@ def _numbered(found: TypedPackets) -> list[tuple[int, tuple[bytes, int, int]]]:
     return [(number + 1, tuple(each)) for number, each in zip(numbers, found.packets, strict=False)]
 
 
-def _packet(
-    text: str, packet: tuple[bytes, int, int], number: int, profile: BcapProfile, kind: Kind
-) -> FoundPacket:
+def _packet(text: str, packet: tuple[bytes, int, int], number: int, profile: BcapProfile, kind: Kind) -> FoundPacket:
     data, start, end = packet
     logged = LoggedPacket(number, 0, "", profile.name, ">" if kind == "request" else "<", data)
     return FoundPacket(number, place_of(text, start, end), logged, summary(logged))
