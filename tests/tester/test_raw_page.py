@@ -141,9 +141,9 @@ def test_rc8_5_2_raw_packet_mode(page: Any, bench: Any) -> None:
         assert split(bytes(sent)) == SESSION + 20 * [printed(216)]
         fill(page, "raw-count", "1000000")
         page.get_by_test_id("raw-loop").click()
-        until(lambda: len(sent) > 100 * len(printed(216)))
+        until(lambda: split(bytes(sent)).count(printed(216)) > 25)
         page.get_by_test_id("raw-stop").click()
-        expect(page.get_by_test_id("raw-progress")).to_contain_text("the button Stop was pressed")
+        expect(page.get_by_test_id("raw-progress")).to_contain_text("stopped: ")  # on a stalling machine perhaps before
         size = len(sent)
         page.get_by_test_id("raw-disconnect").click()
         expect(page.get_by_test_id("raw-state")).to_have_text("not connected")

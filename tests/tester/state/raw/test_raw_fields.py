@@ -42,8 +42,7 @@ def test_the_string_of_the_document():
         ),
         (
             RawFields(Role.SERIAL, "serial:///dev/by:path?baudrate=9600&parity=N&bits=8&stop=1&flow=0"),
-            'Conn="serial:///dev/by:path?baudrate=9600&parity=N&bits=8&stop=1&flow=0", Timeout=500, '
-            "PacketOpt=0:0:0, Sync=True",
+            'Conn="serial:///dev/by:path?baudrate=9600&parity=N&bits=8&stop=1&flow=0", Timeout=500, PacketOpt=0:0:0, Sync=True',
         ),
     ],
 )

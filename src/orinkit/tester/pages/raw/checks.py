@@ -1,4 +1,4 @@
-"""What the text contains: its packets with their explanation, and its problems with their places."""
+"""The packets in the text with their explanation, and its problems with their places: :class:`CheckList`."""
 
 from __future__ import annotations
 

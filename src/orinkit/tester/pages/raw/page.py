@@ -32,7 +32,7 @@ def build(session: PageSession) -> None:
         with ui.element("div").classes("ok-raw-column"):
             transmit = TransmitCard(session, link)
             AssemblerCard(session, connection, transmit)
-        receive = ReceiveCard(session, link)
+        receive = ReceiveCard(link)
     connection.on_role(transmit.set_role)
     connection.on_role(receive.set_role)
 
@@ -47,7 +47,7 @@ def build(session: PageSession) -> None:
 
 
 class _User:
-    """Whether the user of the page is present and holds the controls."""
+    """The user of the page, who may leave it or lose the controls."""
 
     def __init__(self, session: PageSession) -> None:
         self._session = session

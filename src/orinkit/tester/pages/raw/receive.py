@@ -10,19 +10,17 @@ from orinkit.tester.state.packet_facts import summary
 from orinkit.tester.state.packet_text import time_text
 from orinkit.tester.state.raw.link import SHOWN_PACKETS, RawEntry, RawLink
 from orinkit.tester.ui.packet_bytes import PacketBytes
-from orinkit.tester.ui.session import PageSession
 
 
 class ReceiveCard:
     """The card.
 
     Args:
-        session: The page.
         link: The raw connection.
     """
 
-    def __init__(self, session: PageSession, link: RawLink) -> None:
-        self._session, self._link = session, link
+    def __init__(self, link: RawLink) -> None:
+        self._link = link
         self._shown = -1
         self._entry: RawEntry | None = None
         self._listed: dict[int, int] = {}

@@ -75,7 +75,8 @@ class TransmitCard:
         self._progress = ui.element("div").classes("ok-raw-progress")
         with self._progress:
             self._bar = ui.linear_progress(0.0, show_value=False, size="8px")
-            self._bar.props(f'rounded instant-feedback aria-label="{tr("Progress")}"')
+            label = tr("Progress")
+            self._bar.props(f'rounded instant-feedback aria-label="{label}"')
             self._figures = ui.label().classes("ok-raw-figures").props("role=status data-testid=raw-progress")
         self._progress.visible = False
 

@@ -16,7 +16,7 @@ from orinkit.raw.exchange import LoopProgress, RawExchange, RawPacket
 from orinkit.raw.options import RawOptions
 from orinkit.raw.pieces import MOST_BYTES
 from orinkit.tester.state.connection import ConnectionState
-from orinkit.tester.state.packet_log import LoggedPacket
+from orinkit.tester.state.packet_log import Direction, LoggedPacket
 from orinkit.tester.state.workspace import Workspace
 
 logger = logging.getLogger("orinkit.tester")
@@ -53,7 +53,7 @@ class RawEntry:
 
     def logged(self, scheme: str) -> LoggedPacket:
         """Return the packet in the form that the explanation requires."""
-        direction = ">" if self.is_request else "<"
+        direction: Direction = ">" if self.is_request else "<"
         nanoseconds = int(self.packet.time * 1e9)
         return LoggedPacket(
             self.number, nanoseconds, self.packet.peer, scheme, direction, self.packet.data, self.request

@@ -9,7 +9,7 @@ from orinkit.bcap.dissect import Kind
 from orinkit.bcap.profiles import BcapProfile
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.raw.packets import Problem, TypedPackets, parse_packets
+from orinkit.raw.packets import Problem, TypedPacket, TypedPackets, parse_packets
 from orinkit.tester.state.packet_facts import summary
 from orinkit.tester.state.packet_log import LoggedPacket
 
@@ -125,14 +125,14 @@ def check_text(text: str, profile: BcapProfile, kind: Kind = "request") -> Check
     return CheckedText(packets, problems, refusal, malformed, data)
 
 
-def _numbered(found: TypedPackets) -> list[tuple[int, tuple[bytes, int, int]]]:
+def _numbered(found: TypedPackets) -> list[tuple[int, TypedPacket]]:
     """Return the packets with their numbers; a packet that is not hex has a number, too."""
     missing = {each.packet for each in found.problems if each.kind.prevents_sending and each.kind.name != "TOO_LONG"}
     numbers = (number for number in range(len(found.packets) + len(missing)) if number not in missing)
-    return [(number + 1, tuple(each)) for number, each in zip(numbers, found.packets, strict=False)]
+    return [(number + 1, each) for number, each in zip(numbers, found.packets, strict=False)]
 
 
-def _packet(text: str, packet: tuple[bytes, int, int], number: int, profile: BcapProfile, kind: Kind) -> FoundPacket:
+def _packet(text: str, packet: TypedPacket, number: int, profile: BcapProfile, kind: Kind) -> FoundPacket:
     data, start, end = packet
     logged = LoggedPacket(number, 0, "", profile.name, ">" if kind == "request" else "<", data)
     return FoundPacket(number, place_of(text, start, end), logged, summary(logged))
