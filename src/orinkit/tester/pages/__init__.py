@@ -49,6 +49,7 @@ PAGES: Final = (
     Page("/programs", N_("Programs"), "code", "programs:build"),
     Page("/slave-move", N_("Slave Move"), "timeline", "slave_move:build"),
     Page("/packets", N_("Packets"), "receipt_long", "packets:build"),
+    Page("/raw", N_("Raw packets"), "data_array", "raw:build"),
 )
 """All pages, in the order of the navigation."""
 _LONGEST_BUILD: Final = 60.0  # s, on a machine that stalls

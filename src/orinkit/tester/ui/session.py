@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from nicegui import Client, context, ui
 from nicegui.slot import Slot, get_task_id
@@ -16,6 +17,8 @@ from orinkit.core.i18n import Language
 from orinkit.tester.access import read_cookies
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.workspace import Workspace
+
+T = TypeVar("T")
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -116,6 +119,11 @@ class PageSession:
                     problem(error)
 
         return run
+
+    async def in_thread(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of a function that runs in a thread, with its messages in the language of the page."""
+        _LANGUAGE.set(self.language)
+        return await asyncio.to_thread(function, *arguments)
 
     def set_cookie(self, name: str, value: str) -> None:
         """Store a preference in the browser."""
