@@ -121,22 +121,31 @@ class Servo:
 
 
 class ControlLog:
-    """The control log of StartLog, one record for each cycle (RC8 provider guide, StartLog and GetLogRecord).
+    """The control log, one record for each cycle (RC8 provider guide, StartLog, ClearLog and GetLogRecord).
+
+    ClearLog begins to record into a ring buffer. After StartLog, recording ends by itself when the log has received as
+    many records as it can hold. StopLog ends it at any time.
 
     Attributes:
-        running: True between StartLog and StopLog.
+        running: True while cycles are recorded.
     """
 
     def __init__(self) -> None:
         self.running = False
+        self._left: int | None = None  # records until recording ends by itself; None for a ring buffer
         self._records: deque[tuple[ServoSample, int, int, int]] = deque(maxlen=LOG_LENGTH)
 
     def __len__(self) -> int:
         return len(self._records)
 
+    def start(self) -> None:
+        """Record until the log has received as many further records as it can hold."""
+        self.running, self._left = True, self._records.maxlen
+
     def clear(self) -> None:
-        """Delete all records."""
+        """Delete all records, and record into a ring buffer."""
         self._records.clear()
+        self.running, self._left = True, None
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
         """Record a cycle if the log is running.
@@ -147,8 +156,12 @@ class ControlLog:
             tool: Number of the current tool.
             work: Number of the current work.
         """
-        if self.running:
-            self._records.append((take(), cycle, tool, work))
+        if not self.running:
+            return
+        self._records.append((take(), cycle, tool, work))
+        if self._left is not None:
+            self._left -= 1
+            self.running = self._left > 0
 
     def record(self, index: int) -> list[Value]:
         """Return a record; index 0 is the oldest.
