@@ -20,10 +20,15 @@ from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import slave_commands as slave
+from orinkit.virtual.rc8.objects.device_commands import DEVICE_COMMANDS
 from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
+from orinkit.virtual.rc8.robot.force_commands import FORCE_COMMANDS
+from orinkit.virtual.rc8.robot.frame_commands import FRAME_COMMANDS
+from orinkit.virtual.rc8.robot.servo_commands import SERVO_COMMANDS
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand
 from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
 
@@ -191,31 +196,7 @@ def _at_least(parameter: Variant, count: int) -> list[Variant]:
     return given
 
 
-# --- frames and paths -------------------------------------------------------------------------------------------------
-
-
-def _define(name: str, tool: bool) -> Callable[[ClientContext, Variant], None]:
-    def run(caller: ClientContext, parameter: Variant) -> None:
-        arm = caller.state.arm
-        require(name, arm, caller)
-        given = _at_least(parameter, 2)
-        target = parameters.position(parameters.pose(given[1]))
-        kind, values = arm.space.resolve(target, arm.servo.command)
-        if kind != "P":
-            raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is required"))
-        (arm.space.tools if tool else arm.space.works).define(conversion.whole(given[0]), values)
-
-    return run
-
-
-def _defined(tool: bool) -> Callable[[ClientContext, Variant], Value]:
-    def run(caller: ClientContext, parameter: Variant) -> Value:
-        space = caller.state.arm.space
-        (number,) = parameters.whole_numbers(parameter, None)
-        values = (space.tools if tool else space.works).values(number)
-        return Variant(_R8_ARRAY, [*values, -1.0])
-
-    return run
+# --- stored paths -----------------------------------------------------------------------------------------------------
 
 
 def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
@@ -227,6 +208,11 @@ def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
 def _clear_path(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     caller.state.moves.clear_path(*parameters.whole_numbers(parameter, None))
+
+
+def _path_point(caller: ClientContext, parameter: Variant) -> Value:
+    path, point = parameters.whole_numbers(parameter, None, None)
+    return Variant(_R8_ARRAY, caller.state.moves.path_point(path, point))
 
 
 def _path_length(caller: ClientContext, parameter: Variant) -> int:
@@ -261,6 +247,10 @@ def _log_record(caller: ClientContext, parameter: Variant) -> Value:
         raise error_for(
             hresult.DISP_E_BADINDEX, tr("no record {index}; the log has {count} records", index=index, count=len(log))
         ) from None
+
+
+def _shared(command: SharedCommand) -> Callable[[ClientContext, Variant], Any]:
+    return lambda caller, parameter: command.run(caller.state.arm, caller, parameter)
 
 
 def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
@@ -305,8 +295,6 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("CurExtSpd", _of_arm(lambda arm: arm.speeds.external.speed, _R4)),
         RobotCommand("CurExtAcc", _of_arm(lambda arm: arm.speeds.external.accel, _R4)),
         RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
-        RobotCommand("CurTool", _of_arm(lambda arm: arm.space.tools.current, _I4)),
-        RobotCommand("CurWork", _of_arm(lambda arm: arm.space.works.current, _I4)),
         *_pose_commands(),
         *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
         RobotCommand("Approach", _approach, reads=False),
@@ -316,14 +304,15 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("RotateH", _rotate_hand, reads=False),
         RobotCommand("MotionSkip", _motion_skip, reads=False),
         RobotCommand("MotionComplete", _motion_complete),
-        RobotCommand("SetToolDef", _define("SetToolDef", tool=True), reads=False),
-        RobotCommand("GetToolDef", _defined(tool=True)),
-        RobotCommand("SetWorkDef", _define("SetWorkDef", tool=False), reads=False),
-        RobotCommand("GetWorkDef", _defined(tool=False)),
+        *(
+            RobotCommand(each.name, _shared(each), each.reads, each.in_slave)
+            for each in (*FRAME_COMMANDS, *SERVO_COMMANDS, *FORCE_COMMANDS)
+        ),
+        *(RobotCommand(each.name, each.run, each.reads, each.in_slave) for each in DEVICE_COMMANDS),
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
-        RobotCommand("GetPathPointCount", _path_length),
-        RobotCommand("GetSrvData", _query(queries.servo_data), in_slave=True),  # as on real controllers
+        RobotCommand("GetPathPointCount", _path_length, in_slave=True),
+        RobotCommand("GetPathPoint", _path_point, in_slave=True),
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False),
         RobotCommand("ClearLog", _clear_log, reads=False),
@@ -335,17 +324,13 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
-        RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
+        RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR), in_slave=True),
     )
 }
 
 NOT_SIMULATED: Final = (
-    "SpeedMode", "CurSpeedMode", "SetAreaEnabled", "GetAreaEnabled", "RobInfo", "PayLoad", "HighPathAccuracy",
-    "GrvOffset", "GrvCtrl", "CurLmt", "Zforce", "ServoLock", "ForceCtrl", "ForceParam", "ForceValue", "ForceSensor",
-    "ForceWaitCondition", "CurForceSensorPayLoad", "CheckVirtualFence", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart",
-    "SyncMoveEnd", "LoadPathPoint", "ConvertPoswork", "SetBaseDef", "GetBaseDef", "MotionPreparation",
-    "GetMotionPreparationState", "AutoCal", "GetMechaButtonState", "ClearMechaButtonState", "CurScene", "CurSubScene",
-    "SceneInfo", "HandGrip", "HandRelease",
+    "SpeedMode", "CurSpeedMode", "ServoLock", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart", "SyncMoveEnd",
+    "MotionPreparation", "GetMotionPreparationState", "HandGrip", "HandRelease",
 )  # fmt: skip
 """Commands of real controllers that return E_NOTIMPL here."""
 

@@ -20,6 +20,7 @@ from orinkit.virtual.engine.motion.queue import ROOM, MotionQueue, QueueState, T
 from orinkit.virtual.engine.servo import ControlLog, Servo
 from orinkit.virtual.rc8.error_list import ErrorList
 from orinkit.virtual.rc8.robot.arm_owner import Operator
+from orinkit.virtual.rc8.robot.hardware.arm_hardware import ArmHardware
 from orinkit.virtual.rc8.robot.motor import Motor
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
@@ -92,6 +93,7 @@ class RC8Arm:
         space: Frames and kinematics.
         log: Control log.
         slave: Slave mode, in which a client sends a set-point for each cycle.
+        hardware: What surrounds the arm: force sensor, areas, buttons.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class RC8Arm:
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
         self.slave = RC8SlaveMode(self, cycles, fault)
+        self.hardware = ArmHardware(self, cycles, variables, seconds, fault)
         self.holder: Operator | None = None
         self.held = False
         self._cycles = cycles
@@ -143,6 +146,11 @@ class RC8Arm:
     def room(self) -> int:
         """Number of motions that can be added to those that are queued or being planned."""
         return ROOM - len(self.queue.tickets) - sum(each.count for each in self._pending)
+
+    @property
+    def streamed(self) -> bool:
+        """True while slave mode is on."""
+        return self.slave.on
 
     @property
     def stopping(self) -> bool:
@@ -194,8 +202,9 @@ class RC8Arm:
                 taker.done.set_result()
 
     def give(self) -> None:
-        """Release the arm semaphore; running motions are not affected."""
+        """Release the arm semaphore; running motions are not affected, force control ends."""
         self.holder = None
+        self.hardware.released()
 
     def add_robot_object(self, operator: Operator) -> None:
         """Count a Robot object of a client; a client can keep the arm while it has at least one Robot object."""
@@ -216,8 +225,9 @@ class RC8Arm:
         taker = self._takers.pop(operator, None)
         if taker is not None:
             taker.done.set_exception(error_for(hresult.E_ABORT))
+        self.hardware.waits.cancel(hresult.E_ABORT, operator)
         if self.holder is operator:
-            self.holder = None
+            self.give()
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     # --- motion -------------------------------------------------------------------------------------------------
@@ -272,6 +282,7 @@ class RC8Arm:
         self.held = False
         if self.slave.on:
             self.slave.end(code)
+        self.hardware.stopped(code)
         self._discard_pending(code)
         if self._moving:
             self._stop_code = code if self._stop_code is None else self._stop_code
@@ -369,6 +380,7 @@ class RC8Arm:
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
         self._discard_pending(hresult.E_ABORT)
+        self.hardware.close()
         for done in (
             *(taker.done for taker in self._takers.values()),
             *(wait.done for wait in self._waiting),
@@ -386,8 +398,12 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
-        moving = self.servo.step(self.queue.joints)
+        hardware = self.hardware
+        command = hardware.command(self.queue.joints) if hardware.active else self.queue.joints
+        moving = self.servo.step(command)
         switching = self.motor.step()
+        if hardware.active:
+            moving = hardware.step() or moving
         self.log.add(
             lambda: self.servo.sample(self.motor.on),
             self._cycles.number,
