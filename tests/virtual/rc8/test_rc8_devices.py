@@ -152,7 +152,13 @@ def test_scenes(cell):
     assert (cell.execute("CurScene"), cell.execute("CurSubScene")) == (2, 3)
     assert (cell.execute("CurTool"), cell.execute("CurWork"), cell.execute("CurExtSpd")) == (4, 5, 30)
     assert cell.code_of(lambda: cell.execute("ChangeScene", [2, 2])) == hresult.VALUE_OUT_OF_RANGE
-    for number, sub, options in ((0, 1, {}), (1, 256, {}), (1, 2, {"tool": 64}), (1, 2, {"speed": 0}), (1, 2, {"work": 8})):
+    for number, sub, options in (
+        (0, 1, {}),
+        (1, 256, {}),
+        (1, 2, {"tool": 64}),
+        (1, 2, {"speed": 0}),
+        (1, 2, {"work": 8}),
+    ):
         with pytest.raises(ValueError):
             cell.rc8.workspace.scene(number, sub, **options)
 

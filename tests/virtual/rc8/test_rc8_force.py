@@ -33,7 +33,9 @@ def cell() -> Iterator[Cell]:
 def down_to(cell: Cell, height: float, option: str = "") -> Any:
     """Move the tip on a vertical line to a height, mm."""
     x, y, *_ = cell.execute("CurPos")
-    return cell.run(cell.move(2, f"@E P({x}, {y}, {height}, 180, 0, 180, 5)", option), 60.0)
+    result = cell.run(cell.move(2, f"@E P({x}, {y}, {height}, 180, 0, 180, 5)", option), 60.0)
+    cell.trace(3)  # to standstill
+    return result
 
 
 def force(cell: Cell, item: int = 0, mode: int = 0) -> list[float]:

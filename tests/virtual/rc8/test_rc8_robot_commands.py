@@ -777,13 +777,14 @@ DEFINITIONS = [
 @pytest.mark.parametrize(("kind", "last"), [("Tool", 63), ("Work", 7)])
 def test_frames_are_defined_in_every_form(cell, kind, last):
     cell.put("P9", [1, 2, 3, 4, 5, 6, -1])
+    attribute = [] if kind == "Tool" else [0]
     for form in DEFINITIONS:
         for number in (1, last, str(last), float(last)):
             cell.execute(f"Set{kind}Def", [number, [0.0] * 6])
-            assert cell.execute(f"Get{kind}Def", number) == [0, 0, 0, 0, 0, 0, -1]
+            assert cell.execute(f"Get{kind}Def", number) == [0, 0, 0, 0, 0, 0, *attribute]
             cell.execute(f"Set{kind}Def", [number, form])
-            assert cell.execute(f"Get{kind}Def", number) == [1, 2, 3, 4, 5, 6, -1]
-    assert cell.execute(f"Get{kind}Def", 0) == [0, 0, 0, 0, 0, 0, -1]
+            assert cell.execute(f"Get{kind}Def", number) == [1, 2, 3, 4, 5, 6, *attribute]
+    assert cell.execute(f"Get{kind}Def", 0) == [0, 0, 0, 0, 0, 0, *attribute]
 
 
 @pytest.mark.parametrize(

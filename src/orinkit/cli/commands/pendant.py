@@ -180,8 +180,10 @@ ACTIONS: Final[dict[str, PendantAction]] = {
     "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
     "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
     "surface": PendantAction(
-        "Surface", "NAME X,Y,Z,RX,RY,RZ|none [size=X,Y] [stiffness=N/mm] [damping=] [friction=] [thickness=] [radius=]",
-        _surface, ("workspace.surfaces", "workspace.force"),
+        "Surface",
+        "NAME X,Y,Z,RX,RY,RZ|none [size=X,Y] [stiffness=N/mm] [damping=] [friction=] [thickness=] [radius=]",
+        _surface,
+        ("workspace.surfaces", "workspace.force"),
     ),
     "fence": PendantAction("Fence", "X,Y,Z,RX,RY,RZ DX,DY,DZ inside|outside | none", _fence, ("workspace.fences",)),
     "arm-button": PendantAction("ArmButton", "0|1|2", _whole, ("workspace.buttons",)),

@@ -25,7 +25,7 @@ _AXES: Final = "zyyzyz"  # directions of the axes, as in ArmModel
 _SHARES: Final = (0.25, 0.2, 0.15, 0.08, 0.05, 0.02)  # of the mass of the arm; the rest is its base
 _GYRATION: Final = 0.06  # m, radius of gyration of everything that an axis turns, in addition to the point masses
 _GRAVITY_RESERVE: Final = 1.25  # of the largest static torque
-_ACCELERATION_SHARE: Final = 0.5  # of the torque for the largest acceleration: an axis may exceed its rated torque briefly
+_ACCELERATION_SHARE: Final = 0.5  # of the torque for the largest acceleration, which may exceed the rated torque
 _RATING_CENTRE: Final = (0.0, 50.0, 100.0)  # mm, centre of the payload for which the axes are rated
 _LEAST_TORQUE: Final = 0.1  # N m
 _METRE: Final = 1000.0  # mm
@@ -89,11 +89,12 @@ class ArmDynamics:
         reach = sum(math.dist(origin, _REST) for origin in origins[1:]) / _METRE
         mass = model.mass or DEFAULT_MASS * reach
         self._origins = [_scaled(origin, 1 / _METRE) for origin in origins]
-        ends = [*self._origins[1:], _scaled(self._origins[-1], -1.0)]
-        self._centres = [_scaled(end, 0.5) for end in ends]
+        self._centres = _centres(self._origins)
         self._masses = [mass * share for share in _SHARES]
+        self.payload = Payload()
+        empty = self._rating(model)
         self.payload = Payload(model.payload or DEFAULT_PAYLOAD * mass, _RATING_CENTRE)
-        self.rated = self._rating(model)
+        self.rated = tuple(map(max, empty, self._rating(model)))
         self.payload = Payload()
 
     @property
@@ -126,8 +127,7 @@ class ArmDynamics:
     def _torques(self, posture: _Posture, accelerations: Sequence[Vector], turns: Sequence[float]) -> list[float]:
         masses = [*self._masses, self.payload.mass]
         forces = [
-            (mass * x, mass * y, mass * (z + GRAVITY))
-            for mass, (x, y, z) in zip(masses, accelerations, strict=True)
+            (mass * x, mass * y, mass * (z + GRAVITY)) for mass, (x, y, z) in zip(masses, accelerations, strict=True)
         ]
         spin = self._spin(posture, turns)
         torques = []
@@ -192,10 +192,21 @@ class ArmDynamics:
                 arm = _cross(axis, _less(centre, origin))
                 inertia += mass * _dot(arm, arm)
             accelerating = inertia * math.radians(model.axes[index].acceleration)
-            rated.append(
-                max(_LEAST_TORQUE, _GRAVITY_RESERVE * abs(static[index]) + _ACCELERATION_SHARE * accelerating)
-            )
+            rated.append(max(_LEAST_TORQUE, _GRAVITY_RESERVE * abs(static[index]) + _ACCELERATION_SHARE * accelerating))
         return tuple(rated)
+
+
+def _centres(origins: Sequence[Vector]) -> list[Vector]:
+    """Return the centre of each link in its own frame, m: halfway to the next joint.
+
+    The forearm is one part before joint 4 and one behind it; the origin of joint 4 can be anywhere on its axis.
+    """
+    fore = _plus(origins[3], (0.0, 0.0, origins[4][2]))
+    wrist = (0.0, 0.0, origins[4][2] - fore[2] / 4)
+    return [
+        _scaled(origins[1], 0.5), _scaled(origins[2], 0.5), _scaled(fore, 0.25), wrist, _scaled(origins[5], 0.5),
+        _scaled(origins[5], -0.25),
+    ]  # fmt: skip
 
 
 def _loaded(torques: Sequence[float], posture: _Posture, wrench: Wrench) -> list[float]:

@@ -15,7 +15,7 @@ RATED_SPEED: Final = 4000.0
 
 _FRICTION: Final = 10.0  # % of the rated torque
 _EXTENDED_LOAD: Final = 33.3  # % of the rated torque of an extended joint at its largest acceleration
-_AT_REST: Final = 1e-9  # deg/s; a slower axis has no friction
+_FULL_FRICTION: Final = 0.01  # of the largest velocity, from which on the friction is constant
 _YIELD: Final = 5e-4  # deg for each percent above the limit in a cycle; small enough for contacts of 1000 N/mm
 _FASTEST_YIELD: Final = 0.1  # of the largest velocity
 _PERCENT: Final = 100.0
@@ -59,10 +59,9 @@ class MotorLoads:
         for index in range(ARM_AXES, len(now)):
             acceleration = (first[index] - 2 * before[index] + now[index]) / PERIOD**2
             loads.append(_EXTENDED_LOAD * acceleration / self._model.axes[index].acceleration)
-        for index, (b, c) in enumerate(zip(before, now, strict=True)):
-            speed = (c - b) / PERIOD
-            if abs(speed) > _AT_REST:
-                loads[index] += math.copysign(_FRICTION, speed)
+        for index, (b, c, axis) in enumerate(zip(before, now, self._model.axes, strict=True)):
+            speed = (c - b) / (PERIOD * axis.velocity * _FULL_FRICTION)
+            loads[index] += _FRICTION * min(1.0, max(-1.0, speed))
         return tuple(loads)
 
     def commanded(self, first: Joints, before: Joints, now: Joints) -> tuple[float, ...]:

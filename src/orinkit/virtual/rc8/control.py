@@ -248,9 +248,7 @@ def _restart(panel: ControlPanel, _: Variant) -> None:
 
 def _status(panel: ControlPanel, _: Variant) -> str:
     rc8 = panel.rc8
-    return json.dumps(
-        {**rc8.pendant.status(), "hand": rc8.state.hand.status(), "workspace": rc8.workspace.status()}
-    )
+    return json.dumps({**rc8.pendant.status(), "hand": rc8.state.hand.status(), "workspace": rc8.workspace.status()})
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
@@ -270,7 +268,9 @@ def _surface(panel: ControlPanel, parameter: Variant) -> None:
     if not 6 <= len(values) <= len(_SURFACE_DEFAULTS):
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("got {given} parameters, expected {wanted}", given=len(given), wanted=f"7..{1 + len(_SURFACE_DEFAULTS)}"),
+            tr(
+                "got {given} parameters, expected {wanted}", given=len(given), wanted=f"7..{1 + len(_SURFACE_DEFAULTS)}"
+            ),
         )
     values += _SURFACE_DEFAULTS[len(values) :]
     x, y, stiffness, damping, friction, thickness, radius = values[6:]

@@ -59,9 +59,7 @@ class Workspace:
         """
         if not name.strip() or len(name) > _LONGEST_NAME:
             raise ValueError(tr("the name of a surface has 1 to {most} characters", most=_LONGEST_NAME))
-        surface = CompliantSurface(
-            tuple(map(float, pose)), size, thickness, stiffness, damping, friction, radius
-        )
+        surface = CompliantSurface(tuple(map(float, pose)), size, thickness, stiffness, damping, friction, radius)
         with self._state.cycles:
             self._hardware.place_surface(name, surface)
 

@@ -17,7 +17,6 @@ from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.speeds import FULL
 from orinkit.virtual.rc8.switches import ModeSwitch
 
-
 _FORCE_SPEED: Final = 50.0  # %
 
 
