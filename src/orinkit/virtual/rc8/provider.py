@@ -66,7 +66,7 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
-        workspace: What surrounds the arm, set by tests and by users.
+        workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
         ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach

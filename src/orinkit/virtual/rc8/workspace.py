@@ -1,4 +1,4 @@
-"""What surrounds the arm of a virtual controller, as tests and users set it: surfaces, fences, scenes, buttons."""
+"""The surroundings of the arm of a virtual controller, set by tests and users: surfaces, fences, scenes, buttons."""
 
 from __future__ import annotations
 

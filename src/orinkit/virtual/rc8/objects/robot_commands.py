@@ -28,7 +28,7 @@ from orinkit.virtual.rc8.robot.conditions import refusal, require
 from orinkit.virtual.rc8.robot.force_commands import FORCE_COMMANDS
 from orinkit.virtual.rc8.robot.frame_commands import FRAME_COMMANDS
 from orinkit.virtual.rc8.robot.servo_commands import SERVO_COMMANDS
-from orinkit.virtual.rc8.robot.shared_command import SharedCommand
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand, at_least
 from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
 
@@ -133,7 +133,7 @@ def _options(given: list[Variant]) -> MotionOptions:
 
 def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("Approach", caller.state.arm, caller)
-    given = _at_least(parameter, 3)
+    given = at_least(parameter, 3)
     mark, distance = parameters.marked_number(given[2])
     options = _options(given[3:])
     target = parameters.pose(given[1])
@@ -143,7 +143,7 @@ def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
 
 def _depart(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("Depart", caller.state.arm, caller)
-    given = _at_least(parameter, 2)
+    given = at_least(parameter, 2)
     mark, distance = parameters.marked_number(given[1])
     options = _options(given[2:])
     plans = caller.state.moves.depart(conversion.whole(given[0]), distance, mark, options)
@@ -153,7 +153,7 @@ def _depart(caller: ClientContext, parameter: Variant) -> MotionResult:
 def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], MotionResult]:
     def run(caller: ClientContext, parameter: Variant) -> MotionResult:
         require(name, caller.state.arm, caller)
-        given = _at_least(parameter, 1)
+        given = at_least(parameter, 1)
         if isinstance(given[0].value, str):
             pairs, rest = given[:1], given[1:]
         else:
@@ -168,7 +168,7 @@ def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], Moti
 
 def _rotate_hand(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("RotateH", caller.state.arm, caller)
-    given = _at_least(parameter, 1)
+    given = at_least(parameter, 1)
     mark, angle = parameters.marked_number(given[0])
     options = _options(given[1:])
     return begin_motions(caller.state, caller.state.moves.rotate_hand(angle, mark, options), options)
@@ -186,22 +186,12 @@ def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
     return arm.settled if parameters.flag(mode) else not arm.busy
 
 
-def _at_least(parameter: Variant, count: int) -> list[Variant]:
-    given = parameters.elements(parameter)
-    if len(given) < count:
-        raise error_for(
-            hresult.E_INVALIDARG,
-            tr("expected at least {needed} parameters, got {count}", count=len(given), needed=count),
-        )
-    return given
-
-
 # --- stored paths -----------------------------------------------------------------------------------------------------
 
 
 def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
-    given = _at_least(parameter, 2)
+    given = at_least(parameter, 2)
     caller.state.moves.add_path_point(conversion.whole(given[0]), parameters.pose(given[1]))
 
 

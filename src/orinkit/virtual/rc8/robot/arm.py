@@ -93,7 +93,7 @@ class RC8Arm:
         space: Frames and kinematics.
         log: Control log.
         slave: Slave mode, in which a client sends a set-point for each cycle.
-        hardware: What surrounds the arm: force sensor, areas, buttons.
+        hardware: Hardware around the arm: force sensor, areas, buttons.
     """
 
     def __init__(

@@ -54,7 +54,7 @@ class HardwareArm(ControlledArm, Protocol):
 
 
 class ArmHardware:
-    """What surrounds the arm: surfaces, force sensor, areas, fences, scenes, buttons.
+    """Hardware around one arm: surfaces, force sensor, areas, fences, scenes, buttons.
 
     Args:
         arm: The arm.
