@@ -177,6 +177,20 @@ def test_an_area_sets_its_point_and_stores_the_position(cell):
     assert not cell.rc8.state.faults.code
 
 
+@GUIDE("5.3.2 robot Area*")
+def test_the_variable_of_an_area(cell):
+    variable = cell.robot.get_variable("area3", "")
+    define(cell)
+    got = variable.get_value()
+    assert (got.type, got.value) == (NUMBERS, cell.execute("GetAreaDef", 3))
+    cell.robot.get_variable("Area[3]", "").put_value(variant([*got.value[:9], 131.0, 8.0]))
+    assert cell.execute("GetAreaDef", 3)[9:11] == [131, 8]
+    assert cell.code_of(lambda: variable.put_value(variant([1.0] * 10))) == hresult.E_INVALIDARG
+    assert cell.code_of(cell.robot.get_variable("Area32", "").get_value) == hresult.VALUE_OUT_OF_RANGE
+    assert "Area*" in cell.robot.get_variable_names("")
+    assert cell.code_of(lambda: cell.robot.get_variable("Area", "")) == hresult.E_CAO_OBJECT_NOTFOUND
+
+
 def test_an_area_with_detection_stops_the_arm(cell):
     define(cell, 1)
     cell.execute("SetArea", 3)

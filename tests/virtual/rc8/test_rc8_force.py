@@ -325,6 +325,42 @@ def test_an_emergency_stop_ends_force_control_where_the_arm_is(cell):
     assert cell.arm.queue.joints == cell.arm.servo.command == cell.arm.servo.encoder
 
 
+PROGRAM = b"""
+Sub Main
+  TakeArm
+  PayLoad 1000, V(0, 0, 50)
+  ForceSensor 0
+  Tool 2, P(0, 0, 10, 0, 0, 0)
+  ForceParam 4, 0, P(9999, 9999, 9999, 9999, 9999, 9999)
+  Speed 10
+  ForceCtrl On, 4, 0
+  Move L, P(364.16, 0, 240, 180, 0, 180, 5), Next
+  ForceWaitCondition -1, P(-1, -1, 30, -1, -1, -1), -1, 2
+  P1 = ForceValue(0)
+  J1 = GetSrvData(8)
+  I1 = CurTool()
+  F1 = GetSrvJntData(5, 2)
+  GiveArm
+End Sub
+"""
+
+
+def test_programs_use_the_same_commands(cell):
+    cell.execute("GiveArm")
+    cell.rc8.state.files.write("Press.pcs", PROGRAM)
+    cell.run(cell.controller.get_task("Press", "").start(1, ""))
+    cell.trace(1500)
+    assert not cell.rc8.state.faults.code, cell.rc8.state.faults.message
+    values = {name: cell.controller.get_variable(name, "").get_value().plain for name in ("P1", "J1", "I1", "F1")}
+    assert 30 <= values["P1"][2] < 120
+    assert values["J1"][0] == pytest.approx(0, abs=1e-3)
+    assert values["F1"] != 0
+    assert cell.execute("GetToolDef", 2) == [0, 0, 10, 0, 0, 0]
+    assert cell.execute("CurPayLoad")[0] == 1000
+    assert not cell.arm.busy
+    assert not cell.arm.hardware.force.on
+
+
 # --- waiting for a force ----------------------------------------------------------------------------------------------
 
 

@@ -25,10 +25,8 @@ from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
-from orinkit.virtual.rc8.robot.force_commands import FORCE_COMMANDS
-from orinkit.virtual.rc8.robot.frame_commands import FRAME_COMMANDS
-from orinkit.virtual.rc8.robot.servo_commands import SERVO_COMMANDS
 from orinkit.virtual.rc8.robot.shared_command import SharedCommand, at_least
+from orinkit.virtual.rc8.robot.shared_commands import SHARED_COMMANDS
 from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
 
@@ -294,14 +292,11 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("RotateH", _rotate_hand, reads=False),
         RobotCommand("MotionSkip", _motion_skip, reads=False),
         RobotCommand("MotionComplete", _motion_complete),
-        *(
-            RobotCommand(each.name, _shared(each), each.reads, each.in_slave)
-            for each in (*FRAME_COMMANDS, *SERVO_COMMANDS, *FORCE_COMMANDS)
-        ),
+        *(RobotCommand(each.name, _shared(each), each.reads, each.in_slave) for each in SHARED_COMMANDS.values()),
         *(RobotCommand(each.name, each.run, each.reads, each.in_slave) for each in DEVICE_COMMANDS),
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
-        RobotCommand("GetPathPointCount", _path_length, in_slave=True),
+        RobotCommand("GetPathPointCount", _path_length),
         RobotCommand("GetPathPoint", _path_point, in_slave=True),
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False),
@@ -314,7 +309,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("slvMove", slave.move, reads=False, in_slave=True),
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
-        RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR), in_slave=True),
+        RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
     )
 }
 

@@ -212,8 +212,9 @@ class ForceControl:
         tip, wrench = self._contact()
         self._note_peak(_FORCE, self._in_control(tip, wrench))
         if self.on:
+            command = self._arm.space.tcp(self._arm.servo.command)
             for quantity in (_COMMAND, _ENCODER, _DEVIATION):
-                self._note_peak(quantity, self._travelled(quantity))
+                self._note_peak(quantity, self._way(quantity, command, tip))
         return wrench
 
     def violation(self) -> int:
@@ -334,15 +335,20 @@ class ForceControl:
         return np.concatenate((turn @ reading[:3], turn @ reading[3:]))
 
     def _travelled(self, quantity: int) -> Matrix:
+        servo, space = self._arm.servo, self._arm.space
+        return self._way(quantity, space.tcp(servo.command), space.tcp(servo.encoder))
+
+    def _way(self, quantity: int, command: Matrix, encoder: Matrix) -> Matrix:
+        """Return a way of the tool in the control frame, mm and deg; the tips are those of this cycle."""
         if self._start is None:
             self._take_start()
         assert self._start is not None
-        servo, space = self._arm.servo, self._arm.space
         if quantity == _DEVIATION:
-            first, last = space.tcp(servo.encoder), space.tcp(servo.command)
+            first, last = encoder, command
+        elif quantity == _COMMAND:
+            first, last = self._start[0], command
         else:
-            first = self._start[0 if quantity == _COMMAND else 1]
-            last = space.tcp(servo.command if quantity == _COMMAND else servo.encoder)
+            first, last = self._start[1], encoder
         axes = self._axes(first)
         way, turn = last[:3, 3] - first[:3, 3], _turn_between(first[:3, :3], last[:3, :3]) / _DEGREE
         return np.concatenate((axes.T @ way, axes.T @ turn))
@@ -357,9 +363,8 @@ class ForceControl:
         kinematics = self._arm.space.kinematics
         jacobian = np.array(kinematics.jacobian(joints))
         jacobian[:3] /= _DEGREE
-        arm = tip[:3, 3] - kinematics.forward(joints)[:3, 3]
-        for column in jacobian.T:
-            column[:3] += np.cross(column[3:], arm)
+        x, y, z = tip[:3, 3] - kinematics.forward(joints)[:3, 3]
+        jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
         return jacobian
 
 
