@@ -163,6 +163,17 @@ def _fence(given: PendantArguments) -> list[float] | None:
     return [*_numbers(given, words[0], 6), *_numbers(given, words[1], 3), float(words[2].lower() == "inside")]
 
 
+def _scene(given: PendantArguments) -> list[Any]:
+    number, sub, *settings = given.words(2, 6)
+    values: dict[str, Any] = {"tool": -1.0, "work": -1.0, "speed": -1.0, "name": ""}
+    for setting in settings:
+        key, _, text = setting.partition("=")
+        if key.lower() not in values:
+            raise given.wrong()
+        values[key.lower()] = text if key.lower() == "name" else _numbers(given, text, 1)[0]
+    return [*_numbers(given, f"{number},{sub}", 2), *values.values()]
+
+
 _STOPS: Final = ("motor", "error")
 ACTIONS: Final[dict[str, PendantAction]] = {
     "mode": PendantAction("Mode", "manual|teach|auto", lambda given: read_mode(given.one()), ("mode",)),
@@ -186,6 +197,9 @@ ACTIONS: Final[dict[str, PendantAction]] = {
         ("workspace.surfaces", "workspace.force"),
     ),
     "fence": PendantAction("Fence", "X,Y,Z,RX,RY,RZ DX,DY,DZ inside|outside | none", _fence, ("workspace.fences",)),
+    "scene": PendantAction(
+        "Scene", "NUMBER SUB [tool=N] [work=N] [speed=%] [name=TEXT]", _scene, ("workspace.scene",)
+    ),
     "arm-button": PendantAction("ArmButton", "0|1|2", _whole, ("workspace.buttons",)),
     "lose-calibration": PendantAction("LoseCalibration", "", PendantArguments.none, ("workspace.calibrated",)),
     "save-path": PendantAction("SavePath", "1..20", _whole, ("error",)),
