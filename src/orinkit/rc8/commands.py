@@ -78,7 +78,7 @@ _HARDWARE: Final = (
     ExtendedCommand("PayLoad", VARIANT_ARRAY, "(3,2000),(8,V(0,0,50)),(8,V(10,10,10))", _LOAD),
     ExtendedCommand("CurPayLoad"),
     *(ExtendedCommand(name, _I4, "1", N_("1 on or 0 off")) for name in ("GrvCtrl", "GrvOffset", "HighPathAccuracy")),
-    ExtendedCommand("CurLmt", VARIANT_ARRAY, "(3,1),(3,2),(4,50)", N_("(1 on or 0 off), (axis, 0 for all), (% of the current)")),
+    ExtendedCommand("CurLmt", VARIANT_ARRAY, "(3,1),(3,2),(4,50)", N_("(1 on or 0 off), (axis, 0 for all), (percent of the current)")),
     ExtendedCommand("Zforce", _R8, "50", N_("thrust of the third axis in N")),
     ExtendedCommand("RobInfo", _I4, "2", N_("0 type, 1 name of the type, 2 way of each axis")),
     ExtendedCommand("SetHandIO", _I4S, "64,1,8", N_("first point, value, number of points")),

@@ -197,9 +197,7 @@ ACTIONS: Final[dict[str, PendantAction]] = {
         ("workspace.surfaces", "workspace.force"),
     ),
     "fence": PendantAction("Fence", "X,Y,Z,RX,RY,RZ DX,DY,DZ inside|outside | none", _fence, ("workspace.fences",)),
-    "scene": PendantAction(
-        "Scene", "NUMBER SUB [tool=N] [work=N] [speed=%] [name=TEXT]", _scene, ("workspace.scene",)
-    ),
+    "scene": PendantAction("Scene", "NUMBER SUB [tool=N] [work=N] [speed=%] [name=TEXT]", _scene, ("workspace.scene",)),
     "arm-button": PendantAction("ArmButton", "0|1|2", _whole, ("workspace.buttons",)),
     "lose-calibration": PendantAction("LoseCalibration", "", PendantArguments.none, ("workspace.calibrated",)),
     "save-path": PendantAction("SavePath", "1..20", _whole, ("error",)),
