@@ -14,7 +14,6 @@ from orinkit.virtual.engine.control_loop import PERIOD
 from support.cell import Cell
 
 NUMBERS = ARRAY | VarType.R8
-GUIDE = pytest.mark.guide
 HOME = [364.15999, 0.0, 278.53553, 180.0, 0.0, 180.0, 5.0]
 
 
@@ -45,7 +44,7 @@ def p(cell: Cell, index: int) -> list[float]:
 # --- tool, work, base -------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.54 CurTool", "5.2.28.57 CurWork")
+@pytest.mark.guide("5.2.28.54 CurTool", "5.2.28.57 CurWork")
 def test_the_current_tool_and_work_are_numbers(cell):
     assert exact(cell, "CurTool", None) == exact(cell, "CurWork", None) == (VarType.I4, 0)
     cell.robot.change("Tool3")
@@ -53,7 +52,7 @@ def test_the_current_tool_and_work_are_numbers(cell):
     assert (cell.execute("CurTool"), cell.execute("CurWork")) == (3, 2)
 
 
-@GUIDE("5.2.28.55 GetToolDef", "5.2.28.56 SetToolDef")
+@pytest.mark.guide("5.2.28.55 GetToolDef", "5.2.28.56 SetToolDef")
 def test_a_tool_has_six_numbers(cell):
     assert exact(cell, "GetToolDef", 1) == (NUMBERS, [0.0] * 6)
     assert cell.execute("SetToolDef", [1, "P(1, 2, 3, 10, 20, 30, 7)"]) is None
@@ -63,7 +62,7 @@ def test_a_tool_has_six_numbers(cell):
     )
 
 
-@GUIDE("5.2.28.58 GetWorkDef", "5.2.28.59 SetWorkDef", "5.2.28.60 WorkAttribute")
+@pytest.mark.guide("5.2.28.58 GetWorkDef", "5.2.28.59 SetWorkDef", "5.2.28.60 WorkAttribute")
 def test_a_work_has_an_attribute(cell):
     assert exact(cell, "GetWorkDef", 1) == (NUMBERS, [0.0] * 7)
     cell.execute("SetWorkDef", [1, "P(1, 2, 3, 10, 20, 30)", 1])
@@ -90,7 +89,7 @@ def test_with_a_fixed_tool_poses_are_those_of_the_tool_seen_from_the_workpiece(c
     assert moved[:3, 3] == pytest.approx([-10, 0, 0], abs=1e-6)
 
 
-@GUIDE("5.2.28.98 SetBaseDef", "5.2.28.103 GetBaseDef")
+@pytest.mark.guide("5.2.28.98 SetBaseDef", "5.2.28.103 GetBaseDef")
 @pytest.mark.field("3.2")
 def test_a_base_moves_the_arm_in_the_world(cell):
     assert exact(cell, "GetBaseDef", 0) == (NUMBERS, [0.0] * 7)
@@ -129,7 +128,7 @@ def define(cell: Cell, *more: Any, number: int = 3) -> None:
     cell.execute("SetAreaDef", [number, "P(364, 100, 250, 0, 0, 0)", "V(60, 40, 80)", 130, 7, *more])
 
 
-@GUIDE("5.2.28.61 GetAreaDef", "5.2.28.62 SetAreaDef", "5.2.28.65 AreaSize")
+@pytest.mark.guide("5.2.28.61 GetAreaDef", "5.2.28.62 SetAreaDef", "5.2.28.65 AreaSize")
 @pytest.mark.field("3.2")
 def test_the_definition_of_an_area(cell):
     assert exact(cell, "GetAreaDef", 3) == (NUMBERS, [*[0.0] * 9, -1.0, -1.0, *[0.0] * 23])
@@ -149,7 +148,7 @@ def test_the_definition_of_an_area(cell):
     assert cell.execute("GetAreaDef", 3) == full
 
 
-@GUIDE("5.2.28.63 SetArea", "5.2.28.64 ResetArea", "5.2.28.66 GetAreaEnabled", "5.2.28.67 SetAreaEnabled")
+@pytest.mark.guide("5.2.28.63 SetArea", "5.2.28.64 ResetArea", "5.2.28.66 GetAreaEnabled", "5.2.28.67 SetAreaEnabled")
 def test_an_area_sets_its_point_and_stores_the_position(cell):
     define(cell)
     line(cell, 364, 100, 278)
@@ -177,7 +176,7 @@ def test_an_area_sets_its_point_and_stores_the_position(cell):
     assert not cell.rc8.state.faults.code
 
 
-@GUIDE("5.3.2 robot Area*")
+@pytest.mark.guide("5.3.2 robot Area*")
 def test_the_variable_of_an_area(cell):
     variable = cell.robot.get_variable("area3", "")
     define(cell)

@@ -14,7 +14,6 @@ from orinkit.values.variant import ARRAY, VARIANT_ARRAY, VarType, variant
 from support.cell import Cell
 
 NUMBERS = ARRAY | VarType.R8
-GUIDE = pytest.mark.guide
 P = "P(330, 120, 300, 180, 0, 180, 5)"
 
 
@@ -33,7 +32,7 @@ def exact(cell: Cell, name: str, parameter: Any) -> tuple[int, Any]:
 # --- I/O of the hand --------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.104 SetHandIO", "5.2.28.105 GetHandIO")
+@pytest.mark.guide("5.2.28.104 SetHandIO", "5.2.28.105 GetHandIO")
 def test_points_of_the_hand(cell):
     assert cell.execute("SetHandIO", [48, 8, 4]) is None
     assert exact(cell, "GetHandIO", [48, 4]) == (VarType.I4, 8)
@@ -50,7 +49,9 @@ def test_points_of_the_hand(cell):
 # --- paths ------------------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.68 AddPathPoint", "5.2.28.69 ClrPathPoint", "5.2.28.70 GetPathPoint", "5.2.28.72 GetPathPointCount")
+@pytest.mark.guide(
+    "5.2.28.68 AddPathPoint", "5.2.28.69 ClrPathPoint", "5.2.28.70 GetPathPoint", "5.2.28.72 GetPathPointCount"
+)
 def test_points_of_a_path(cell):
     assert exact(cell, "GetPathPointCount", 1) == (VarType.I4, 0)
     for pose in (P, "J(0, 45, 90, 0, 45, 0)", "T(330, 120, 300, 0, 1, 0, 0, 0, -1, 5)"):
@@ -66,7 +67,7 @@ def test_points_of_a_path(cell):
     assert cell.code_of(lambda: cell.execute("AddPathPoint", [21, P])) == hresult.E_INVALIDARG
 
 
-@GUIDE("5.2.28.71 LoadPathPoint")
+@pytest.mark.guide("5.2.28.71 LoadPathPoint")
 @pytest.mark.field("3.2")
 def test_a_path_in_the_storage(cell):
     for y in (0, 50, 100):
@@ -88,8 +89,8 @@ def test_a_path_in_the_storage(cell):
 # --- logs -------------------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.109 GetCtrlLogMaxTime", "5.2.28.110 SetCtrlLogMaxTime")
-@GUIDE("5.2.28.111 GetCtrlLogInterval", "5.2.28.112 SetCtrlLogInterval")
+@pytest.mark.guide("5.2.28.109 GetCtrlLogMaxTime", "5.2.28.110 SetCtrlLogMaxTime")
+@pytest.mark.guide("5.2.28.111 GetCtrlLogInterval", "5.2.28.112 SetCtrlLogInterval")
 def test_duration_and_interval_of_the_control_log(cell):
     assert exact(cell, "GetCtrlLogMaxTime", None) == (VarType.I4, 100)
     assert exact(cell, "GetCtrlLogInterval", None) == (VarType.I4, 8)
@@ -105,7 +106,7 @@ def test_duration_and_interval_of_the_control_log(cell):
         assert cell.code_of(lambda name=name, value=value: cell.execute(f"SetCtrlLog{name}", value)) != 0
 
 
-@GUIDE("5.2.28.106 StartServoLog", "5.2.28.107 ClearServoLog", "5.2.28.108 StopServoLog")
+@pytest.mark.guide("5.2.28.106 StartServoLog", "5.2.28.107 ClearServoLog", "5.2.28.108 StopServoLog")
 def test_the_servo_log_is_written_to_a_file(cell):
     cell.execute("StartServoLog")
     cell.trace(4)

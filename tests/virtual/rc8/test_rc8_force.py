@@ -17,7 +17,6 @@ from support.cell import Cell
 from support.slave_cell import J0, SlaveCell
 
 NUMBERS = ARRAY | VarType.R8
-GUIDE = pytest.mark.guide
 TOP = 250.0
 """Height of the surface, mm; the tip of the arm at home is 28.5 mm above it."""
 
@@ -70,7 +69,7 @@ def commands(cell: Cell, cycles: int) -> list[tuple[float, ...]]:
 # --- surfaces and sensor ----------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.81 ForceValue")
+@pytest.mark.guide("5.2.28.81 ForceValue")
 def test_force_is_stiffness_times_penetration(cell):
     got = cell.robot.execute("ForceValue", variant(0))
     assert (got.type, got.value) == (NUMBERS, [0.0] * 6)
@@ -159,7 +158,7 @@ def test_there_are_at_most_sixteen_surfaces(cell):
         cell.rc8.workspace.remove("one more")
 
 
-@GUIDE("5.2.28.83 ForceSensor")
+@pytest.mark.guide("5.2.28.83 ForceSensor")
 def test_a_reset_makes_the_present_reading_zero(cell):
     down_to(cell, TOP - 5)
     assert cell.execute("ForceSensor", 0) is None
@@ -169,7 +168,7 @@ def test_a_reset_makes_the_present_reading_zero(cell):
     assert cell.code_of(lambda: cell.execute("ForceSensor", 1)) == hresult.VALUE_OUT_OF_RANGE
 
 
-@GUIDE("5.2.28.95 PayLoad")
+@pytest.mark.guide("5.2.28.95 PayLoad")
 @pytest.mark.field("3.2")
 def test_the_sensor_weighs_the_payload_unless_it_is_compensated(cell):
     assert cell.execute("PayLoad", [2000, "V(0, 0, 50)", "V(1, 2, 3)"]) is None
@@ -197,7 +196,7 @@ def test_peaks_are_kept_until_they_are_reset(cell):
 # --- force control ----------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.79 ForceCtrl", "5.2.28.80 ForceParam")
+@pytest.mark.guide("5.2.28.79 ForceCtrl", "5.2.28.80 ForceParam")
 @pytest.mark.field("3.2")
 def test_compliance_limits_the_force_and_goes_back_smoothly(cell):
     assert cell.execute("ForceParam", [1, 0, [0.0, 0.0, 30.0, 0.0, 0.0, 0.0]]) is None
@@ -242,7 +241,7 @@ def test_the_force_sensor_mode_presses_with_a_force(cell):
     check_limits(cell, path)
 
 
-@GUIDE("5.2.28.84 ForceChangeTable")
+@pytest.mark.guide("5.2.28.84 ForceChangeTable")
 def test_the_table_can_be_changed_while_it_is_controlled(cell):
     down_to(cell, TOP + 1)
     cell.robot.speed(-1, 10)
@@ -368,7 +367,7 @@ def wait_for(robot: Any, *given: Any) -> Any:
     return robot.execute("ForceWaitCondition", variant(list(given)))
 
 
-@GUIDE("5.2.28.82 ForceWaitCondition")
+@pytest.mark.guide("5.2.28.82 ForceWaitCondition")
 @pytest.mark.field("3.2")
 @pytest.mark.parametrize(("mode", "busy"), [(0, True), (1, False), (2, False)])
 def test_a_wait_ends_at_its_force(cell, mode, busy):
@@ -422,7 +421,7 @@ def test_halt_and_a_lost_client_end_a_wait(cell):
     assert len(cell.arm.hardware.waits) == 0
 
 
-@GUIDE("5.2.28.81 ForceValue", "5.2.28.82 ForceWaitCondition")
+@pytest.mark.guide("5.2.28.81 ForceValue", "5.2.28.82 ForceWaitCondition")
 def test_a_guarded_approach_in_slave_mode():
     """Stream towards a surface: the force rises as the model predicts, the wait of another client ends, the arm stops."""
     cell = SlaveCell()

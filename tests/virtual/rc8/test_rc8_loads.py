@@ -16,7 +16,6 @@ from orinkit.virtual.engine.dynamics import ArmDynamics, Payload, Wrench
 from support.cell import Cell
 
 NUMBERS = ARRAY | VarType.R8
-GUIDE = pytest.mark.guide
 STRETCHED = (0.0, 90.0, 0.0, 0.0, 0.0, 0.0)
 UPRIGHT = (0.0,) * 6
 
@@ -73,7 +72,7 @@ def test_acceleration_needs_torque():
 # --- servo data -------------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.85 GetSrvData", "5.2.28.86 GetSrvJntData")
+@pytest.mark.guide("5.2.28.85 GetSrvData", "5.2.28.86 GetSrvJntData")
 @pytest.mark.field("3.2")
 def test_types_of_servo_data(cell):
     for item in (1, 2, 4, 5, 7, 8):
@@ -110,7 +109,7 @@ def test_servo_data_of_a_motion(cell):
         assert servo(cell, item) == pytest.approx([0.0] * len(servo(cell, item)), abs=1e-9)
 
 
-@GUIDE("5.2.28.95 PayLoad")
+@pytest.mark.guide("5.2.28.95 PayLoad")
 def test_a_payload_loads_the_motors(cell):
     before = servo(cell, 4)
     cell.execute("PayLoad", [4000, "V(0, 0, 100)"])
@@ -122,7 +121,7 @@ def test_a_payload_loads_the_motors(cell):
     assert servo(cell, 0x11) == [0.0] * 7
 
 
-@GUIDE("5.2.28.87 GrvCtrl", "5.2.28.90 GrvOffset")
+@pytest.mark.guide("5.2.28.87 GrvCtrl", "5.2.28.90 GrvOffset")
 @pytest.mark.field("3.2")
 def test_gravity_control_takes_the_weight_out_of_the_torque_command(cell):
     assert abs(servo(cell, 5)[1]) > 1
@@ -145,7 +144,7 @@ def test_gravity_control_takes_the_weight_out_of_the_torque_command(cell):
 # --- current limits ---------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.88 CurLmt")
+@pytest.mark.guide("5.2.28.88 CurLmt")
 @pytest.mark.field("3.2")
 def test_a_limited_axis_yields_to_a_contact(cell):
     """The arm presses on a plate: with a limit, it stays behind its command, and the force follows from the limit."""
@@ -190,12 +189,12 @@ def test_invalid_current_limits(cell, given):
     assert not cell.arm.servo.loads.limits
 
 
-@GUIDE("5.2.28.89 Zforce")
+@pytest.mark.guide("5.2.28.89 Zforce")
 def test_zforce_needs_a_linear_third_axis(cell):
     assert cell.code_of(lambda: cell.execute("Zforce", 50.0)) == hresult.E_INVALIDARG
 
 
-@GUIDE("5.2.28.91 HighPathAccuracy")
+@pytest.mark.guide("5.2.28.91 HighPathAccuracy")
 @pytest.mark.field("3.2")
 def test_high_path_accuracy_reduces_the_lag(cell):
     def lag() -> float:
@@ -221,7 +220,7 @@ def test_high_path_accuracy_reduces_the_lag(cell):
 # --- information ------------------------------------------------------------------------------------------------------
 
 
-@GUIDE("5.2.28.97 RobInfo", "5.2.28.73 GetRobotTypeName")
+@pytest.mark.guide("5.2.28.97 RobInfo", "5.2.28.73 GetRobotTypeName")
 @pytest.mark.field("3.2")
 def test_information_about_the_robot(cell):
     def info(item: Any) -> tuple[int, Any]:
