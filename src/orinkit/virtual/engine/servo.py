@@ -225,6 +225,13 @@ class ControlLog:
     def __len__(self) -> int:
         return len(self._records)
 
+    def copy(self) -> ControlLog:
+        """Return a log that is not running, with the present records, which another thread may read."""
+        copied = ControlLog()
+        copied.max_time, copied.interval = self.max_time, self.interval
+        copied._records = self._records.copy()
+        return copied
+
     def clear(self) -> None:
         """Delete all records."""
         self._records.clear()

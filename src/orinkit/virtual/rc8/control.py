@@ -310,8 +310,8 @@ def _lose_calibration(panel: ControlPanel, _: Variant) -> None:
     panel.rc8.workspace.lose_calibration()
 
 
-def _save_path(panel: ControlPanel, parameter: Variant) -> None:
-    panel.rc8.workspace.save_path(*parameters.whole_numbers(parameter, None))
+def _save_path(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
+    return panel.rc8.state.disk.run(panel.rc8.workspace.path_writer(*parameters.whole_numbers(parameter, None)))
 
 
 _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from orinkit.core.errors import CallError
@@ -142,10 +142,18 @@ class Workspace:
         Raises:
             CallError: E_INVALIDARG if the path does not exist; errors of the file store.
         """
+        self.path_writer(number)()
+
+    def path_writer(self, number: int) -> Callable[[], None]:
+        """Return a function that writes the file of a path for free curves; call it outside the lock.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist.
+        """
+        moves, files = self._state.moves, self._state.files
         with self._state.cycles:
-            self._state.moves.path_length(number)
-            data = path_text(self._state.moves.path_points(number))
-        self._state.files.write(path_file(number), data)
+            targets = moves.path_targets(number)
+        return lambda: files.write(path_file(number), path_text([moves.as_position(each) for each in targets]))
 
     def status(self) -> dict[str, object]:
         """Return the surroundings as a dictionary that can be converted to JSON."""

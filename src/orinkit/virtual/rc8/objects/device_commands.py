@@ -14,6 +14,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.poses import Target
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
+from orinkit.virtual.engine.servo import ControlLog
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
@@ -93,7 +94,7 @@ def _path_of_text(name: str, data: bytes) -> list[Target]:
             if row:
                 x, y, z, rx, ry, rz, fig = (float(value) for value in row[:_POSITION])
                 points.append(Target("P", (x, y, z, rx, ry, rz, fig)))
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise error_for(hresult.E_INVALIDARG, tr("{name} is not a path: {error}", name=name, error=error)) from None
     return points
 
@@ -132,8 +133,13 @@ def _clear_servo_log(caller: ClientContext, _: Variant) -> None:
 def _stop_servo_log(caller: ClientContext, _: Variant) -> Deferred[None] | None:
     """StopServoLog: end the log and write it to a file."""
     caller.require_write()
-    log, state = caller.state.arm.hardware.servo_log, caller.state
-    log.running = False
+    state = caller.state
+    state.arm.hardware.servo_log.running = False
+    log = state.arm.hardware.servo_log.copy()
+    return state.disk.run(lambda: state.files.write(SERVO_LOG_FILE, _log_text(log)))
+
+
+def _log_text(log: ControlLog) -> bytes:
     columns = ("command", "encoder", "current", "load")
     head = [f"J{axis} {column}" for axis in range(1, _JOINTS + 1) for column in columns]
     text = io.StringIO()
@@ -142,8 +148,7 @@ def _stop_servo_log(caller: ClientContext, _: Variant) -> Deferred[None] | None:
     for index in range(len(log)):
         record = log.record(index)
         writer.writerow([record[-3], *record[: len(head)]])
-    data = text.getvalue().encode(_ENCODING)
-    return state.disk.run(lambda: state.files.write(SERVO_LOG_FILE, data))
+    return text.getvalue().encode(_ENCODING)
 
 
 def _set_log_time(caller: ClientContext, parameter: Variant) -> None:

@@ -310,13 +310,18 @@ class Moves:
                 hresult.VALUE_OUT_OF_RANGE,
                 tr("path {number} has {count} points, not {point}", number=number, count=len(path), point=point),
             )
-        return self._as_position(path[point - 1])
+        return self.as_position(path[point - 1])
 
-    def path_points(self, number: int) -> list[list[float]]:
-        """Return all poses of a stored path as P."""
-        return [self._as_position(target) for target in self._paths.get(_path(number), [])]
+    def path_targets(self, number: int) -> list[Target]:
+        """Return all poses of a stored path.
 
-    def _as_position(self, target: Target) -> list[float]:
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist.
+        """
+        return list(self._paths.get(_path(number), ()))
+
+    def as_position(self, target: Target) -> list[float]:
+        """Return a pose of a stored path as P: seven numbers."""
         start = self._arm.queue.end_joints
         kind, values = self._space.resolve(target, start)
         if kind == "J":
