@@ -53,7 +53,7 @@ def _readings() -> list[ExtendedCommand]:
     names = []
     for prefix in ("Cur", "HighCur", "Dest"):
         for suffix in ("Pos", "Jnt", "Trn"):
-            names += [prefix + suffix, *([prefix + suffix + "Ex"] if prefix != "Dest" else [])]
+            names += [prefix + suffix, prefix + suffix + "Ex"]
         names.append(prefix + "Fig")
     return [ExtendedCommand(name) for name in names]
 
@@ -107,15 +107,36 @@ ROBOT_COMMANDS: Final = (
     *_conversions(),
     ExtendedCommand("Dev", _BSTR, "P1,P2", N_("pose, offset along the axes of the work frame")),
     ExtendedCommand("DevH", _BSTR, "P1,P2", N_("pose, offset along the axes of the tool")),
+    ExtendedCommand("TMul", _BSTR, "T1,T2", N_("two transformations")),
+    ExtendedCommand("TInv", _BSTR, "T1", N_("a transformation")),
+    ExtendedCommand("TNorm", _BSTR, "T1", N_("a transformation")),
+    ExtendedCommand("MPS", _R8, "250", N_("velocity of the tool in mm/s")),
+    ExtendedCommand("RPM", _R8S, "1,30", N_("axis, velocity in turns per minute")),
+    ExtendedCommand("DPS", _R8S, "1,90", N_("axis, velocity in deg/s; without the axis, for paths")),
     ExtendedCommand("OutRange", _BSTR, "P1", N_("pose, number of the tool, number of the work")),
     ExtendedCommand("Approach", VARIANT_ARRAY, "(3,1),(8,P1),(8,@P 50),(8,SPEED=20)", _MOTION),
     ExtendedCommand("Depart", VARIANT_ARRAY, "(3,2),(8,@P 50),(8,SPEED=20)",
                     N_("(interpolation), (pass mark and distance in mm), (option)")),
+    ExtendedCommand("Draw", VARIANT_ARRAY, "(3,2),(8,@P V(0,0,50)),(8,SPEED=20)",
+                    N_("(interpolation), (pass mark and vector in the work frame, mm), (option)")),
+    ExtendedCommand("ArchMove", VARIANT_ARRAY, "(8,P1),(5,50),(5,30),(5,30)",
+                    N_("(pose), (height, start and end of the arch in mm)")),
     ExtendedCommand("DriveEx", VARIANT_ARRAY, "(8,@P (1,10),(2,5)),(8,SPEED=20)", _AXES),
     ExtendedCommand("DriveAEx", VARIANT_ARRAY, "(8,@P (1,10),(2,45)),(8,SPEED=20)", _AXES),
     ExtendedCommand("RotateH", VARIANT_ARRAY, "(8,@P 30),(8,SPEED=20)", N_("(pass mark and angle in deg), (option)")),
-    ExtendedCommand("MotionSkip", _I4S, "-1,0", N_("arm group; -1 for the group of this client")),
+    ExtendedCommand("Arrive", _R8, "50", N_("share of the motion in %")),
+    ExtendedCommand("MotionSkip", _I4S, "-1,0", N_("arm group, pattern: 0 or 1 as fast as possible, 2 or 3 as set")),
     ExtendedCommand("MotionComplete", _I4S, "-1,0", N_("arm group, 0 or 1 to include the settling of the encoders")),
+    ExtendedCommand("CrtMotionAllow", _R8S, "1,0.5", N_("1 on or 0 off, tolerance in mm, tolerance in deg")),
+    ExtendedCommand("EncMotionAllow", _R8S, "1,0.5,0", N_("1 on or 0 off, tolerance, 0 in deg or 1 in pulses")),
+    ExtendedCommand("EncMotionAllowJnt", _R8S, "1,7,0.5,0", N_("1 on or 0 off, axis, tolerance, 0 in deg or mm, or 1 in pulses")),
+    ExtendedCommand("ErAlw", _R8S, "1,1,5", N_("1 on or 0 off, axis, tolerance in deg or mm")),
+    ExtendedCommand("MotionTimeout", _I4S, "1,5600", N_("1 on or 0 off, time in ms")),
+    ExtendedCommand("SingularAvoid", _I4, "2", N_("0 off or 2 on")),
+    ExtendedCommand("SpeedMode", _I4, "3", N_("0 off, 1 PTP, 2 paths, 3 both")),
+    ExtendedCommand("CurSpeedMode"),
+    ExtendedCommand("GenerateNonStopPath", VARIANT_ARRAY, "(3,1),(5,1)",
+                    N_("requires a licence, which a virtual controller does not have")),
     ExtendedCommand("SetToolDef", VARIANT_ARRAY, "(3,1),(8,P(0,0,100,0,0,0))", N_("(number of the tool), (pose)")),
     ExtendedCommand("GetToolDef", _I4, "1", N_("number of the tool")),
     ExtendedCommand("SetWorkDef", VARIANT_ARRAY, "(3,1),(8,P(300,0,0,0,0,0)),(3,0)",
@@ -149,6 +170,7 @@ ROBOT_COMMANDS: Final = (
     ExtendedCommand("slvSendFormat", _I4, "0", N_("sum of the fields that are sent in addition to the pose")),
     ExtendedCommand("slvRecvFormat", _I4, "2", N_("sum of the fields that are returned")),
     ExtendedCommand("GetRobotTypeName"),
+    *(ExtendedCommand(name) for name in ("ClearError", "ManualReset", "ManualResetPreparation", "MotionPreparation")),
 )  # fmt: skip
 """Commands of Robot_Execute (RC8, and DENSO's published implementations)."""
 
@@ -174,7 +196,7 @@ CONTROLLER_COMMANDS: Final = (
     ExtendedCommand("GetOprLogCount"),
     ExtendedCommand("GetOprLog", _I4, "0", _INDEX),
     ExtendedCommand("SysInfo", _I4, "0", N_("0 serial number, 15 date of the battery")),
-    *(ExtendedCommand(name) for name in ("SysState", "StoState", "ManualReset", "ManualResetPreparation", "ResetStoState")),
+    *(ExtendedCommand(name) for name in ("SysState", "StoState", "ManualReset", "ManualResetPreparation", "ResetStoState", "MotionPreparation")),
     *_HAND_OF_CONTROLLER,
 )  # fmt: skip
 """Commands of Controller_Execute (RC8)."""

@@ -20,11 +20,13 @@ from orinkit.rc8.slave_formats import (
     SendBits,
     SetPoint,
     SlaveMode,
+    UserIoUnit,
     UserWindow,
     encode_set_point,
     mode_number,
     mode_of,
 )
+from orinkit.rc8.user_io_unit import read_unit
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 
@@ -68,6 +70,7 @@ class StreamOptions:
     send: SendBits
     outputs: Outputs
     window: UserWindow | None
+    user_io_unit: UserIoUnit
     limits: Limits | PathLimits | None
     speed: float
     period: float
@@ -80,7 +83,7 @@ class StreamOptions:
 def read_options(
     dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, limits: Limits | PathLimits | None, speed: float,
     period: float, queue: int, idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
-    user_window: tuple[int, int] | None = None, **outputs: int | tuple[int, bytes] | None,
+    user_window: tuple[int, int] | None = None, user_io_unit: str = UserIoUnit.BITS.value, **outputs: int | tuple[int, bytes] | None,
 ) -> StreamOptions:  # fmt: skip
     """Check the options of slave mode and return them.
 
@@ -103,7 +106,7 @@ def read_options(
             tr("limits must be an object of class Limits for joints (pose J), or PathLimits for positions (pose P, T)")
         )
     options = StreamOptions(
-        wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
+        wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, read_unit(user_io_unit), limits,
         check_range("speed", speed, MIN_SPEED, MAX_SPEED), check_range("period", period, 0.0005, _MAX_PERIOD),
         int(check_range("queue", queue, 1, _MAX_QUEUED)), None if idle is None else check_range("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),

@@ -178,10 +178,13 @@ class Servo:
 
 
 class ControlLog:
-    """The control log of StartLog (RC8 provider guide, StartLog, GetLogRecord, SetCtrlLogMaxTime).
+    """The control log (RC8 provider guide, StartLog, ClearLog, GetLogRecord and SetCtrlLogMaxTime).
+
+    ClearLog begins to record into a ring buffer. After StartLog, recording ends by itself when the log has received as
+    many records as it can hold. StopLog ends it at any time.
 
     Attributes:
-        running: True between StartLog and StopLog.
+        running: True while cycles are recorded.
         max_time: Duration of the log, s.
         interval: Time between two records, ms.
     """
@@ -191,6 +194,7 @@ class ControlLog:
         self.max_time = LOG_TIME
         self.interval = LOG_INTERVAL
         self._skipped = 0
+        self._left: int | None = None  # records until recording ends by itself; None for a ring buffer
         self._records: deque[tuple[ServoSample, int, int, int]] = deque(maxlen=self.capacity)
 
     @property
@@ -232,9 +236,14 @@ class ControlLog:
         copied._records = self._records.copy()
         return copied
 
+    def start(self) -> None:
+        """Record until the log has received as many further records as it can hold."""
+        self.running, self._left = True, self._records.maxlen
+
     def clear(self) -> None:
-        """Delete all records."""
+        """Delete all records, and record into a ring buffer."""
         self._records.clear()
+        self.running, self._left = True, None
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
         """Record a cycle if the log is running.
@@ -248,9 +257,13 @@ class ControlLog:
         if not self.running:
             return
         self._skipped += 1
-        if self._skipped * LOG_INTERVAL >= self.interval:
-            self._skipped = 0
-            self._records.append((take(), cycle, tool, work))
+        if self._skipped * LOG_INTERVAL < self.interval:
+            return
+        self._skipped = 0
+        self._records.append((take(), cycle, tool, work))
+        if self._left is not None:
+            self._left -= 1
+            self.running = self._left > 0
 
     def record(self, index: int) -> list[Value]:
         """Return a record; index 0 is the oldest.

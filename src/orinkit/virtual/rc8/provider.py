@@ -12,6 +12,7 @@ from orinkit.arms import ArmModel, load_model
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
+from orinkit.rc8.user_io_unit import UserIoUnit, read_unit
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.controller import RC8Controller
@@ -53,6 +54,10 @@ class VirtualRC8(Provider):
             0x84201482; if the client uses mode 1 of slave mode, the arm instead stops in place. If False, the
             controller's time stands still until the set-point arrives, for up to 250 ms.
             :attr:`set_point_lateness` counts late set-points.
+        user_io_unit: Unit of the size of user I/O in slvMove, ``"bits"`` or ``"bytes"``. If a set-point contains user
+            I/O, the number of its bytes shows the unit.
+        loose_poses: If True, six bare numbers in OutRange are a position, and the pose type L of Move means P, as some
+            clients send them; otherwise they are refused, because their meaning on a real controller is not known.
         strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
             these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
         permission: Access rights by client address; read and write for every client if not given.
@@ -89,7 +94,9 @@ class VirtualRC8(Provider):
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
         strict_time: bool = False,
+        loose_poses: bool = False,
         strict: bool = False,
+        user_io_unit: UserIoUnit | str = UserIoUnit.BITS,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -114,7 +121,9 @@ class VirtualRC8(Provider):
             slave_licence=bool(slave_licence),
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
+            loose_poses=bool(loose_poses),
             strict=bool(strict),
+            user_io_unit=read_unit(user_io_unit),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None

@@ -13,6 +13,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, Translate
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.objects.motion_calls import switch_motor
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -51,9 +52,7 @@ class RobotVariable:
 
 
 def _servo(caller: ClientContext, given: Variant) -> Deferred[None]:
-    on = conversion.boolean(given)
-    require("Motor on" if on else "Motor off", caller.state.arm, caller)
-    return caller.state.arm.switch_motor(on)
+    return switch_motor(caller, conversion.boolean(given))
 
 
 def _tool(caller: ClientContext, given: Variant) -> None:

@@ -151,10 +151,6 @@ def _change_work(world: Any, value: AnyValue) -> None:
     world.change_work(rounded_to_integer(value))
 
 
-def _give_arm(world: Any) -> None:
-    world.give_arm()
-
-
 def _print_debug(world: Any, *parts: AnyValue) -> None:
     world.show("dbg", values.check_length(" ".join(map(values.text, parts))))
 
@@ -170,7 +166,6 @@ _ACTIONS: Final[Mapping[str, Callable[..., None]]] = {
     "ChangeWork": _change_work,
     "Decel": _decel,
     "ExtSpeed": _ext_speed,
-    "GiveArm": _give_arm,
     "PrintDbg": _print_debug,
     "PrintMsg": _print_message,
     "Speed": _speed,
@@ -179,6 +174,10 @@ _ACTIONS: Final[Mapping[str, Callable[..., None]]] = {
 
 def _motor(expressions: Expressions, node: Command) -> None:
     waiting(expressions, switch_motor(*_runs(expressions, node)))
+
+
+def _give_arm(expressions: Expressions, _: Command) -> None:
+    waiting(expressions, give_arm())
 
 
 def _hold(expressions: Expressions, _: Command) -> None:
@@ -210,7 +209,7 @@ _COMMANDS: Final[Mapping[str, _Row]] = {
     "Decel": _Row(1, 1, _with_values),
     "Delay": _Row(1, 1, _delay),
     "ExtSpeed": _Row(1, 3, _with_values),
-    "GiveArm": _Row(0, 0, _with_values),
+    "GiveArm": _Row(0, 0, _give_arm),
     "Hold": _Row(0, 0, _hold),
     "Motor": _Row(1, 1, _motor),
     "PrintDbg": _Row(1, _MAX_PRINTED, _with_values),
@@ -284,6 +283,12 @@ def robot_command(name: str, runs: tuple[Evaluate, ...]) -> Callable[[Frame], Wa
 def switch_motor(on: Evaluate) -> Callable[[Frame], Wait]:
     """Return the function of Motor."""
     return lambda f: f[WORLD].motor(truth(on(f)))
+
+
+@maker
+def give_arm() -> Callable[[Frame], Wait]:
+    """Return the function of GiveArm."""
+    return lambda f: f[WORLD].give_arm()
 
 
 @maker

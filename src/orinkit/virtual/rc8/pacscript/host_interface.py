@@ -62,8 +62,8 @@ class HostInterface(Protocol):
     def take_arm(self, group: int, keep: bool) -> None:
         """Take an arm group; without ``keep``, speeds, tool and work are reset to their defaults."""
 
-    def give_arm(self) -> None:
-        """Release the arm group."""
+    def give_arm(self) -> Wait:
+        """Release the arm group at the end of its motions."""
 
     def motor(self, on: bool) -> Wait:
         """Switch the motor on or off."""

@@ -15,7 +15,7 @@ from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.hardware.force_parameters import ForceParameters
 from orinkit.virtual.rc8.robot.hardware.force_waits import CONTINUE, END, ForceCondition
-from orinkit.virtual.rc8.robot.shared_command import SharedCommand, at_least, is_given, numbers_of, r8, truth
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand, is_given, numbers_of, r8, truth
 from orinkit.virtual.rc8.variables import conversion
 
 _RESET: Final = -1
@@ -37,12 +37,12 @@ _SINGLE: Final = ("translation", "rotation")
 
 def _force_control(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     """ForceCtrl: switch force control on with a parameter table, or off; without power, it has no effect."""
-    given = at_least(parameter, 1)
+    given = parameters.at_least(parameter, 1)
     require("ForceCtrl", arm, operator)
     if not truth(given[0]):
         arm.hardware.force.switch_off()
         return
-    number = conversion.whole(at_least(parameter, 2)[1])
+    number = conversion.whole(parameters.at_least(parameter, 2)[1])
     mode = conversion.whole(given[2]) if is_given(given, 2) else None
     arm.hardware.force.tables.table(number)
     if arm.motor.on:
@@ -52,7 +52,7 @@ def _force_control(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
 
 def _force_parameters(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("ForceParam", arm, operator)
-    given = at_least(parameter, 3)
+    given = parameters.at_least(parameter, 3)
     number = conversion.whole(given[0])
     if len(given) > 1 + len(_PARAMETERS):
         raise error_for(

@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.hardware.areas import ELEMENTS, Area
-from orinkit.virtual.rc8.robot.shared_command import SharedCommand, at_least, is_given, numbers_of, r8, truth
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand, is_given, numbers_of, r8, truth
 from orinkit.virtual.rc8.robot.target import NO_FRAME, figure_of
 from orinkit.virtual.rc8.robot.tools import STANDARD
 from orinkit.virtual.rc8.variables import conversion
@@ -37,20 +37,20 @@ def _pose(arm: RC8Arm, given: Variant) -> tuple[float, ...]:
 
 def _set_tool(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("SetToolDef", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     arm.space.tools.define(conversion.whole(given[0]), _pose(arm, given[1]))
 
 
 def _set_work(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("SetWorkDef", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     attribute = conversion.whole(given[2]) if is_given(given, 2) else STANDARD
     arm.space.works.define(conversion.whole(given[0]), _pose(arm, given[1]), attribute)
 
 
 def _set_base(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("SetBaseDef", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     attribute = conversion.whole(given[2]) if is_given(given, 2) else STANDARD
     arm.space.define_base(conversion.whole(given[0]), _pose(arm, given[1]), attribute)
 
@@ -76,7 +76,7 @@ def _work_attribute(arm: RC8Arm, _: Operator, parameter: Variant) -> Variant:
 
 def _convert_work(arm: RC8Arm, _: Operator, parameter: Variant) -> Variant:
     """ConvertPosWork: convert a position in one work frame to the same place in another work frame."""
-    given = at_least(parameter, 3)
+    given = parameters.at_least(parameter, 3)
     kind, values = arm.space.resolve(parameters.position(parameters.pose(given[0])), arm.servo.command)
     if kind == "J":
         raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is required"))
@@ -93,13 +93,13 @@ def _convert_work(arm: RC8Arm, _: Operator, parameter: Variant) -> Variant:
 def _set_area_definition(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     """SetAreaDef: area, centre, size, I/O, variable and detection; or area and an array of 11 to 34 numbers."""
     require("SetAreaDef", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     number = conversion.whole(given[0])
     before = arm.hardware.areas.area(number)
     if len(given) == 2:
         elements = [conversion.double(each) for each in parameters.elements(given[1])]
     else:
-        given = at_least(parameter, 5)
+        given = parameters.at_least(parameter, 5)
         elements = [*_pose(arm, given[1]), *numbers_of(arm, given[2], 3, "V"), *map(conversion.double, given[3:5])]
         elements += [conversion.double(given[5])] if is_given(given, 5) else []
     arm.hardware.define_area(number, Area.of_elements(elements, before))
@@ -122,7 +122,7 @@ def _switch_area(name: str, on: bool) -> Callable[[RC8Arm, Operator, Variant], N
 
 def _set_area_enabled(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("SetAreaEnabled", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     _enable(arm, conversion.whole(given[0]), truth(given[1]))
 
 

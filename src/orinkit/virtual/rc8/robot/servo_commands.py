@@ -19,7 +19,7 @@ from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.hardware.contact import Matrix
-from orinkit.virtual.rc8.robot.shared_command import SharedCommand, at_least, is_given, numbers_of, r8, truth
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand, is_given, numbers_of, r8, truth
 from orinkit.virtual.rc8.variables import conversion
 
 _LARGEST_MASS: Final = 1e6  # g
@@ -106,7 +106,7 @@ def _axis(arm: RC8Arm, axis: int, last: int | None = None) -> int:
 
 
 def _read_payload(arm: RC8Arm, parameter: Variant) -> Payload:
-    given = at_least(parameter, 1)
+    given = parameters.at_least(parameter, 1)
     mass = conversion.double(given[0])
     centre, inertia = (
         numbers_of(arm, given[index], 3, "V") if is_given(given, index) else (0.0, 0.0, 0.0) for index in (1, 2)
@@ -153,7 +153,7 @@ def _gravity_offset(arm: RC8Arm, operator: Operator, parameter: Variant) -> None
 
 def _current_limit(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("CurLmt", arm, operator)
-    given = at_least(parameter, 2)
+    given = parameters.at_least(parameter, 2)
     axis = conversion.whole(given[1])
     limits = arm.servo.loads.limits
     if not truth(given[0]):
@@ -163,7 +163,7 @@ def _current_limit(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
             limits.pop(_axis(arm, axis, ARM_AXES), None)
         return
     index = _axis(arm, axis, ARM_AXES)
-    percent = conversion.double(at_least(parameter, 3)[2])
+    percent = conversion.double(parameters.at_least(parameter, 3)[2])
     if not 1.0 <= percent <= 100.0:
         raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("a current limit is 1 to 100 %, not {value:g}", value=percent))
     limits[index] = percent

@@ -37,21 +37,6 @@ class SharedCommand:
     in_slave: bool = True
 
 
-def at_least(parameter: Variant, count: int) -> list[Variant]:
-    """Return the elements of a parameter.
-
-    Raises:
-        CallError: E_INVALIDARG if there are fewer than ``count``.
-    """
-    given = parameters.elements(parameter)
-    if len(given) < count:
-        raise error_for(
-            hresult.E_INVALIDARG,
-            tr("expected at least {needed} parameters, got {count}", count=len(given), needed=count),
-        )
-    return given
-
-
 def numbers_of(arm: RC8Arm, given: Variant, count: int, kind: str = "P") -> tuple[float, ...]:
     """Return the first ``count`` numbers of a pose, a vector or an array; a number is the index of a variable.
 

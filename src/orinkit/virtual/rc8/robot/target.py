@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
@@ -28,7 +29,7 @@ from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 ROBOT_AXES: Final = 6
-_LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
+_LEAST_VALUES: Final = {"P": 6, "T": 9, "J": 1}
 _FIGURE_AT: Final = {"P": 6, "T": 9}
 _BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # type of an untyped pose by its length
 NO_FRAME: Final = -2
@@ -96,6 +97,27 @@ class FrameContext:
 
     # --- from joints to a pose ----------------------------------------------------------------------------------
 
+    def complete(self, joints: Sequence[float]) -> Joints:
+        """Return a joint position with all axes; omitted extended joints are at home.
+
+        Raises:
+            ValueError: If there are fewer joints than the arm has, or more than axes, or if a joint is outside its
+                limits.
+        """
+        axes = len(self.model.axes)
+        position = (*map(float, joints), *self.model.home[len(joints) :])
+        complete = len(joints) >= ROBOT_AXES and len(position) == axes and all(map(math.isfinite, position))
+        if not complete or self.kinematics.limits_exceeded(position):
+            raise ValueError(
+                tr(
+                    "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
+                    name=self.model.name,
+                    joints=", ".join(f"{value:g}" for value in joints),
+                    count=ROBOT_AXES if axes == ROBOT_AXES else f"{ROBOT_AXES}-{axes}",
+                )
+            )
+        return position
+
     def tcp(self, joints: Sequence[float]) -> Matrix:
         """Return the tool frame at a joint position, in the base frame."""
         return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
@@ -111,7 +133,7 @@ class FrameContext:
 
     def position(self, joints: Sequence[float]) -> list[float]:
         """Return a joint position as P: X, Y, Z in mm, RX, RY, RZ in deg, Fig, in the current work frame."""
-        return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
+        return [*self.values(self.tcp(joints)), float(self.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
         """Convert a frame from the base frame to X, Y, Z (mm), RX, RY, RZ (deg) in the current work frame."""
@@ -120,7 +142,11 @@ class FrameContext:
     def trans(self, joints: Sequence[float]) -> list[float]:
         """Return a joint position as T: X, Y, Z in mm, orient and approach vector, Fig, in the current work frame."""
         values = frames.trans_of_matrix(self.in_work(self.tcp(joints)))
-        return [*map(float, values), float(self.kinematics.figure(joints))]
+        return [*map(float, values), float(self.figure(joints))]
+
+    def figure(self, joints: Sequence[float]) -> int:
+        """Return the figure that the controller reports at a joint position."""
+        return self.kinematics.figure(joints) | self.model.figure_bits
 
     # --- from a pose to joints ----------------------------------------------------------------------------------
 
@@ -145,7 +171,7 @@ class FrameContext:
             )
         if isinstance(values, int):
             values = self.read_variable(kind, values)
-        elif kind == "J" and len(values) > ROBOT_AXES:
+        elif kind == "J":  # joints that are not given keep their positions
             values = (*values, *start[len(values) :])
         if len(values) < _LEAST_VALUES[kind]:
             raise error_for(
