@@ -148,11 +148,6 @@ class RC8Arm:
         return ROOM - len(self.queue.tickets) - sum(each.count for each in self._pending)
 
     @property
-    def streamed(self) -> bool:
-        """True while slave mode is on."""
-        return self.slave.on
-
-    @property
     def stopping(self) -> bool:
         """True while the arm is being stopped."""
         return self._stop_code is not None
@@ -398,12 +393,9 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
-        hardware = self.hardware
-        command = hardware.command(self.queue.joints) if hardware.active else self.queue.joints
-        moving = self.servo.step(command)
+        moving = self.servo.step(self.hardware.command(self.queue.joints))
         switching = self.motor.step()
-        if hardware.active:
-            moving = hardware.step() or moving
+        moving = self.hardware.step() or moving
         self.log.add(
             lambda: self.servo.sample(self.motor.on),
             self._cycles.number,

@@ -16,6 +16,7 @@ from orinkit.virtual.rc8.robot.hardware.force_control import ControlledArm, Forc
 from orinkit.virtual.rc8.robot.hardware.force_waits import ForceWaits
 from orinkit.virtual.rc8.robot.hardware.scenes import Scenes
 from orinkit.virtual.rc8.robot.motor import Motor
+from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
@@ -43,8 +44,8 @@ class HardwareArm(ControlledArm, Protocol):
         """True while the arm moves or has motions queued."""
 
     @property
-    def streamed(self) -> bool:
-        """True while slave mode is on."""
+    def slave(self) -> RC8SlaveMode:
+        """Slave mode."""
 
     def stop(self, code: int) -> None:
         """Stop within the limits; calls that wait fail with the code."""
@@ -64,7 +65,7 @@ class ArmHardware:
         fault: Callback that raises an error of the controller; invoked with code and detail.
 
     Attributes:
-        active: True if :meth:`command` and :meth:`step` have something to do.
+        active: False if :meth:`command` and :meth:`step` have nothing to do.
         force: Force sensor and force control.
         waits: Calls that wait for a force.
         areas: Areas that the controller watches.
@@ -145,10 +146,12 @@ class ArmHardware:
 
     def command(self, joints: tuple[float, ...]) -> tuple[float, ...]:
         """Return the command position of this cycle, displaced by force control."""
-        return self.force.command(joints) if self.force.displacing else joints
+        return self.force.command(joints) if self.active and self.force.displacing else joints
 
     def step(self) -> bool:
         """Execute one cycle after that of the servo; return True if another cycle is required."""
+        if not self.active:
+            return False
         self._measure()
         if self.areas.watching or len(self.fences):
             tip = self._arm.space.tcp(self._arm.servo.encoder)
@@ -198,7 +201,7 @@ class ArmHardware:
             self.force.forget()
 
     def _halt(self, end: bool) -> None:
-        if self._arm.streamed:
+        if self._arm.slave.on:
             self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
         else:
             self._arm.skip()
