@@ -58,6 +58,7 @@ _MOST_PARTS: Final = 4
 _MOST_OF_ONE_TYPE: Final = 3  # value, type and pass may all be numbers; extra is an array
 
 _POSITIONS: Final = (6, 7, 8)
+_LINE_TYPES: Final = ("L", "l")
 _MARK: Final = re.compile(r"@\s*(?:[PEC]|[0-9.]+)", re.IGNORECASE)
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
@@ -81,11 +82,16 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
     return _bounded(_one(given))
 
 
-def line_type_as_position(given: Variant) -> Variant:
-    """Return the pose of a Move with the pose type L, which some clients send for positions, replaced by P."""
-    if given.type != VARIANT_ARRAY:
-        return trusted(VarType.BSTR, "P") if str(given.value).strip().upper() == "L" else given
-    return trusted(VARIANT_ARRAY, [line_type_as_position(each) for each in given.value])
+def line_type_as_position(given: Variant, levels: int = 2) -> Variant:
+    """Return the pose of a Move with the pose type L, which some clients send for positions, replaced by P.
+
+    An array of targets has two levels of arrays with types.
+    """
+    if given.type == VarType.BSTR and given.value in _LINE_TYPES:
+        return trusted(VarType.BSTR, "P")
+    if given.type != VARIANT_ARRAY or not levels or len(given.value) > MAX_TARGETS:
+        return given
+    return trusted(VARIANT_ARRAY, [line_type_as_position(each, levels - 1) for each in given.value])
 
 
 def _are_targets(elements: Sequence[Variant]) -> bool:
@@ -150,7 +156,11 @@ def _begins_with_index(elements: Sequence[Variant]) -> bool:
     """Return True if numbers are index, type and pass, False if they are values."""
     if len(elements) > _MOST_OF_ONE_TYPE:
         return False
-    return elements[0].type in INTEGERS or (len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:]))
+    first = elements[0]
+    if first.type in INTEGERS:
+        return True
+    whole = float(first.value).is_integer()
+    return whole and len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:])
 
 
 def _kind_and_values(given: Variant) -> tuple[Kind, tuple[float, ...]]:

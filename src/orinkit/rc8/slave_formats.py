@@ -154,7 +154,7 @@ class SetPoint:
 
 
 def encode_set_point(
-    kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BITS
+    kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BYTES
 ) -> Value:
     """Return slvMove's parameter (client side); missing joints are 0, a missing figure is FIG_AUTO.
 
@@ -180,7 +180,7 @@ def encode_set_point(
 
 
 def read_set_point(
-    kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BITS
+    kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BYTES
 ) -> SetPoint:
     """Return the set-point of slvMove's parameter (server side).
 

@@ -174,9 +174,9 @@ def test_tolerance_of_the_encoders(cell):
 def test_tolerance_of_the_tool(cell):
     assert cycles_after_command(cell, "@C " + FAR) == LAG
     execute(cell, "CrtMotionAllow", True, 20.0)
-    assert cycles_after_command(cell, "@C J(0, 45, 90, 0, 45, 0)") < LAG
+    near = cycles_after_command(cell, "@C J(0, 45, 90, 0, 45, 0)")
     execute(cell, "CrtMotionAllow", True, 20.0, 1e-6)
-    assert cycles_after_command(cell, "@C " + FAR) == LAG
+    assert near < cycles_after_command(cell, "@C " + FAR) <= LAG
     execute(cell, "CrtMotionAllow", 0)
     assert cell.arm.accuracy.position is None
 
@@ -257,20 +257,14 @@ def test_invalid_settings(cell, command, parameters):
 
 # --- modes ------------------------------------------------------------------------------------------------------------
 
-SINGULAR = "P(350, 0.05, 300, 180, 0, 180, 5)"
-
 
 @pytest.mark.guide("5.2.28.93 SingularAvoid")
 def test_a_path_near_a_singular_point_is_slowed_down_instead_of_refused(cell):
-    cell.stand(0, 45, 90, 0, 45, 0)
-    near = cell.arm.space.tcp((0.0, 45.0, 90.0, 60.0, 0.02, -60.0))
-    values = cell.arm.space.values(near)
-    pose = f"P({', '.join(f'{value:.9f}' for value in values)}, 5)"
-    refusals = {hresult.SINGULAR_POINT_REFUSED}
-    code = cell.code_of(lambda: cell.move(LINE, pose, "TIME=100"))
-    assert code in refusals
+    cell.stand(0, 20, 90, 2, 30, 0)
+    pose = [*cell.execute("J2P", "J(0, 20, 90, -2, -30, 0)")[:6], -1.0]
+    assert cell.code_of(lambda: cell.move(LINE, pose)) == hresult.SINGULAR_POINT_REFUSED
     execute(cell, "SingularAvoid", 2)
-    move = cell.move(LINE, pose, "TIME=100")
+    move = cell.move(LINE, pose)
     trace = np.array(cell.trace(100))
     speeds = np.abs(np.diff(trace, axis=0)).max(0) / PERIOD
     assert (speeds <= [axis.velocity * (1 + 1e-6) for axis in cell.arm.model.axes]).all()

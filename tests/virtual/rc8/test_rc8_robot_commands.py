@@ -18,7 +18,7 @@ from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, variant
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import Permission
-from orinkit.virtual.rc8.objects.robot_commands import NOT_SIMULATED, ROBOT_COMMANDS
+from orinkit.virtual.rc8.objects.robot_commands import NOT_SIMULATED, OF_CONTROLLER, ROBOT_COMMANDS
 from orinkit.virtual.rc8.robot.motor import MotorState
 from support.cell import ADDRESS, Cell
 from support.strategies import variants
@@ -54,9 +54,9 @@ ANSWERS: dict[str, tuple[Any, int, int]] = {
     **{f"{source}Jnt": (None, NUMBERS, 8) for source in ("Cur", "HighCur", "Dest")},
     **{f"{source}Trn": (None, NUMBERS, 10) for source in ("Cur", "HighCur", "Dest")},
     **{f"{source}Fig": (None, I4, 0) for source in ("Cur", "HighCur", "Dest")},
-    **{f"{source}PosEx": (None, NUMBERS, 8) for source in ("Cur", "HighCur")},
-    **{f"{source}JntEx": (None, NUMBERS, 9) for source in ("Cur", "HighCur")},
-    **{f"{source}TrnEx": (None, NUMBERS, 11) for source in ("Cur", "HighCur")},
+    **{f"{source}PosEx": (None, NUMBERS, 8) for source in ("Cur", "HighCur", "Dest")},
+    **{f"{source}JntEx": (None, NUMBERS, 9) for source in ("Cur", "HighCur", "Dest")},
+    **{f"{source}TrnEx": (None, NUMBERS, 11) for source in ("Cur", "HighCur", "Dest")},
     "J2P": ("J(0, 45, 90, 0, 45, 0)", NUMBERS, 7),
     "J2T": ("J(0, 45, 90, 0, 45, 0)", NUMBERS, 10),
     "P2J": (P, NUMBERS, 8),
@@ -66,6 +66,24 @@ ANSWERS: dict[str, tuple[Any, int, int]] = {
     "Dev": ([P, "P(10, 0, 0, 0, 0, 0)"], NUMBERS, 7),
     "DevH": ([P, "P(10, 0, 0, 0, 0, 0)"], NUMBERS, 7),
     "OutRange": (P, I4, 0),
+    "TMul": ("T(1, 2, 3, 0, 1, 0, 0, 0, 1), T(1, 2, 3, 0, 1, 0, 0, 0, 1)", NUMBERS, 10),
+    "TInv": ("T(1, 2, 3, 0, 1, 0, 0, 0, 1)", NUMBERS, 10),
+    "TNorm": ("T(1, 2, 3, 0, 1, 0, 0, 0, 1)", NUMBERS, 10),
+    "MPS": (150.0, R4, 0),
+    "RPM": ([1, 5.0], R4, 0),
+    "DPS": ([1, 5.0], R4, 0),
+    "Draw": ([2, "@0 V(0, 0, 10)"], EMPTY, 0),
+    "ArchMove": ([P, 20.0, 5.0, 5.0], EMPTY, 0),
+    "Arrive": ([50.0], EMPTY, 0),
+    "CrtMotionAllow": ([True, 1.0, 1.0], EMPTY, 0),
+    "EncMotionAllow": ([True, 1.0], EMPTY, 0),
+    "EncMotionAllowJnt": ([False, 7], EMPTY, 0),
+    "ErAlw": ([True, 1, 30.0], EMPTY, 0),
+    "MotionTimeout": ([True, 5600], EMPTY, 0),
+    "SingularAvoid": ([2], EMPTY, 0),
+    "SpeedMode": ([3], EMPTY, 0),
+    "CurSpeedMode": (None, I4, 0),
+    **dict.fromkeys(OF_CONTROLLER, (None, EMPTY, 0)),
     "Approach": ([1, P, "@0 20"], EMPTY, 0),
     "Depart": ([1, "@0 20"], EMPTY, 0),
     "DriveEx": ("@0 (1, 10)", EMPTY, 0),
@@ -158,7 +176,7 @@ def record(cell: Cell, cycles: int = 3) -> None:
 
 def test_every_command_is_in_the_table():
     """The others need something that does not exist here: slave mode, a file, a point, a linear axis, force control."""
-    others = {"slvmove", "loadpathpoint", "getpathpoint", "zforce", "forcechangetable"}
+    others = {"slvmove", "generatenonstoppath", "loadpathpoint", "getpathpoint", "zforce", "forcechangetable"}
     assert {name.lower() for name in ANSWERS} == set(ROBOT_COMMANDS) - others
     assert not {name.lower() for name in NOT_SIMULATED} & set(ROBOT_COMMANDS)
 
@@ -286,7 +304,7 @@ def test_a_second_robot_object_of_a_client_shares_the_arm(cell):
     second = cell.controller.get_robot("Other", "")
     assert second.execute("TakeArmState", variant(-1)) == 1
     second.execute("TakeArm", variant([0, 1]))
-    assert cell.code_of(lambda: second.drive(1, 1.0, "")) == 0
+    assert cell.code_of(lambda: second.execute("DriveEx", variant("(1, 1)"))) == 0
 
 
 def test_the_arm_is_released_with_the_last_robot_object(cell):
@@ -316,7 +334,7 @@ def test_the_arm_is_not_given_to_a_released_client(cell):
     assert cell.code(first) == hresult.E_ABORT
     cell.run(second)
     assert staying.execute("TakeArmState", variant(-1)) == 1
-    assert cell.code_of(lambda: staying.drive(1, 1.0, "")) == 0
+    assert cell.code_of(lambda: staying.execute("DriveEx", variant("(1, 1)"))) == 0
 
 
 def test_only_one_of_two_waiting_clients_gets_the_arm(cell):
@@ -411,7 +429,7 @@ def test_motor_with_invalid_parameters(cell, parameter):
 
 def test_commands_while_another_client_holds_the_arm(cell):
     other = cell.connect().get_robot("", "")
-    for name, parameter in (("TakeArm", 0), ("Motor", 0), ("Motor", 1), ("ExtSpeed", 10), ("GiveArm", None)):
+    for name, parameter in (("TakeArm", 0), ("Motor", 0), ("Motor", 1), ("ExtSpeed", 10)):
         code = cell.code_of(lambda name=name, parameter=parameter: other.execute(name, variant(parameter)))
         assert code == hresult.ARM_NOT_TAKEN
     assert cell.execute("CurExtSpd") == 100
@@ -800,7 +818,7 @@ def test_invalid_frames(cell, kind, code):
             assert cell.code_of(lambda number=number: cell.execute(f"Get{kind}Def", number)) == code
     for name in (f"{kind}{count}", f"{kind}999999999"):
         assert cell.code_of(lambda name=name: cell.robot.change(name)) == code
-    for name in ("", kind, f"{kind}-1", f"{kind}1.5", "Base1", f"{kind}1 x", "1", "x" * 1_000_000, f"{kind}１"):
+    for name in ("", f"{kind}s", f"{kind}-1", f"{kind}1.5", "Base1", f"{kind}1 x", "1", "x" * 1_000_000, f"{kind}１"):
         assert cell.code_of(lambda name=name: cell.robot.change(name)) == hresult.E_INVALIDARG
     for form in (
         None, "", "J(1, 2, 3, 4, 5, 6)", "T(1, 2, 3, 0, 1, 0, 0, 0, 1)", "V(1, 2, 3)", [1.0, 2.0], "P1, P2", "P(1e300, 0, 0, 0, 0, 0)",

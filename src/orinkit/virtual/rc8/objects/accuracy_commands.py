@@ -70,9 +70,9 @@ def _enc_motion_allow_joint(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("EncMotionAllowJnt", 2, 3, parameter, caller)
     if not numbers:
         raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
-    arm = caller.state.arm
-    axis = check_axis(arm.model, parameters.whole(numbers[0]), ROBOT_AXES + 1)
+    arm, axis = caller.state.arm, parameters.whole(numbers[0])
     if on:
+        check_axis(arm.model, axis, ROBOT_AXES + 1)
         arm.accuracy.extended[axis] = _tolerance(numbers[1], *numbers[2:] or [0])
     else:
         arm.accuracy.extended.pop(axis, None)

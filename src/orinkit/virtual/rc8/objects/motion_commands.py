@@ -95,7 +95,7 @@ def _arrive(caller: ClientContext, parameter: Variant) -> Deferred[None]:
     (ratio,) = parameters.numbers(parameter, None)
     if not 0 < ratio <= _PERCENT:
         raise error_for(
-            hresult.VALUE_OUT_OF_RANGE, tr("the ratio {ratio:g} % is not above 0 and at most 100 %", ratio=ratio)
+            hresult.VALUE_OUT_OF_RANGE, tr("the ratio {ratio:g} is not above 0 and at most 100", ratio=ratio)
         )
     return caller.state.arm.when_arrived(ratio / _PERCENT)
 

@@ -32,6 +32,7 @@ _EXTRA: Final = re.compile(r"\bEXA?\s*\(.*", re.IGNORECASE | re.DOTALL)
 _PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
 _BETWEEN: Final = re.compile(r"[\s,]*")
 _PAIR: Final = 2
+_NUMBERS: Final = NUMERIC | {int(VarType.BSTR)}
 
 
 class Amount(NamedTuple):
@@ -108,8 +109,11 @@ def _axes_in_text(given: str) -> AxisValues:
     )
 
 
-def _axes_in_elements(given: Sequence[Variant]) -> AxisValues:
-    """Return the axes of elements ``pair`` or ``[pair, type, mark, extra]``; the last mark counts for the motion."""
+def _axes_in_elements(given: Sequence[Variant], *, nested: bool = True) -> AxisValues:
+    """Return the axes of elements ``pair`` or ``[pair, type, mark, extra]``; the last mark counts for the motion.
+
+    With ``nested``, an element may also be an array of such elements.
+    """
     pairs: list[tuple[int, float]] = []
     mark: PassMark | None = None
     extra: Extra | None = None
@@ -123,8 +127,8 @@ def _axes_in_elements(given: Sequence[Variant]) -> AxisValues:
             mark, extra = read.mark or mark, read.extra or extra
         elif len(parts) == 1 and _is_pair(parts[0]):
             pairs.append(_pair(parts[0]))
-        elif parts and all(part.type & ARRAY for part in parts):
-            inner = _axes_in_elements(parts)
+        elif nested and parts and all(part.type & ARRAY for part in parts):
+            inner = _axes_in_elements(parts, nested=False)
             pairs += inner.pairs
             mark, extra = inner.mark or mark, inner.extra or extra
         else:
@@ -135,10 +139,10 @@ def _axes_in_elements(given: Sequence[Variant]) -> AxisValues:
 
 
 def _is_pair(given: Variant) -> bool:
-    """Return True if an array has two numbers."""
+    """Return True if an array has two elements, which are numbers or texts."""
     if not given.type & ARRAY or len(given.value) != _PAIR:
         return False
-    return all(each.type in NUMERIC for each in parameters.elements(given))
+    return all(each.type in _NUMBERS for each in parameters.elements(given))
 
 
 def _is_element(parts: Sequence[Variant]) -> bool:

@@ -19,7 +19,7 @@ from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.accuracy import check_axis
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.state_report import ArmPosition, Numbers
-from orinkit.virtual.rc8.robot.target import NO_FRAME, figure_of
+from orinkit.virtual.rc8.robot.target import NO_FRAME, ROBOT_AXES, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables import conversion
 
@@ -66,6 +66,12 @@ def conversion_command(given: Kind, wanted: Kind) -> Answer:
                 hresult.DISP_E_TYPEMISMATCH,
                 tr("{target} is not of type {given}", target=target, given=given),
             )
+        if given == "J" and not isinstance(target.value, int) and len(target.value) < ROBOT_AXES:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                tr("{target} has {count} values, expected at least {least}", target=target, count=len(target.value),
+                   least=ROBOT_AXES),
+            )  # fmt: skip
         if "J" not in (given, wanted):
             return Variant(_R8_ARRAY, _retyped(arm, target, wanted))
         source = ArmPosition(arm, arm.space.joints(target, arm.servo.command))
@@ -173,7 +179,8 @@ def rpm(arm: RC8Arm, parameter: Variant) -> Variant:
 
 def dps(arm: RC8Arm, parameter: Variant) -> Variant:
     """DPS: return the value of SPEED, %, for a velocity in deg/s: of an axis by PTP, or of the tool on a path."""
-    if len(parameters.elements(parameter)) > 1 or "," in str(parameter.value):
+    one_text = isinstance(parameter.value, str) and "," in parameter.value
+    if one_text or len(parameters.elements(parameter)) > 1:
         axis, velocity = parameters.numbers(parameter, None, None)
         return _percent(velocity, _velocity(arm, axis))
     (velocity,) = parameters.numbers(parameter, None)

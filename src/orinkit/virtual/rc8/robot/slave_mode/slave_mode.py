@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
@@ -195,11 +195,12 @@ class RC8SlaveMode(SetPointBuffer):
     def end(self, code: int) -> None:
         """Switch slave mode off immediately and clear the buffer; calls that wait fail with the code.
 
-        If no call waits, the owner's next slvMove fails with the code. The caller stops the arm.
+        If no call waits, the owner's next slvMove fails with the code, except with a strict controller. The caller
+        stops the arm.
         """
-        owner, calls = self.owner, [*self._leaving]
-        calls += self._turn_off()
-        if owner is not None and not any(not call.done() for call in calls):
+        owner, leaving = self.owner, self._leaving
+        calls: list[Deferred[Any]] = [*leaving, *self._turn_off()]
+        if owner is not None and not self._arm.switches.strict and all(call.done() for call in calls):
             self._unreported = owner, code
         for call in calls:
             call.set_exception(error_for(code))
