@@ -26,6 +26,7 @@ from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -70,6 +71,7 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
+        workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
         ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
@@ -158,6 +160,7 @@ class VirtualRC8(Provider):
                 self.state.files.write(name, text.encode())
         self.guard = self.state.cycles
         self.pendant = Pendant(self.state)
+        self.workspace = Workspace(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""
