@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Close, Decode, Encoded, Execute, Send
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import LARGE, Close, Decode, Encoded, Execute, Send, ServerConversation
+from orinkit.bcap.server import LARGE, ServerConversation
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits, encode
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant

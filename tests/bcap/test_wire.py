@@ -12,9 +12,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Close, Execute, Send
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Framer, Packet
-from orinkit.bcap.server import Close, Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject

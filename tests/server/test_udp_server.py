@@ -211,8 +211,8 @@ def test_executing_is_reported_with_wdt(raw: UdpRaw, shop: Counting) -> None:
 
 def test_a_reply_that_is_too_long_for_a_datagram(raw: UdpRaw) -> None:
     handle = raw.open_workshop()
-    assert raw.ask(EXECUTE, handle, "Large", 478) == bytes(478)  # with the 10 bytes around them: 488
-    assert raw.ask(EXECUTE, handle, "Large", 479) == hresult.E_TOO_MUCH_DATA
+    assert raw.ask(EXECUTE, handle, "Large", 477) == bytes(477)  # with the 10 bytes around them: 487
+    assert raw.ask(EXECUTE, handle, "Large", 478) == hresult.E_TOO_MUCH_DATA
     assert raw.ask(EXECUTE, handle, "Echo", "alive") == "alive"
 
 

@@ -118,14 +118,17 @@ class BcapProfile(TransportProfile):
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 
+LONGEST_DATAGRAM: Final = 503
+"""Limit on the bytes of a packet over UDP, and of a packet that DENSO's libraries accept on a serial line."""
+
 STREAM: Final = BcapProfile("tcp", framer=packet.Framer, server_framer=packet.Framer)
 DATAGRAM: Final = BcapProfile(
     "udp", framer=DatagramFramer, server_framer=DatagramFramer,
-    lossy=True, session_timeout=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
+    lossy=True, session_timeout=10.0, packet=LONGEST_DATAGRAM, timeout=0.5,
 )  # fmt: skip
 LINE: Final = BcapProfile(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True, in_slices=True),
-    crc=True, lossy=True, shared=True, uses_watchdog=False, packet=65536, timeout=0.5,
+    crc=True, lossy=True, shared=True, packet=65536, timeout=0.5,
 )  # fmt: skip
 """The profile of serial lines; the time-out of 500 ms is from RC8 table 5-1."""
 

@@ -228,6 +228,7 @@ class ServerContext:
             client: the client's name in the log.
             virtual_time: the client's position in the queue (:class:`~orinkit.server.fair_queue.QueuedClient`).
         """
+        session.free_names()  # the client may connect again before its objects are released
         release = _Release(session, client, self._releases)
         release.virtual_time = virtual_time
         if self.closing or not len(session):

@@ -203,7 +203,7 @@ class Client(Closing):
                 executing; for other e-CAP servers, the time-out of a call is at least 180 s.
             tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
                 (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
-            limits: Limits on the size of received packets and on the values in them. A packet has at most 504 bytes on
+            limits: Limits on the size of received packets and on the values in them. A packet has at most 503 bytes on
                 UDP, and 65,536 bytes on a serial line.
             trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received),
                 and the bytes.

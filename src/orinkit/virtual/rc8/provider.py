@@ -70,6 +70,9 @@ class VirtualRC8(Provider):
         StateError: If the state directory cannot be used.
     """
 
+    unique_names = True
+    unwraps_variants = True
+
     def __init__(
         self,
         *,
