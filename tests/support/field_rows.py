@@ -1,4 +1,4 @@
-"""What programs in the field send and expect, one row for each; a test names the rows that it shows.
+"""Rows of what programs in the field send and expect; a test names the rows that it shows.
 
 ``@pytest.mark.field("1.2")`` names section 1, row 2. ``tests/project/test_guide.py`` checks the names.
 """

@@ -173,7 +173,7 @@ def _wrong_name(name: str, *, repeated: bool) -> str:
     if repeated:
         return tr("{name} is given twice", name=name)
     known = ", ".join(row.name for row in OPTIONS)
-    return tr("unknown parameter {name!r:.80}; known: {known}", name=name, known=known)
+    return tr("unknown parameter {name!r:.80}; available: {known}", name=name, known=known)
 
 
 # --- the parameters ---------------------------------------------------------------------------------------------------

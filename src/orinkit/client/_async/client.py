@@ -6,7 +6,7 @@ The synchronous version is generated from this file; :mod:`orinkit.client._async
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
@@ -18,6 +18,7 @@ from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
 from orinkit.cao.user_functions import foreign_entry
+from orinkit.client._async.connection import AsyncConnection
 from orinkit.client._shared.common import (
     CallRequest,
     HandleTable,
@@ -40,14 +41,13 @@ from orinkit.client._shared.endpoint import (
 )
 from orinkit.client._shared.local_calls import local_calls
 from orinkit.core import hresult
-from orinkit.core.closing import AsyncClosing
-from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, Operation, arun, asend_close
+from orinkit.transport.runner import AsyncLink, Deadline, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Value
@@ -59,7 +59,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class AsyncClient(AsyncClosing):
+class AsyncClient(AsyncConnection):
     """A connection to a controller, over which a program calls the functions of CAO directly.
 
     Calls are executed one at a time; several tasks may use one client. A call that is cancelled or times out leaves the
@@ -106,9 +106,8 @@ class AsyncClient(AsyncClosing):
     ) -> None:
         self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
-        self._link: AsyncLink = link
         self._local, trace = local_calls(trace, messages=messages, debug=debug)
-        self._conversation = conversation(profile, limits, trace, charset)
+        super().__init__(link, conversation(profile, limits, trace, charset))
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = asyncio.Lock()
@@ -446,62 +445,12 @@ class AsyncClient(AsyncClosing):
         )
         return await self._run(operation)
 
-    async def _run(self, operation: Operation[R]) -> R:
-        """Run an operation; close the link if the connection cannot be used any more."""
-        try:
-            return await arun(operation, self._link, self._conversation.close_sequence)
-        except (ConnectFailed, ConnectionLost):
-            self._link.close()
-            raise
-        except ProtocolError as error:
-            if error.fatal:
-                self._link.close()
-            raise
-
     def command_timeout(self, command: str) -> float | None:
         """Return the time-out of each attempt, in s, for a command that takes long; ``None`` for any other command."""
         longest = self.dialect.command_timeouts.get(str(command).strip().lower())
         if longest is None:
             return None
         return max(self._timeout, longest / self._tries if self.profile.lossy else longest)
-
-    def _fileno(self) -> int:
-        """Return the file descriptor of the connection, for another process."""
-        return self._link.fileno()
-
-    def _detach(self, closing: Callable[[], None]) -> int:
-        """Hand the connection over to another process; all calls are refused until the connection is reattached.
-
-        Args:
-            closing: Callback invoked if this process closes the connection before the connection is reattached.
-
-        Returns:
-            Serial number of the next request.
-        """
-        self._link.fileno()  # from now on, the other process receives the data
-        self._link = AsyncDetachedLink(self._link, closing)
-        return self._conversation.serial
-
-    def _reattach(self, serial: int) -> None:
-        """Take the connection back from the other process.
-
-        Args:
-            serial: Serial number of the next request.
-        """
-        if isinstance(self._link, AsyncDetachedLink):
-            self._link = self._link.link
-        self._conversation.serial = serial
-
-    def _forfeit(self) -> None:
-        """Close the connection in this process only; the other process keeps it."""
-        if isinstance(self._link, AsyncDetachedLink):
-            self._link = self._link.link
-        self._link.close_local()
-
-    @property
-    def stray_replies(self) -> int:
-        """The number of replies that were late, repeated, or matched no request."""
-        return self._conversation.stray_replies
 
     def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child process.

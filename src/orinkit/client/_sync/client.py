@@ -6,7 +6,7 @@ Generated from ``client.py`` by ``tools/make_sync.py``: do not edit.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
@@ -38,15 +38,15 @@ from orinkit.client._shared.endpoint import (
     send_during_call,
 )
 from orinkit.client._shared.local_calls import local_calls
+from orinkit.client._sync.connection import Connection
 from orinkit.core import hresult
-from orinkit.core.closing import Closing
-from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.runner import Deadline, DetachedLink, Link, Operation, run, send_close
+from orinkit.transport.runner import Deadline, Link, send_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
@@ -57,7 +57,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class Client(Closing):
+class Client(Connection):
     """A connection to a controller, over which a program calls the functions of CAO directly.
 
     Calls are executed one at a time; several threads may use one client. A call that times out leaves the
@@ -102,9 +102,8 @@ class Client(Closing):
     ) -> None:
         self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
-        self._link: Link = link
         self._local, trace = local_calls(trace, messages=messages, debug=debug)
-        self._conversation = conversation(profile, limits, trace)
+        super().__init__(link, conversation(profile, limits, trace))
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
@@ -424,62 +423,12 @@ class Client(Closing):
         )
         return self._run(operation)
 
-    def _run(self, operation: Operation[R]) -> R:
-        """Run an operation; close the link if the connection cannot be used any more."""
-        try:
-            return run(operation, self._link, self._conversation.close_sequence)
-        except (ConnectFailed, ConnectionLost):
-            self._link.close()
-            raise
-        except ProtocolError as error:
-            if error.fatal:
-                self._link.close()
-            raise
-
     def command_timeout(self, command: str) -> float | None:
         """Return the time-out of each attempt, in s, for a command that takes long; ``None`` for any other command."""
         longest = self.dialect.command_timeouts.get(str(command).strip().lower())
         if longest is None:
             return None
         return max(self._timeout, longest / self._tries if self.profile.lossy else longest)
-
-    def _fileno(self) -> int:
-        """Return the file descriptor of the connection, for another process."""
-        return self._link.fileno()
-
-    def _detach(self, closing: Callable[[], None]) -> int:
-        """Hand the connection over to another process; all calls are refused until the connection is reattached.
-
-        Args:
-            closing: Callback invoked if this process closes the connection before the connection is reattached.
-
-        Returns:
-            Serial number of the next request.
-        """
-        self._link.fileno()  # from now on, the other process receives the data
-        self._link = DetachedLink(self._link, closing)
-        return self._conversation.serial
-
-    def _reattach(self, serial: int) -> None:
-        """Take the connection back from the other process.
-
-        Args:
-            serial: Serial number of the next request.
-        """
-        if isinstance(self._link, DetachedLink):
-            self._link = self._link.link
-        self._conversation.serial = serial
-
-    def _forfeit(self) -> None:
-        """Close the connection in this process only; the other process keeps it."""
-        if isinstance(self._link, DetachedLink):
-            self._link = self._link.link
-        self._link.close_local()
-
-    @property
-    def stray_replies(self) -> int:
-        """The number of replies that were late, repeated, or matched no request."""
-        return self._conversation.stray_replies
 
     def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child process.
