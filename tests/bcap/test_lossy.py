@@ -359,6 +359,7 @@ class World:
                 self.heard = self.now
             elif event.what == "done":
                 self.answer(self.busy)
+                self.act(self.server.resume(self.now))
             elif self.server.discardable_bytes and self.now - self.heard >= SILENCE:
                 self.act(self.server.discard_incomplete(self.now))
             if self.server.discardable_bytes:

@@ -26,8 +26,9 @@ from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import ConnectFailed
 from orinkit.server import udp
+from orinkit.server.connectionless import ConnectionlessClient
 from orinkit.server.context import ServerContext
-from orinkit.server.peer import ConnectionlessClient, Peer
+from orinkit.server.peer import Peer
 from orinkit.server.threaded import Server
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.virtual.rc8 import VirtualRC8

@@ -20,11 +20,11 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Final, NamedTuple
 
 from orinkit.cao.dialect import RC8, Dialect
-from orinkit.cao.user_functions import UserFunction
 from orinkit.cao.results import BlockingCall as BlockingCall
 from orinkit.cao.results import Deferred as Deferred
 from orinkit.cao.results import Result as Result
 from orinkit.cao.results import ResultWithCode as ResultWithCode
+from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import Value, Variant, VarType

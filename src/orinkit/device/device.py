@@ -105,7 +105,7 @@ class Device(Part, Provider):
     Clients connect to a device with Controller_Connect. The server uses the members of
     :class:`~orinkit.cao.provider.Provider`, so these names are reserved: ``close``, ``connect``, ``dialect``,
     ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``, ``requires_secret``,
-    ``unique_names``, ``user_functions``. A device may override a reserved name with the same meaning, for example
+    ``unique_names``, ``unwraps_variants``, ``user_functions``. A device may override a reserved name with the same meaning, for example
     define ``close()`` to clean up after the server has stopped. Any other use of these names raises TypeError.
     """
 
@@ -156,6 +156,7 @@ _NEEDED: Final = {
     "provider_names": "Sequence[str]",
     "requires_secret": "bool",
     "unique_names": "bool",
+    "unwraps_variants": "bool",
     "user_functions": "user_functions(self)",
 }
 """Names that the server uses, and the required type or signature of each."""
@@ -185,7 +186,7 @@ def _fits(name: str, value: object) -> bool:
         return callable(value) and _takes(value, _ARGUMENTS[name])
     if name == "dialect":
         return isinstance(value, Dialect)
-    if name in ("fixed_handles", "requires_secret", "unique_names"):
+    if name in ("fixed_handles", "requires_secret", "unique_names", "unwraps_variants"):
         return isinstance(value, bool)
     if name == "functions":
         return value is None or isinstance(value, frozenset)

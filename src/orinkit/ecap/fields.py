@@ -195,7 +195,9 @@ def encoded(text: str, charset: str) -> bytes:
 
 def _form_bytes(value: bytes) -> bytes:
     """Return the decoded bytes of a form-urlencoded value."""
-    return _unescaped_bytes(value.replace(b"+", b" "))
+    if b"%" not in value and b"+" not in value:
+        return value
+    return b"".join([_unescaped(each.replace(b"+", b" ")) for each in _slices(value)])
 
 
 def _unescaped_bytes(value: bytes) -> bytes:

@@ -383,9 +383,7 @@ def write_reply(code: int, result: Variant | None, charset: str = UTF_8) -> byte
     return b"".join([encoded(text[at : at + _SLICE], charset) for at in slices])
 
 
-def read_reply(
-    body: bytes, limits: PacketLimits = DEFAULT_LIMITS, charset: str = UTF_8
-) -> tuple[int, Variant | None]:
+def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS, charset: str = UTF_8) -> tuple[int, Variant | None]:
     """Return the return code, as an unsigned number, and the result of a reply (``None`` if the reply has no result).
 
     In the body, the code is hexadecimal with ``0x``, or decimal, signed or unsigned. Line feeds may precede it. Data

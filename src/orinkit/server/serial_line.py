@@ -46,7 +46,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         path: str,
         lost: Callable[[Exception | None], None] | None = None,
     ) -> None:
-        super().__init__(context, loop, LINE)
+        super().__init__(context, loop, context.line)
         self._name = self._host = path
         self._lost = lost
         self._full = False

@@ -51,7 +51,7 @@ from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, ElementFormat
 from orinkit.values.notation_strings import end_of_quoted, quoted_text, read_exactly, undoubled
 from orinkit.values.type_row import no_type
-from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant, trusted, variant
 
 MAX_DEPTH: Final = 16

@@ -232,7 +232,9 @@ class AsyncClient(AsyncConnection):
         )
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
-        opening = LinkOptions(seconds, access_to(address, token, cafile, charset), limits.packet, check_dead_after(dead_after))
+        opening = LinkOptions(
+            seconds, access_to(address, token, cafile, charset), limits.packet, check_dead_after(dead_after)
+        )
         link = await open_link(address, opening)
         return cls(
             link,

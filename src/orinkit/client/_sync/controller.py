@@ -301,6 +301,10 @@ class Controller(ObjectContainer):
         """Return the controller's own text for a return code (GetErrorDescription)."""
         return str(self.execute("GetErrorDescription", hresult.signed(code)))
 
+    def call_user(self, number: int, *arguments: Value, timeout: float | None = None) -> Any:
+        """Call a user-defined function of a device (e-CAP 3.3) and return its result (:meth:`Client.call_user`)."""
+        return self.client.call_user(number, *arguments, timeout=timeout)
+
     def close(self, *, deadline: float | None = None) -> None:
         """Release all objects, newest first, disconnect, stop the service and close the connection.
 
@@ -342,6 +346,7 @@ def connect(
     deadline: float | None = None,
     messages: bool = True,
     debug: bool = False,
+    charset: str = "utf-8",
 ) -> Controller:
     """Connect to a controller: open the connection, then call Service_Start and Controller_Connect (RC8 3.1).
 
@@ -387,6 +392,7 @@ def connect(
             functions of messages. ``Message=False`` in ``option`` makes the controller queue no events.
         debug: True for debug mode (RC8 table 5-1: Debug): the client keeps the last packet of each direction, or the
             last e-CAP body, as the variables ``$LAST_SEND_PACKET$`` and ``$LAST_RECEIVE_PACKET$`` of the controller.
+        charset: Encoding of text over e-CAP: ``"utf-8"``, or ``"shift_jis"`` for servers that require it.
 
     Raises:
         InvalidAddress: If the URL or the connection string is invalid.
@@ -404,7 +410,7 @@ def connect(
     end = Deadline(check_deadline(deadline))
     client = Client.open(
         url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after,
-        deadline=deadline, messages=messages, debug=debug,
+        deadline=deadline, messages=messages, debug=debug, charset=charset,
     )  # fmt: skip
     try:
         client.set_overall_deadline(client.connection_deadline() if deadline is None else end.left)

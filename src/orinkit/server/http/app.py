@@ -297,7 +297,9 @@ class App:
 
     def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:
-            options = read_options(request.arguments, strict=self._strict) if self._takes_start_options else ServiceOptions()
+            options = (
+                read_options(request.arguments, strict=self._strict) if self._takes_start_options else ServiceOptions()
+            )
         except CallError as error:
             return CallReply(own_code(error.code), detail=error.detail)
         session.set_options(options)

@@ -97,7 +97,7 @@ class _View:
                 result = await result_of(pending.work)
         except TimeoutError:
             return CallReply(hresult.E_TIMEOUT)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - any exception of a device becomes a reply
             return self._session.fail(pending, error)
         return self._session.complete(pending, result)
 
