@@ -13,7 +13,7 @@ from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.values.codec import encode_variant
 from orinkit.values.notation import MAX_DEPTH, MAX_LENGTH, format_variant, parse, parse_elements, parse_lenient
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, unwrapped, variant
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, unwrapped
 from support.strategies import same, strings, variants
 
 pytestmark = pytest.mark.core
