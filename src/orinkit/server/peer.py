@@ -356,7 +356,7 @@ class Peer(QueuedClient):
     def _resume_queue(self) -> None:
         """Execute the requests that have waited for the end of a call."""
         self._set_alarm(self._conversation.next_time())
-        if self._conversation.has_queued and not self._conversation.busy:
+        if self._conversation.has_queued:
             self._waiting.appendleft(self._conversation.resume(self._loop.time()))
             self._continue()
 

@@ -67,11 +67,9 @@ def conversation(
         charset: Encoding of text over e-CAP.
 
     Raises:
-        InvalidValue: If the encoding is not supported, or is not UTF-8 for b-CAP.
+        InvalidValue: If the encoding is not supported.
     """
     if isinstance(profile, BcapProfile):
-        if charset.lower() != _UTF_8:
-            raise InvalidValue(tr("charset requires http:// or https://; text over b-CAP is UTF-16"))
         return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation
     from orinkit.ecap.fields import find_charset
@@ -144,11 +142,13 @@ def access_to(address: AnyAddress, token: str, cafile: str, charset: str = "") -
     """Return the credentials of a client.
 
     Raises:
-        InvalidValue: If token or cafile is given for an address that is not HTTP.
+        InvalidValue: If token, cafile or charset is given for an address that is not HTTP.
     """
     if (token or cafile) and not row_of(address).http:
         schemes = ", ".join(f"{row.scheme}://" for row in rows() if row.http)
         raise InvalidValue(
             tr("token and cafile require {schemes}; {address} uses b-CAP", schemes=schemes, address=address)
         )
+    if charset and charset.lower() != _UTF_8 and not row_of(address).http:
+        raise InvalidValue(tr("charset requires http:// or https://; text over b-CAP is UTF-16"))
     return Credentials(token, cafile, charset if row_of(address).http and charset.lower() != _UTF_8 else "")
