@@ -67,7 +67,7 @@ class HttpOptions:
             )
         check_range("idle", self.idle, LEAST_IDLE, MOST_IDLE, seconds=True)
         self._check_origins()
-        found = find_charset(self.charset) if isinstance(self.charset, str) else None
+        found = find_charset(self.charset)
         if found is None:
             raise InvalidValue(tr('charset must be "utf-8" or "shift_jis", not {charset!r:.40}', charset=self.charset))
         object.__setattr__(self, "charset", found)
