@@ -1,4 +1,4 @@
-"""What a server does for a b-CAP conversation (:mod:`orinkit.bcap.server`): the actions that a conversation yields."""
+"""The actions that a b-CAP conversation of a server yields (:mod:`orinkit.bcap.server`)."""
 
 from __future__ import annotations
 
