@@ -19,6 +19,7 @@ from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
 from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs, StreamCommand
@@ -30,6 +31,7 @@ from orinkit.transport.runner import asleep
 from orinkit.values.poses import J, P, T
 
 
+@public("orinkit.aio")
 class AsyncStream(AsyncSlaveMode):
     """A context manager for slave mode, returned by ``Robot.slave_mode``.
 

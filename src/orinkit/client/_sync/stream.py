@@ -19,6 +19,7 @@ from orinkit.client._sync.motion import ArmBase
 from orinkit.client._sync.slave_mode import SlaveMode
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs, StreamCommand
@@ -30,6 +31,7 @@ from orinkit.transport.runner import sleep
 from orinkit.values.poses import J, P, T
 
 
+@public("orinkit")
 class Stream(SlaveMode):
     """A context manager for slave mode, returned by ``Robot.slave_mode``.
 
