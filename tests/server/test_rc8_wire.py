@@ -195,6 +195,15 @@ def test_the_reply_to_a_malformed_packet_on_a_serial_line_is_transmitted() -> No
         raw.close()
 
 
+@pytest.mark.field("4.6")
+@pytest.mark.parametrize("option", ["WDT=80", "WDT=infinite"])
+def test_wdt_as_real_controllers_read_it(server: Server, option: str) -> None:
+    with RawClient(server.urls[0]) as raw:
+        assert raw.ask(START, option) is None
+    with orinkit.serve(VirtualRC8(strict=True), "tcp://127.0.0.1:0") as strict, RawClient(strict.url) as raw:
+        assert raw.ask(START, option) == hresult.E_INVALIDARG
+
+
 # --- order of calls -----------------------------------------------------------------------------------------------------
 
 
