@@ -295,8 +295,8 @@ class Session:
         executes = function.method == "execute"
         if function.result is None or (executes and result is None):
             return CallReply(code, Variant(VarType.EMPTY) if executes and self.host.dialect.replies_vt_empty else None)
-        if function.method.endswith("_names") and isinstance(result, list | tuple):
-            result = Variant(_NAMES, list(result))  # also an empty list
+        if function.method.endswith("_names") and isinstance(result, list | tuple) and not result:
+            result = Variant(_NAMES, [])  # not a VARIANT array, for clients with static types
         try:
             return CallReply(
                 code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
