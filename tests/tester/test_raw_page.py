@@ -337,7 +337,7 @@ def test_the_string_and_the_fields_stay_in_step(page: Any, bench: Any) -> None:
         ("raw-timeout", "soon", "Timeout cannot be 'soon'"),
         ("raw-packet-opt", "32:0:0", "the mode b-CAP (32) does not apply here"),
         ("raw-place", "192.168.0.9:99999", "99999"),
-        ("raw-parameters", "Conn=eth:192.168.0.9, Speed=1", "unknown parameter 'Speed'"),
+        ("raw-parameters", "Conn=eth:192.168.0.9, Speed=1", "unknown parameter 'speed'"),
         ("raw-parameters", "Conn=eth:0.0.0.0:5008, EtherOpt=1:0", "0.0.0.0 is not a loopback address"),
     ):
         before = page.get_by_test_id(marker).input_value()

@@ -130,6 +130,7 @@ class ConnectionCard:
         """Show the fields in the string."""
         if self._is_setting:
             return
+        self._errors.show(None)
         fields = self.fields()
         self._is_setting = True
         self._text.value, self._text.error = f"{fields}", None
@@ -141,6 +142,7 @@ class ConnectionCard:
         """Show the string in the fields."""
         if self._is_setting:
             return
+        self._errors.show(None)
         try:
             checked_options(self._text.value or "")
             fields = RawFields.parse(self._text.value)
