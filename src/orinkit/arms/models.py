@@ -1,8 +1,9 @@
 """Robot models, read from TOML files: one file per arm, in this package or supplied by the user.
 
 A file contains ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
-``upper``, ``velocity`` and optionally ``acceleration``, ``slave_acceleration`` and ``linear``), ``home``, and optionally ``figure_bits`` and a table ``path`` of
-``speed``, ``acceleration``, ``rotation`` and ``rotation_acceleration``.
+``upper``, ``velocity`` and optionally ``acceleration``, ``slave_acceleration`` and ``linear``), ``home``, and optionally
+``figure_bits``, ``mass`` (kg, of the whole arm), ``payload`` (kg) and a table ``path`` of ``speed``, ``acceleration``,
+``rotation`` and ``rotation_acceleration``.
 """
 
 from __future__ import annotations
@@ -44,6 +45,9 @@ DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # s, velocity / acceleration, if a file c
 DEFAULT_SLAVE_RATE: Final = 17.0  # 1/s, slave_acceleration / velocity, if a file contains no slave_acceleration
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
 
+DEFAULT_MASS: Final = 40.0  # kg of the arm for each m between shoulder and flange, if a file contains no mass
+DEFAULT_PAYLOAD: Final = 0.12  # of the mass, if a file contains no payload
+
 _COBOTTA_BIT: Final = 256  # of the figure; its meaning is not published
 _SERIES: Final = re.compile("[A-Z]+[0-9]+")
 _ARM_AXES: Final = 6
@@ -51,7 +55,7 @@ _MAX_AXES: Final = 8
 _LARGEST: Final = 1e6  # for lengths in mm, angles in deg, and their first and second derivatives
 _LONGEST_NAME: Final = 64
 _LARGEST_FILE: Final = 1_000_000
-_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "figure_bits", "path"})
+_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "figure_bits", "path", "mass", "payload"})
 _AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "slave_acceleration", "linear"})
 
 
@@ -103,6 +107,8 @@ class ArmModel:
         path_acceleration: Largest acceleration of the TCP on a path, mm/s^2.
         path_rotation: Largest velocity of the orientation on a path, deg/s.
         path_rotation_acceleration: Largest acceleration of the orientation on a path, deg/s^2.
+        mass: Mass of the whole arm, kg; 0 for an estimate from the lengths of the links.
+        payload: Largest payload, kg; 0 for an estimate from the mass.
         figure_bits: Bits that the controller sets in every figure that it reports.
     """
 
@@ -115,6 +121,8 @@ class ArmModel:
     path_acceleration: float = DEFAULT_PATH["acceleration"]
     path_rotation: float = DEFAULT_PATH["rotation"]
     path_rotation_acceleration: float = DEFAULT_PATH["rotation_acceleration"]
+    mass: float = 0.0
+    payload: float = 0.0
     figure_bits: int = 0
 
 
@@ -191,6 +199,8 @@ class _ModelReader:
             path_acceleration=path["acceleration"],
             path_rotation=path["rotation"],
             path_rotation_acceleration=path["rotation_acceleration"],
+            mass=self._positive(table["mass"], "mass") if "mass" in table else 0.0,
+            payload=self._positive(table["payload"], "payload") if "payload" in table else 0.0,
         )
 
     def _text(self, table: Mapping[str, object], key: str) -> str:

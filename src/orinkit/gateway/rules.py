@@ -54,10 +54,13 @@ READING: Final[Mapping[str, frozenset[str]]] = {
             CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
             HighCurPos HighCurPosEx HighCurJnt HighCurJntEx HighCurTrn HighCurTrnEx HighCurFig
             DestPos DestPosEx DestJnt DestJntEx DestTrn DestTrnEx DestFig
-            P2J P2T J2P J2T T2P T2J TMul TInv TNorm MPS RPM DPS Dev DevH OutRange MotionComplete GetToolDef GetWorkDef GetPathPointCount
-            GetSrvData GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName CurSpeedMode
-            GetAreaEnabled RobInfo CheckVirtualFence ConvertPoswork GetBaseDef CurForceSensorPayLoad
-            GetMotionPreparationState GetMechaButtonState CurScene CurSubScene SceneInfo
+            P2J P2T J2P J2T T2P T2J TMul TInv TNorm MPS RPM DPS Dev DevH OutRange MotionComplete
+            GetToolDef GetWorkDef WorkAttribute GetBaseDef ConvertPosWork GetAreaDef AreaSize GetAreaEnabled
+            CheckVirtualFence GetPathPointCount GetPathPoint
+            GetSrvData GetSrvJntData CurPayLoad CurForceSensorPayLoad ForceValue RobInfo GetHandIO
+            GetCtrlLogMaxTime GetCtrlLogInterval GetMechaButtonState CurScene CurSubScene SceneInfo
+            GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName
+            CurSpeedMode GetMotionPreparationState
         """,
         "Task": "GetStatus",  # RC8 3.2
         "Extension": "CurPos get_BusyState get_HoldState get_OrgState",  # of the electric hand
@@ -183,6 +186,8 @@ class RestrictedProvider(Provider):
         self.functions = provider.functions
         self.fixed_handles = provider.fixed_handles
         self.requires_secret = provider.requires_secret
+        self.unique_names = provider.unique_names
+        self.unwraps_variants = True  # the rules apply to the values
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the restricted provider's handle for an object; used only if ``fixed_handles`` is set."""

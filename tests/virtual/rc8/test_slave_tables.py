@@ -808,7 +808,7 @@ def test_4_6_2_the_end_while_standing(cell: SlaveCell, mode: int) -> None:
 
 COMMANDS: list[tuple[str, Any]] = [
     ("TakeArm", [0, 0]), ("GiveArm", None), ("Motor", [0, 0]), ("Motor", [1, 0]), ("ExtSpeed", [50.0]), ("CurPos", None),
-    ("CurJnt", None), ("CurTrn", None), ("CurFig", None), ("HighCurJnt", None), ("DestPos", None), ("CurTool", None),
+    ("CurJnt", None), ("CurTrn", None), ("CurFig", None), ("HighCurJnt", None), ("DestPos", None),
     ("SetToolDef", [1, "P(0, 0, 0, 0, 0, 0)"]), ("DriveEx", ["(1, 1)", ""]), ("Approach", [1, "J(1)", "@P 1", ""]),
     ("P2J", "P(300, 0, 300, 180, 0, 180, 5)"), ("StartLog", None), ("slvSendFormat", 0), ("slvSendFormat", 0x0020),
     ("slvRecvFormat", [2, 0]), ("GetRobotTypeName", None),

@@ -56,6 +56,8 @@ _WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is FieldType.
 _MAX_PERIOD: Final = 1.0  # s
 _MAX_IDLE: Final = 1e6  # s
 _MAX_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at the same time
+_MIN_AHEAD: Final = 0.1  # s
+_LEAST_QUEUED: Final = 8  # set-points; the streaming process waits for four of them before it begins
 _UNEVEN: Final = 0.6  # velocity scale that leaves room for two set-points in one cycle
 _PATH_SPEED: Final = 0.5  # default scale of the tool's velocity limits
 _PATH_ACCELERATION: Final = 0.25  # default scale of the tool's acceleration limits
@@ -170,6 +172,21 @@ def check_outputs_enabled(options: StreamOptions, outputs: Outputs) -> None:
     for name in outputs.present_items():
         if name not in opened:
             raise InvalidValue(tr("{name} outputs are not enabled. Try: slave_mode({name}=...)", name=name))
+
+
+def queue_room(ahead: float | None, period: float) -> int:
+    """Return the number of set-points of a trajectory that are queued at most.
+
+    Args:
+        ahead: Time in s for which set-points are queued; ``None`` for no limit.
+        period: Cycle time in s.
+
+    Raises:
+        InvalidValue: If the time is too short.
+    """
+    if ahead is None:
+        return QUEUE_ROOM
+    return min(QUEUE_ROOM, max(_LEAST_QUEUED, round(check_range("ahead", ahead, _MIN_AHEAD, _MAX_IDLE) / period)))
 
 
 def _bits(name: str, value: object) -> int:

@@ -14,7 +14,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MotionOptions
 from orinkit.values.poses import PassMark, Target
-from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.pacscript.host_interface import Plane, PointKind, Value, VariableKind, Wait
 from orinkit.virtual.rc8.robot import queries, state_report
@@ -23,12 +23,14 @@ from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.motion_planner import Plans
 from orinkit.virtual.rc8.robot.moves import CURVE, Moves
+from orinkit.virtual.rc8.robot.shared_commands import SHARED_COMMANDS
 from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_TYPES: Final = {int: VarType.I4, bool: VarType.I4, float: VarType.R8, str: VarType.BSTR}
 _SKIPPED: Final = Deferred[Any]()
 _SKIPPED.set_result()
 
@@ -228,6 +230,24 @@ class TaskHost:
         value = queries.calculate(self._arm, name, given).value
         return tuple(value) if isinstance(value, list) else int(value)
 
+    def robot_command(self, name: str, arguments: tuple[Value, ...]) -> Wait:
+        """Execute a command that programs share with clients."""
+        result = self._run_shared(name, arguments)
+        return _until(result) if isinstance(result, Deferred) else _complete
+
+    def robot_value(self, name: str, arguments: tuple[Value, ...]) -> Value:
+        """Return the result of a command that programs share with clients."""
+        result = self._run_shared(name, arguments)
+        value = result.value if isinstance(result, Variant) else result
+        return tuple(value) if isinstance(value, list) else value
+
+    def _run_shared(self, name: str, arguments: tuple[Value, ...]) -> Any:
+        given = [
+            Variant(_R8_ARRAY, list(each)) if isinstance(each, tuple) else Variant(_TYPES[type(each)], each)
+            for each in arguments
+        ]
+        return SHARED_COMMANDS[name].run(self._arm, self._operator, Variant(VARIANT_ARRAY, given))
+
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _curve(self, target: Target, options: MotionOptions) -> Wait:
@@ -273,6 +293,10 @@ class TaskHost:
                     hresult.VARIABLE_CHANGE_FAILED, tr("the type of the value does not match the type of the variable")
                 ) from None
             raise
+
+
+def _complete() -> bool:
+    return True
 
 
 def _until(done: Deferred[None]) -> Wait:

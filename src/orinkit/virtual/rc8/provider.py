@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.arms import ArmModel, load_model
+from orinkit.cao.dialect import RC8, RC8_STRICT
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
@@ -26,6 +27,7 @@ from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -70,12 +72,16 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
+        workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
         ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
             the joint position.
         StateError: If the state directory cannot be used.
     """
+
+    unique_names = True
+    unwraps_variants = True
 
     def __init__(
         self,
@@ -102,6 +108,7 @@ class VirtualRC8(Provider):
         version: str = "2.6.0",
         language: Language | None = None,
     ) -> None:
+        self.dialect = RC8_STRICT if strict else RC8
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
         translator(language)  # raises an exception for an unknown language, before anything is created
         if state is not None and not os.fspath(state):
@@ -158,6 +165,7 @@ class VirtualRC8(Provider):
                 self.state.files.write(name, text.encode())
         self.guard = self.state.cycles
         self.pendant = Pendant(self.state)
+        self.workspace = Workspace(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""

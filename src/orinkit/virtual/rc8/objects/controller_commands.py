@@ -123,7 +123,7 @@ def system_state(state: RC8State) -> int:
         11: switches.auto_enable,
         12: switches.protective_stop,
         13: state.arm.stopping,
-        17: True,  # CALSET done: a virtual arm needs no calibration
+        17: state.arm.hardware.calibrated,
         18: switches.mode is ModeSwitch.MANUAL,
         19: state.tasks.cycle_complete,
         20: state.arm.busy,

@@ -21,12 +21,15 @@ from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import controller_commands
 from orinkit.virtual.rc8.objects import slave_commands as slave
 from orinkit.virtual.rc8.objects.accuracy_commands import ACCURACY_COMMANDS, ACCURACY_QUERIES
+from orinkit.virtual.rc8.objects.device_commands import DEVICE_COMMANDS, DeviceCommand
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
 from orinkit.virtual.rc8.objects.motion_commands import MOTION_COMMANDS, MOTION_QUERIES
 from orinkit.virtual.rc8.objects.slave_use import SlaveUse
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
+from orinkit.virtual.rc8.robot.shared_command import SharedCommand
+from orinkit.virtual.rc8.robot.shared_commands import SHARED_COMMANDS
 from orinkit.virtual.rc8.robot.speeds import SQUARE
 from orinkit.virtual.rc8.variables import conversion
 
@@ -122,31 +125,7 @@ def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContex
     return lambda caller, _: Variant(vt, read(caller.state.arm))
 
 
-# --- frames and paths -------------------------------------------------------------------------------------------------
-
-
-def _define(name: str, tool: bool) -> Callable[[ClientContext, Variant], None]:
-    def run(caller: ClientContext, parameter: Variant) -> None:
-        arm = caller.state.arm
-        require(name, arm, caller)
-        given = parameters.at_least(parameter, 2)
-        target = parameters.position(parameters.pose(given[1]))
-        kind, values = arm.space.resolve(target, arm.servo.command)
-        if kind != "P":
-            raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("a pose of type P is required"))
-        (arm.space.tools if tool else arm.space.works).define(conversion.whole(given[0]), values)
-
-    return run
-
-
-def _defined(tool: bool) -> Callable[[ClientContext, Variant], Value]:
-    def run(caller: ClientContext, parameter: Variant) -> Value:
-        space = caller.state.arm.space
-        (number,) = parameters.whole_numbers(parameter, None)
-        values = (space.tools if tool else space.works).values(number)
-        return Variant(_R8_ARRAY, [*values, -1.0])
-
-    return run
+# --- stored paths -----------------------------------------------------------------------------------------------------
 
 
 def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
@@ -158,6 +137,11 @@ def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
 def _clear_path(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     caller.state.moves.clear_path(*parameters.whole_numbers(parameter, None))
+
+
+def _path_point(caller: ClientContext, parameter: Variant) -> Value:
+    path, point = parameters.whole_numbers(parameter, None, None)
+    return Variant(_R8_ARRAY, caller.state.moves.path_point(path, point))
 
 
 def _path_length(caller: ClientContext, parameter: Variant) -> int:
@@ -193,6 +177,16 @@ def _log_record(caller: ClientContext, parameter: Variant) -> Value:
         raise error_for(
             hresult.DISP_E_BADINDEX, tr("no record {index}; the log has {count} records", index=index, count=len(log))
         ) from None
+
+
+def _slave_use(command: SharedCommand | DeviceCommand) -> SlaveUse:
+    if command.name == "GetSrvData":  # as on real controllers
+        return SlaveUse.ALWAYS
+    return SlaveUse.ANSWERED if command.in_slave else SlaveUse.REFUSED
+
+
+def _shared(command: SharedCommand) -> Callable[[ClientContext, Variant], Any]:
+    return lambda caller, parameter: command.run(caller.state.arm, caller, parameter)
 
 
 def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
@@ -244,8 +238,6 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("CurExtSpd", _of_arm(lambda arm: arm.speeds.external.speed, _R4)),
         RobotCommand("CurExtAcc", _of_arm(lambda arm: arm.speeds.external.accel, _R4)),
         RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
-        RobotCommand("CurTool", _of_arm(lambda arm: arm.space.tools.current, _I4)),
-        RobotCommand("CurWork", _of_arm(lambda arm: arm.space.works.current, _I4)),
         *_pose_commands(),
         *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
         *(RobotCommand(name, run, reads=False) for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS).items()),
@@ -254,14 +246,12 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
             RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED)
             for name in OF_CONTROLLER
         ),
-        RobotCommand("SetToolDef", _define("SetToolDef", tool=True), reads=False),
-        RobotCommand("GetToolDef", _defined(tool=True)),
-        RobotCommand("SetWorkDef", _define("SetWorkDef", tool=False), reads=False),
-        RobotCommand("GetWorkDef", _defined(tool=False)),
+        *(RobotCommand(each.name, _shared(each), each.reads, _slave_use(each)) for each in SHARED_COMMANDS.values()),
+        *(RobotCommand(each.name, each.run, each.reads, _slave_use(each)) for each in DEVICE_COMMANDS),
         RobotCommand("AddPathPoint", _add_path_point, reads=False),
         RobotCommand("ClrPathPoint", _clear_path, reads=False),
         RobotCommand("GetPathPointCount", _path_length),
-        RobotCommand("GetSrvData", _query(queries.servo_data), slave_mode=SlaveUse.ALWAYS),
+        RobotCommand("GetPathPoint", _path_point),
         RobotCommand("StartLog", _start_log, reads=False),
         RobotCommand("StopLog", _stop_log, reads=False, slave_mode=SlaveUse.ANSWERED),
         RobotCommand("ClearLog", _clear_log, reads=False),
@@ -278,12 +268,8 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
 }
 
 NOT_SIMULATED: Final = (
-    "SetAreaEnabled", "GetAreaEnabled", "RobInfo", "PayLoad", "HighPathAccuracy",
-    "GrvOffset", "GrvCtrl", "CurLmt", "Zforce", "ServoLock", "ForceCtrl", "ForceParam", "ForceValue", "ForceSensor",
-    "ForceWaitCondition", "CurForceSensorPayLoad", "CheckVirtualFence", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart",
-    "SyncMoveEnd", "LoadPathPoint", "ConvertPoswork", "SetBaseDef", "GetBaseDef",
-    "GetMotionPreparationState", "AutoCal", "GetMechaButtonState", "ClearMechaButtonState", "CurScene", "CurSubScene",
-    "SceneInfo", "HandGrip", "HandRelease",
+    "ServoLock", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart", "SyncMoveEnd", "GetMotionPreparationState", "HandGrip",
+    "HandRelease",
 )  # fmt: skip
 """Commands of real controllers that return E_NOTIMPL here."""
 

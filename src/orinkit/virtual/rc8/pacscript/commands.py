@@ -15,6 +15,7 @@ from orinkit.virtual.rc8.pacscript.expressions import Expressions, fixed
 from orinkit.virtual.rc8.pacscript.host_interface import Wait
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import Store, as_target, store
+from orinkit.virtual.rc8.pacscript.robot_words import STATEMENTS
 from orinkit.virtual.rc8.pacscript.scope import check_count
 from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetOutput, TakeArm
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, truth
@@ -196,6 +197,11 @@ def _wait(expressions: Expressions, node: Command) -> None:
     waiting(expressions, wait_until(met, timeout, put))
 
 
+def _robot(expressions: Expressions, node: Command) -> None:
+    """Emit a command of the robot that clients have, too."""
+    waiting(expressions, robot_command(STATEMENTS[node.word].name, _runs(expressions, node)))
+
+
 _COMMANDS: Final[Mapping[str, _Row]] = {
     "Accel": _Row(1, 2, _with_values),
     "ChangeTool": _Row(1, 1, _with_values),
@@ -210,6 +216,7 @@ _COMMANDS: Final[Mapping[str, _Row]] = {
     "PrintMsg": _Row(1, 3, _with_values),
     "Speed": _Row(1, 1, _with_values),
     "Wait": _Row(1, 3, _wait),
+    **{word: _Row(each.least, each.most, _robot) for word, each in STATEMENTS.items()},
 }
 
 
@@ -264,6 +271,12 @@ def command(word: str, runs: tuple[Evaluate, ...]) -> _Run:
     """Return the function of a command in _ACTIONS."""
     act = _ACTIONS[word]
     return lambda f: act(f[WORLD], *[run(f) for run in runs])
+
+
+@maker
+def robot_command(name: str, runs: tuple[Evaluate, ...]) -> Callable[[Frame], Wait]:
+    """Return the function of a command of the robot."""
+    return lambda f: f[WORLD].robot_command(name, tuple(run(f) for run in runs))
 
 
 @maker

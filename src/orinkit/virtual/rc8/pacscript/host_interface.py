@@ -123,3 +123,9 @@ class HostInterface(Protocol):
 
         The arguments are poses; for OutRange, one pose and optionally the numbers of the tool and the work.
         """
+
+    def robot_command(self, name: str, arguments: tuple[Value, ...]) -> Wait:
+        """Execute a command of Robot_Execute; the wait is complete at its end."""
+
+    def robot_value(self, name: str, arguments: tuple[Value, ...]) -> Value:
+        """Return the result of a command of Robot_Execute that only reads."""

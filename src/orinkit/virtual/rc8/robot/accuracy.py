@@ -8,6 +8,7 @@ deviation is an error.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -97,6 +98,16 @@ class Accuracy:
             if deviation > allowed:
                 return number, deviation
         return None
+
+    def report_deviation(self, servo: Servo, fault: Callable[[int, str], None]) -> None:
+        """Raise the error of ErAlw if an axis deviates too much from the command position."""
+        found = self.deviating_axis(servo)
+        if found is not None:
+            number, deviation = found
+            fault(
+                hresult.POSITION_DEVIATION_AXIS1 + number - 1,
+                tr("{deviation:.4g} exceeds the tolerance of ErAlw", deviation=deviation),
+            )
 
 
 def length_of_pulses(pulses: float) -> float:

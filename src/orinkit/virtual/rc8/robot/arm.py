@@ -19,6 +19,7 @@ from orinkit.virtual.engine.servo import ControlLog, Servo
 from orinkit.virtual.rc8.error_list import ErrorList
 from orinkit.virtual.rc8.robot.accuracy import Accuracy
 from orinkit.virtual.rc8.robot.arm_owner import Operator
+from orinkit.virtual.rc8.robot.hardware.arm_hardware import ArmHardware
 from orinkit.virtual.rc8.robot.motor import Motor
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
@@ -56,6 +57,7 @@ class RC8Arm:
         accuracy: Tolerances of the encoders.
         powering_off: True if the motor will be switched off at the end of the motions.
         slave: Slave mode, in which a client sends a set-point for each cycle.
+        hardware: Hardware around the arm: force sensor, areas, buttons.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class RC8Arm:
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
         self.slave = RC8SlaveMode(self, cycles, fault)
+        self.hardware = ArmHardware(self, cycles, variables, seconds, fault)
         self.accuracy = Accuracy()
         self._fault = fault
         self.holder: Operator | None = None
@@ -168,8 +171,9 @@ class RC8Arm:
                 taker.done.set_result()
 
     def give(self) -> None:
-        """Release the arm semaphore; running motions are not affected."""
+        """Release the arm semaphore; running motions are not affected, force control ends."""
         self.holder = None
+        self.hardware.released()
 
     def give_at_end(self, operator: Operator) -> Deferred[None]:
         """Release the arm semaphore when all motions of its holder have ended; slave mode is left before.
@@ -218,9 +222,10 @@ class RC8Arm:
         taker = self._takers.pop(operator, None)
         if taker is not None:
             taker.done.set_exception(error_for(hresult.E_ABORT))
+        self.hardware.waits.cancel(hresult.E_ABORT, operator)
         self._at_standstill.drop(error_for(hresult.E_ABORT), operator)
         if self.holder is operator:
-            self.holder = None
+            self.give()
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     # --- motion -------------------------------------------------------------------------------------------------
@@ -286,6 +291,7 @@ class RC8Arm:
         self.held = False
         if self.slave.on:
             self.slave.end(code)
+        self.hardware.stopped(code)
         self._discard_pending(code)
         if self._moving:
             self._stop_code = code if self._stop_code is None else self._stop_code
@@ -398,6 +404,7 @@ class RC8Arm:
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
         self._discard_pending(hresult.E_ABORT)
+        self.hardware.close()
         self._at_standstill.drop(error)
         for done in (
             *(taker.done for taker in self._takers.values()),
@@ -416,9 +423,11 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
-        moving = self.servo.step(self.queue.joints)
-        self._check_deviation()
+        moving = self.servo.step(self.hardware.command(self.queue.joints))
+        if self.accuracy.deviation and not self.stopping:
+            self.accuracy.report_deviation(self.servo, self._fault)
         switching = self.motor.step()
+        moving = self.hardware.step() or moving
         self.log.add(
             lambda: self.servo.sample(self.motor.on),
             self._cycles.number,
@@ -432,15 +441,6 @@ class RC8Arm:
         commanding = (self._moving and not paused) or not self.queue.standing or self.slave.has_work
         waiting = bool(self._takers or self._at_standstill)
         return commanding or moving or switching or self.log.running or waiting
-
-    def _check_deviation(self) -> None:
-        """Raise the error of ErAlw if an axis deviates too much from the command position."""
-        if not self.accuracy.deviation or self.stopping:
-            return
-        found = self.accuracy.deviating_axis(self.servo)
-        if found is not None:
-            text = tr("{deviation:.4g} exceeds the tolerance of ErAlw", deviation=found[1])
-            self._fault(hresult.POSITION_DEVIATION_AXIS1 + found[0] - 1, text)
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""

@@ -14,7 +14,10 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
+from orinkit.virtual.rc8.robot.speeds import FULL
 from orinkit.virtual.rc8.switches import ModeSwitch
+
+_FORCE_SPEED: Final = 50.0  # %
 
 
 class Condition(Enum):
@@ -39,6 +42,8 @@ class Condition(Enum):
     STILL_SPEED = "standing still (speeds)"
     STILL_FRAME = "standing still (tool, work)"
     NOT_AWAITED = "no call waits for a motion"
+    SLOW = "at most half speed while force control is on"
+    CALIBRATED = "reference positions of the encoders known"
     LICENCE = "licence of the slave function"
     NOT_SLAVE = "slave mode off"
     NOT_SLAVE_ELSEWHERE = "slave mode off, or of this client"
@@ -107,6 +112,15 @@ def _not_slave_elsewhere(arm: RC8Arm, operator: Operator) -> int:
     return hresult.REFUSED_IN_SLAVE_MODE if arm.slave.on and arm.slave.owner is not operator else 0
 
 
+def _slow(arm: RC8Arm, _: Operator) -> int:
+    """Return 0 unless a motion would be too fast for force control: more than 50 % of internal x external speed."""
+    if not arm.hardware.force.on:
+        return 0
+    speeds = arm.speeds
+    fastest = max(speeds.path.speed, speeds.joint.speed) * speeds.external.speed / FULL
+    return hresult.FORCE_CONTROL_TOO_FAST if fastest > _FORCE_SPEED else 0
+
+
 _CHECKS: Final[dict[Condition, Check]] = {
     Condition.WRITE: lambda _, operator: operator.write_refusal(),
     Condition.TOKEN: lambda arm, operator: operator.token_refusal(arm.switches),
@@ -127,6 +141,8 @@ _CHECKS: Final[dict[Condition, Check]] = {
     Condition.STILL_SPEED: _still(hresult.SPEED_CHANGE_WHILE_MOVING),
     Condition.STILL_FRAME: _still(hresult.TOOL_WORK_CHANGE_WHILE_MOVING),
     Condition.NOT_AWAITED: _not_awaited,
+    Condition.SLOW: _slow,
+    Condition.CALIBRATED: lambda arm, _: 0 if arm.hardware.calibrated else hresult.ENCODER_REFERENCE_LOST,
     Condition.LICENCE: lambda arm, _: 0 if arm.switches.slave_licence else hresult.LICENSE_NOT_REGISTERED,
     Condition.NOT_SLAVE: lambda arm, _: hresult.REFUSED_IN_SLAVE_MODE if arm.slave.on else 0,
     Condition.NOT_SLAVE_ELSEWHERE: _not_slave_elsewhere,
@@ -137,12 +153,12 @@ C = Condition
 _READY: Final = (C.TOKEN, C.AUTO, C.ENABLED, C.NO_EMERGENCY, C.NO_PROTECTIVE, C.NO_ERROR)
 _SET: Final = (C.WRITE, C.NOT_SLAVE)
 _START: Final = (*_SET, *_READY)
-_MOTION: Final = (*_START, C.ARM, C.MOTOR, C.STAYS_ON, C.NOT_HELD)
+_MOTION: Final = (*_START, C.ARM, C.MOTOR, C.STAYS_ON, C.NOT_HELD, C.SLOW)
 
 NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
     "TakeArm": (*_SET, C.TOKEN, C.AUTO, C.FREE, C.STILL),
     "GiveArm": (C.WRITE, C.ARM_IF_STRICT, C.OWN_NOT_HELD),
-    "Motor on": (*_START, C.FREE),
+    "Motor on": (*_START, C.FREE, C.CALIBRATED),
     "Motor off": (*_SET, C.FREE, C.NOT_AWAITED),
     "Move": _MOTION,
     "Approach": _MOTION,
@@ -172,6 +188,25 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
     "Change": (*_SET, C.ARM, C.STILL_FRAME),
     "SetToolDef": (*_SET, C.ARM, C.STILL_FRAME),
     "SetWorkDef": (*_SET, C.ARM, C.STILL_FRAME),
+    "SetBaseDef": (*_SET, C.ARM, C.STILL_FRAME),
+    "ChangeScene": (*_SET, C.ARM, C.STILL_FRAME),
+    "SetAreaDef": _SET,
+    "SetArea": _SET,
+    "ResetArea": _SET,
+    "SetAreaEnabled": _SET,
+    "PayLoad": (*_SET, C.FREE),
+    "ForceSensorPayLoad": (*_SET, C.FREE),
+    "GrvCtrl": (*_SET, C.FREE),
+    "GrvOffset": (*_SET, C.FREE),
+    "CurLmt": (*_SET, C.FREE),
+    "Zforce": (*_SET, C.FREE),
+    "HighPathAccuracy": (*_SET, C.FREE, C.STILL),
+    "ForceCtrl": (*_SET, C.ARM),
+    "ForceChangeTable": (*_SET, C.ARM),
+    "ForceParam": _SET,
+    "ForceSensor": _SET,
+    "ForceWaitCondition": (C.WRITE,),
+    "AutoCal": (*_SET, C.TOKEN, C.NO_EMERGENCY, C.NO_PROTECTIVE, C.FREE, C.STILL),
     "slvChangeMode on": (*_SET, C.LICENCE, *_READY, C.ARM, C.MOTOR, C.NOT_HELD, C.STILL),
     "slvChangeMode off": (C.WRITE, C.NOT_SLAVE_ELSEWHERE),
     "slvMove": (C.WRITE, C.SLAVE, C.ARM),

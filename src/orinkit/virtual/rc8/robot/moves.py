@@ -8,6 +8,7 @@ from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 
+from orinkit.arms import frames
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
@@ -21,7 +22,7 @@ from orinkit.virtual.engine.motion.planner import Motion
 from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.motion_planner import LINE, PTP, ArchHeights, MotionPlanner, Plans
-from orinkit.virtual.rc8.robot.target import FrameContext, Joints, check_reach
+from orinkit.virtual.rc8.robot.target import NO_FRAME, FrameContext, Joints, check_reach, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.robot.waiting_calls import PendingMotions
 from orinkit.virtual.rc8.variables.table import VariableTable
@@ -354,6 +355,47 @@ class Moves:
     def clear_path(self, number: int) -> None:
         """Remove the poses of a stored path."""
         self._paths.pop(_path(number), None)
+
+    def set_path(self, number: int, points: Sequence[Target]) -> None:
+        """Replace the poses of a stored path.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist; E_OUTOFMEMORY if there are too many poses.
+        """
+        if len(points) > _LONGEST_PATH:
+            raise error_for(hresult.E_OUTOFMEMORY, tr("a path holds at most {most} points", most=_LONGEST_PATH))
+        self._paths[_path(number)] = list(points)
+
+    def path_point(self, number: int, point: int) -> list[float]:
+        """Return a pose of a stored path as P: seven numbers; points are counted from 1.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist; VALUE_OUT_OF_RANGE if the point does not exist.
+        """
+        path = self._paths.get(_path(number), [])
+        if not 1 <= point <= len(path):
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("path {number} has {count} points, not {point}", number=number, count=len(path), point=point),
+            )
+        return self.as_position(path[point - 1])
+
+    def path_targets(self, number: int) -> list[Target]:
+        """Return all poses of a stored path.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist.
+        """
+        return list(self._paths.get(_path(number), ()))
+
+    def as_position(self, target: Target) -> list[float]:
+        """Return a pose of a stored path as P: seven numbers."""
+        start = self._arm.queue.end_joints
+        kind, values = self._space.resolve(target, start)
+        if kind == "J":
+            return self._space.position(self._space.joints(target, start))
+        frame = self._space.frame_in_base(kind, values, NO_FRAME)
+        return [*frames.position_of_matrix(frame).tolist(), float(figure_of(kind, values))]
 
     def path_length(self, number: int) -> int:
         """Return the number of poses of a stored path."""

@@ -1,8 +1,7 @@
-"""Robot commands that calculate or report without moving: poses, conversions, range checks, servo data."""
+"""Robot commands that calculate or report without moving: poses, conversions, range checks."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
@@ -16,12 +15,11 @@ from orinkit.core.i18n import tr
 from orinkit.core.validation import rounded_to_single
 from orinkit.values.poses import Kind, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
-from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.accuracy import check_axis
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.state_report import ArmPosition, Numbers
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, figure_of
+from orinkit.virtual.rc8.robot.target import NO_FRAME, ROBOT_AXES, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables import conversion
 
@@ -100,7 +98,7 @@ def _named(parameter: Variant, kind: Kind) -> Target:
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
     """Convert a P to a T, or a T to a P, in the same frame, even if the pose is out of reach; keep the given figure."""
     kind, values = arm.space.resolve(target, arm.servo.command)
-    frame = arm.space.frame_in_base(kind, values, 0)
+    frame = arm.space.frame_in_base(kind, values, NO_FRAME)
     result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
     return [*map(float, result), float(figure_of(kind, values))]
 
@@ -131,11 +129,11 @@ def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
         joints = arm.space.joints(base, arm.servo.command)
         first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.figure(joints))
     else:
-        first, fig = arm.space.frame_in_base(kind, values, 0), float(figure_of(kind, values))
+        first, fig = arm.space.frame_in_base(kind, values, NO_FRAME), float(figure_of(kind, values))
     kind, values = arm.space.resolve(parameters.position(offset), arm.servo.command)
     if kind == "J":
         raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("the offset must be of type P or T"))
-    return first, arm.space.frame_in_base(kind, values, 0), fig
+    return first, arm.space.frame_in_base(kind, values, NO_FRAME), fig
 
 
 def t_multiply(arm: RC8Arm, parameter: Variant) -> Variant:
@@ -233,36 +231,6 @@ def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
     if beyond:
         return Variant(VarType.I4, beyond)
     return Variant(VarType.I4, _SINGULAR if space.kinematics.is_singular(joints) else 0)
-
-
-_DEVIATION: Final = 2
-_LOAD: Final = 4
-_TIP_SPEED: Final = 17
-
-
-def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: return an item of servo data as eight numbers.
-
-    Item 2 is the deviation of each axis (deg), item 4 the load of each axis (%), and item 17 the velocity of the tool
-    tip (mm/s, in the first element).
-    """
-    (item,) = parameters.whole_numbers(parameter, None)
-    if item == _DEVIATION:
-        return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))
-    if item == _LOAD:
-        return Variant(_R8_ARRAY, state_report.eight(arm.servo.load(arm.motor.on)))
-    if item == _TIP_SPEED:
-        return Variant(_R8_ARRAY, state_report.eight((_tip_speed(arm),)))
-    raise error_for(
-        hresult.E_INVALIDARG,
-        tr("item {item} does not exist. Try: 2 (deviation), 4 (load) or 17 (tip speed)", item=item),
-    )
-
-
-def _tip_speed(arm: RC8Arm) -> float:
-    now, velocity = arm.servo.encoder, arm.servo.velocity()
-    before = tuple(joint - rate * PERIOD for joint, rate in zip(now, velocity, strict=True))
-    return math.dist(arm.space.tcp(now)[:3, 3], arm.space.tcp(before)[:3, 3]) / PERIOD
 
 
 _KINDS: Final[tuple[Kind, ...]] = ("P", "J", "T")
