@@ -42,6 +42,7 @@ types: setup-dev ## mypy, strict / 型検査
 bench: setup-dev ## measurements, as ratios in one run / 性能測定 (同一実行内の比)
 	@.venv/bin/python bench/bench.py
 	@.venv/bin/python bench/stream.py
+	@.venv/bin/python bench/tester.py
 
 soak: setup-dev ## the long tests / 長時間テスト
 	$(RUN) pytest -m soak

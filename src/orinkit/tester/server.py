@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import socket
@@ -23,14 +24,16 @@ from orinkit.core import i18n
 from orinkit.core.errors import ConnectFailed, OrinError
 from orinkit.core.i18n import tr
 from orinkit.tester.access import AccessMiddleware, AccessRules
+from orinkit.tester.assets import AssetCache
 from orinkit.tester.pages import register
 from orinkit.tester.state.connection_spec import ConnectionSpec
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.workspace import Workspace
 from orinkit.tester.ui.session import language_of_page
+from orinkit.transport.address import is_loopback
 
 DEFAULT_HTTP: Final = "127.0.0.1:8450"
-_RECONNECT: Final = 2.0  # s in which a browser may connect again without losing its page
+_RECONNECT: Final = 6.0  # s in which a browser may connect again without losing its page
 _LARGEST_MESSAGE: Final = 32 * 1024 * 1024
 _SHUTDOWN: Final = 2  # s
 _ARM_PAGE: Final = "/arm"
@@ -92,10 +95,14 @@ async def _serve(options: TesterOptions, reports: Reports) -> None:
     app = FastAPI(openapi_url=None)
     register(workspace)
     i18n.set_source(language_of_page)
-    ui.run_with(app, title="orinkit", tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False)
+    ui.run_with(
+        app, title="orinkit", tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False,
+        gzip_middleware_factory=None,
+    )  # fmt: skip
     config = uvicorn.Config(
-        AccessMiddleware(app, rules), options.host.strip("[]"), options.port, log_level="warning", lifespan="on",
+        AccessMiddleware(AssetCache(app), rules), options.host.strip("[]"), options.port, log_level="warning", lifespan="on",
         ws_max_size=_LARGEST_MESSAGE, timeout_graceful_shutdown=_SHUTDOWN, access_log=False, server_header=False,
+        ws_per_message_deflate=not is_loopback(options.host),
     )  # fmt: skip
     server = _Server(config)
     try:
@@ -120,6 +127,8 @@ async def _run(
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, _end, server)
     sockets = [_bind(server.config)]
+    gc.collect()
+    gc.freeze()  # the modules: examining them again and again would block the event loop for up to 0.1 s
     serving = asyncio.create_task(server.serve(sockets))
     while not server.started and not serving.done():  # noqa: ASYNC110 - uvicorn has no event for this
         await asyncio.sleep(0.01)

@@ -36,15 +36,22 @@ class ConnectionForm:
     def __init__(self, session: PageSession) -> None:
         self._session = session
         self._adopting = False  # True while the fields follow the string, or a saved connection
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
+        session = self._session
         with ui.element("section").classes("ok-card ok-new").props("data-testid=connection-form"):
             ui.label(tr("New connection")).classes("ok-card-title")
             self._build_saved()
+            yield
             self._build_fields()
             with ui.expansion(tr("More parameters")).props("dense").classes("ok-more"):
+                yield
                 self._build_parameters()
             self._string = StringField(session, self._take_string, lambda error: self._errors.show(error))
             self._errors = ErrorBox("error-form")
             self._build_buttons()
+        self._saved.on_value_change(self._load)
         self._scheme.on_value_change(self._scheme_changed)
         self._url.on_value_change(self._url_changed)
         for field in self._parameters():
@@ -52,7 +59,7 @@ class ConnectionForm:
 
     def _build_saved(self) -> None:
         saved = [each.name for each in self._session.workspace.profiles]
-        self._saved = ui.select(saved, label=tr("Saved connections"), on_change=self._load, clearable=True)
+        self._saved = ui.select(saved, label=tr("Saved connections"), clearable=True)
         self._saved.props("outlined dense").props("data-testid=saved")
         self._saved.visible = bool(saved)
 
