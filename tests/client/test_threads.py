@@ -358,13 +358,12 @@ def test_timeouts_of_several_threads_are_independent(server: Server, workshop: W
     with orinkit.connect(server.url, provider=PROVIDER, timeout=PATIENT) as controller:
         with pytest.raises(CallTimeout):
             controller.client.request(f.controller_execute, controller.handle, "Wait", 1, timeout=0.05)
+        if not web:  # over b-CAP, the calls wait for the one that has timed out
+            threading.Timer(0.1, workshop.gate.set).start()
         with ThreadPoolExecutor(4) as pool:
             results = list(pool.map(lambda number: _outcome(controller, number), range(20)))
-        assert set(results) == {"right" if web else "busy"}
+        assert set(results) == {"right"}
         workshop.gate.set()
-        while _outcome(controller, 7) == "busy":
-            pass
-        assert _outcome(controller, 8) == "right"
 
 
 def _outcome(controller: orinkit.Controller, number: int) -> str:
