@@ -13,6 +13,7 @@ from orinkit.tester.pages.arm.readout import JointBars, PositionReadout, StatusC
 from orinkit.tester.pages.arm.view import ArmView
 from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.hold import add_hold_script
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.05  # s
@@ -22,6 +23,7 @@ _SLOW_REFRESH = 0.5  # s
 def build(session: PageSession) -> None:
     """Build the contents; build them again if the connection changes."""
     ui.label(tr("Arm")).classes("ok-page-title").props("role=heading aria-level=1")
+    add_hold_script()
     holder = ui.element("div").classes("ok-arm")
     shown: list[object] = []
     pages: list[ArmPage] = []
@@ -83,14 +85,15 @@ class ArmPage:
                 with ui.element("section").classes("ok-card ok-second"):
                     self._chips = StatusChips(cell)
                     ArmControls(session, cell)
-                JogCard(session, cell)
+                self._jog = JogCard(session, cell)
                 PosesCard(session, cell)
         self._update()
         ui.timer(_REFRESH, self._update)
 
     def close(self) -> None:
-        """Stop polling for this page."""
+        """Stop polling for this page, and the motion that it has started."""
         self._detach()
+        self._jog.close()
 
     def _update(self) -> None:
         if not self._session.client.has_socket_connection or self._monitor.version == self._version:

@@ -8,7 +8,7 @@ from orinkit.core.errors import InvalidAddress, InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection_spec import VRC, ConnectionSpec
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.session import CONNECTION_COOKIE, PageSession
+from orinkit.tester.ui.session import PageSession
 
 _EXAMPLES = {
     "tcp": "tcp://192.168.0.1:5007",
@@ -113,8 +113,7 @@ class ConnectionForm:
         try:
             connection = self._session.workspace.add(self.spec())
             await connection.open()
-            self._session.chosen = connection.name
-            self._session.set_cookie(CONNECTION_COOKIE, connection.name)
+            self._session.choose(connection)
         finally:
             self._connect.props(remove="loading")
 

@@ -1,25 +1,43 @@
-"""Elements of the page Packets: a list of which only the visible rows exist, and the bytes and fields of a packet."""
+"""Elements for packets and frames: a list of which only the visible rows exist, and the bytes and fields of one packet."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from orinkit.core.i18n import tr
-from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail, detail_of
-from orinkit.tester.state.packet_log import LoggedPacket
+from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail
 
 LARGEST_WINDOW = 200
 """Maximum number of rows that are sent at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListTexts:
+    """The texts of a list.
+
+    Attributes:
+        title: Text for screen readers.
+        empty: Text that is shown while the list is empty.
+        columns: Titles of the six columns; the fourth one is the direction.
+        marker: Beginning of the values of ``data-testid``; the list has ``MARKER-list``.
+    """
+
+    title: str
+    empty: str
+    columns: tuple[str, str, str, str, str, str]
+    marker: str
 
 
 class PacketList(ui.element, component="packet_list.js"):
     """A list of packets.
 
     Args:
+        texts: The texts of the list.
         on_window: Callback invoked with the position and number of the rows to supply.
         on_pick: Callback invoked with the number of the packet that the user has clicked.
         on_move: Callback invoked with a number of rows, ``"first"`` or ``"last"`` if the user moves the selection.
@@ -28,6 +46,7 @@ class PacketList(ui.element, component="packet_list.js"):
 
     def __init__(
         self,
+        texts: ListTexts,
         *,
         on_window: Callable[[int, int], None],
         on_pick: Callable[[int], None],
@@ -36,9 +55,8 @@ class PacketList(ui.element, component="packet_list.js"):
     ) -> None:
         super().__init__()
         self._props["labels"] = {
-            "list": tr("Packets"), "sent": tr("sent"), "received": tr("received"),
-            "empty": tr("No packets. They appear here as soon as a connection sends or receives one."),
-            "columns": [tr("No."), tr("Time"), tr("Connection"), "", tr("Bytes"), tr("Packet")],
+            "list": texts.title, "sent": tr("sent"), "received": tr("received"), "empty": texts.empty,
+            "columns": texts.columns, "marker": texts.marker,
         }  # fmt: skip
         self._props["state"] = {"view": 0, "first": 0, "end": 0, "start": 0, "rows": [], "follow": True}
         self.on("window", lambda event: _window(event, on_window))
@@ -70,9 +88,8 @@ class PacketBytes(ui.element, component="packet_detail.js"):
         self._props["labels"] = {"bytes": tr("Bytes of the packet"), "fields": tr("Fields of the packet")}
         self._props["packet"] = {"hex": "", "fields": [], "note": ""}
 
-    def show(self, packet: LoggedPacket | None) -> None:
-        """Show a packet; ``None`` shows nothing."""
-        detail = detail_of(packet) if packet is not None else PacketDetail(b"", 0, [])
+    def show(self, detail: PacketDetail) -> None:
+        """Show the bytes and fields of a packet."""
         self._props["packet"] = {
             "hex": detail.data.hex(),
             "fields": [

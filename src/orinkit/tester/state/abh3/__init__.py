@@ -1,0 +1,1 @@
+"""The state of ABH3 motor drivers: frames, polled values, driving, and parameters."""
