@@ -10,7 +10,7 @@ from orinkit.abh3.table.signals import DIALECTS
 from orinkit.abh3.table.transfer_fields import KINDS as CONTROL_KINDS
 from orinkit.can.frame import CanFrame
 from orinkit.tester.state.abh3.frame_filter import FrameFilter, FrameView
-from orinkit.tester.state.abh3.frame_log import EchoFilter, FrameLog
+from orinkit.tester.state.frame_log import EchoFilter, FrameLog
 from orinkit.tester.state.abh3.frame_text import KINDS, as_text, detail_of, kind_of, row_of
 
 COMMAND = CanFrame(ids.single(1, 2), bytes.fromhex("F4010CFE03300000"))

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from orinkit.core.i18n import tr
 from orinkit.tester.state.abh3.cell import DriverCell
-from orinkit.tester.state.abh3.monitor import ReportedValue
+from orinkit.tester.state.driver_monitor import ReportedValue
 from orinkit.tester.state.abh3.set_point import unit_text
 from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.session import PageSession

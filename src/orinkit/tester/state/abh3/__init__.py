@@ -1,1 +1,1 @@
-"""The state of ABH3 motor drivers: frames, polled values, driving, and parameters."""
+"""What the page ABH3 does with a motor driver: driving, parameters, and the explanation of frames."""

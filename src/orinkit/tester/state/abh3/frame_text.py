@@ -13,7 +13,7 @@ from orinkit.abh3.table.transfer_fields import PARTS, PGN_AT
 from orinkit.bcap.dissect import PacketField
 from orinkit.can.frame import CanFrame
 from orinkit.core.i18n import N_, tr
-from orinkit.tester.state.abh3.frame_log import LoggedFrame
+from orinkit.tester.state.frame_log import LoggedFrame
 from orinkit.tester.state.packet_detail import PacketDetail
 from orinkit.tester.state.packet_rows import row_time
 from orinkit.tester.state.packet_text import time_text

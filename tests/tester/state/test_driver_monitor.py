@@ -10,7 +10,7 @@ import pytest
 from orinkit.abh3.table import ids
 from orinkit.core.errors import ConnectFailed, DriverTimeout
 from orinkit.tester.state import connection as connections
-from orinkit.tester.state.abh3.monitor import DriverMonitor, ReportedValue
+from orinkit.tester.state.driver_monitor import DriverMonitor, ReportedValue
 from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.driver_connection import DriverConnection
 from support import multicast

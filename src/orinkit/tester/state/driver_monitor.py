@@ -21,7 +21,7 @@ PERIOD: Final = 0.1
 _FRESH: Final = 0.8 * PERIOD  # age in s up to which a value is not requested again
 _DENSEST: Final = 0.04  # s between two values of a history
 _RETRY: Final = 0.5  # s after which a driver that does not reply is asked again
-_UNANSWERED: Final = 5.0  # s after which a broadcast without reply is requested again
+_UNANSWERED: Final = 30.0  # s after which a broadcast without reply is requested again
 
 
 class DriverSource(Protocol):
@@ -152,8 +152,7 @@ class DriverMonitor(SharedPoll):
     async def _cycle(self) -> float:
         started = monotonic()
         try:
-            for name in self._layouts:
-                await self._read(name)
+            await self._read_all(started)
         except (OrinError, OSError) as error:
             logger.debug("%s: polling: %s", self._source.name, error)
             self._report(error)
@@ -162,21 +161,28 @@ class DriverMonitor(SharedPoll):
         self.cycles += 1
         return max(PERIOD - (monotonic() - started), PERIOD / 5)
 
-    async def _read(self, name: str) -> None:
-        """Request a frame, unless it has just been received.
+    async def _read_all(self, started: float) -> None:
+        """Request every frame that is due.
 
         Raises:
-            OrinError: If the driver does not reply to anything, or the bus is lost.
+            OrinError: If the driver does not reply twice in succession, or the bus is lost.
         """
-        now = monotonic()
-        if now - self._received.get(name, 0.0) < _FRESH or now < self._retry_at.get(name, 0.0):
-            return
-        try:
-            await self._source.request(name)
-        except DriverTimeout:
-            if self.heard < now:
-                raise
-            self._retry_at[name] = monotonic() + _UNANSWERED  # the driver replies, but not with this frame
+        failed: DriverTimeout | None = None
+        for name in self._layouts:
+            now = monotonic()
+            if now - self._received.get(name, 0.0) < _FRESH or now < self._retry_at.get(name, 0.0):
+                continue
+            try:
+                await self._source.request(name)
+                failed = None
+            except DriverTimeout as error:
+                if self.heard >= started:  # the driver replies, but not with this frame
+                    self._retry_at[name] = monotonic() + _UNANSWERED
+                if failed is not None:
+                    raise
+                failed = error
+        if failed is not None and self.heard < started:
+            raise failed
 
     def _report(self, error: Exception | None) -> None:
         if error is not self.error:
