@@ -74,9 +74,7 @@ async def soon(condition: Callable[[], object]) -> None:
             await asyncio.sleep(0.005)
 
 
-def with_connection(
-    url: str, test: Callable[[DriverConnection], Awaitable[None]], **settings: Any
-) -> None:
+def with_connection(url: str, test: Callable[[DriverConnection], Awaitable[None]], **settings: Any) -> None:
     """Run a test with an open connection of a Tester."""
 
     async def run() -> None:

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -139,15 +140,13 @@ def test_a_virtual_driver_is_started_and_vanishes(browser, tmp_path):
 
 def simulator_of(tester: TesterProcess) -> int:
     """Return the process that serves the virtual driver of a Tester."""
-    for entry in os.scandir("/proc"):
-        if entry.name.isdecimal():
-            try:
-                with open(f"/proc/{entry.name}/stat") as stat, open(f"/proc/{entry.name}/cmdline") as words:
-                    parent = int(stat.read().rpartition(")")[2].split()[1])
-                    if parent == tester.process.pid and "abh3" in words.read().split("\0"):
-                        return int(entry.name)
-            except OSError:
-                continue
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == tester.process.pid and b"abh3" in (folder / "cmdline").read_bytes().split(b"\0"):
+                return int(folder.name)
+        except OSError:
+            continue
     raise AssertionError("there is no virtual driver")
 
 
@@ -245,7 +244,9 @@ def test_the_motor_stops_when_the_tester_ends(browser, tmp_path):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("text", "message"), [("6553.5", "6553.4"), ("abc", "not a number"), ("1" * 100, "not a number")])
+@pytest.mark.parametrize(
+    ("text", "message"), [("6553.5", "6553.4"), ("abc", "not a number"), ("1" * 100, "not a number")]
+)
 def test_an_invalid_set_point_is_refused_beside_its_field(drive, text, message):
     drive.enable()
     before = len(drive.driver.commands)
@@ -298,7 +299,9 @@ def test_frames_are_listed_filtered_and_copied(drive):
     row.click()
     drive.part("frame-title").get_by_text("sent: DP0S 2 -> 1").wait_for()
     number = int(row.get_attribute("data-number"))
-    shown = bytes.fromhex(" ".join(drive.page.locator('[data-testid="frame-bytes"] .ok-byte[data-byte]').all_text_contents()))
+    shown = bytes.fromhex(
+        " ".join(drive.page.locator('[data-testid="frame-bytes"] .ok-byte[data-byte]').all_text_contents())
+    )
     assert number == 1
     assert shown == bytes.fromhex("00EF0102") + drive.driver.received[0].data
     drive.part("copy-frame").click()

@@ -17,10 +17,10 @@ from orinkit.can.aio_shared_bus import AsyncCanReceiver
 from orinkit.can.frame import CanFrame
 from orinkit.core.errors import ConnectionClosed, DriverTimeout, OrinError
 from orinkit.core.i18n import tr
-from orinkit.tester.state.frame_log import EchoFilter, FrameLog
-from orinkit.tester.state.driver_monitor import DriverMonitor
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.driver_monitor import DriverMonitor
+from orinkit.tester.state.frame_log import EchoFilter, FrameLog
 from orinkit.tester.state.packet_log import PacketLog
 from orinkit.transport.address import CanAddress, parse_address
 

@@ -88,6 +88,7 @@ class DriverMonitor(SharedPoll):
         self._frames: dict[str, DecodedFrame] = {}
         self._received: dict[str, float] = {}
         self._retry_at: dict[str, float] = {}
+        self._added: dict[str, float] = {}  # times of the newest values of the histories
         self.histories = {name: History() for name in self._layouts}
         self.error: Exception | None = None
         self.version = 0
@@ -127,15 +128,14 @@ class DriverMonitor(SharedPoll):
         if layout is None or decoded.fault is not None:
             return
         now = monotonic()
-        previous = self._received.get(decoded.name, 0.0)
         self._frames[decoded.name] = decoded
         self._received[decoded.name] = now
         self._retry_at.pop(decoded.name, None)
         self.version += 1
         numbers = [value.content for value in decoded.values if isinstance(value.content, int | float)]
-        history = self.histories[decoded.name]
-        if numbers and (now - previous >= _DENSEST or not len(history)):
-            history.add(time(), numbers)
+        if numbers and now - self._added.get(decoded.name, 0.0) >= _DENSEST:
+            self._added[decoded.name] = now
+            self.histories[decoded.name].add(time(), numbers)
 
     def forget(self) -> None:
         """Forget the latest values, because the connection was closed or lost; the histories remain."""

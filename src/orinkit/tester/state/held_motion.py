@@ -88,7 +88,7 @@ class HeldMotion(ABC, Generic[R]):
             self._set(MotionState.STARTING)
             self._motions.add(self)
             self._task = asyncio.create_task(self._run())
-        while self._task is not None and not self.usable:
+        while self.active and not self.usable:
             await self._wait_for_change()
         if self.error is not None:
             raise self.error

@@ -217,9 +217,7 @@ class RecordButtons:
         problem: Function that displays an exception, or with ``None`` removes it.
     """
 
-    def __init__(
-        self, session: PageSession, log: ListedLog, problem: Callable[[Exception | None], None]
-    ) -> None:
+    def __init__(self, session: PageSession, log: ListedLog, problem: Callable[[Exception | None], None]) -> None:
         self._log = log
         self._record = ui.button(on_click=session.guarded(self._toggle, problem))
         self._record.props("flat dense no-caps data-testid=record")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from orinkit.tester.state.history import History
@@ -33,17 +33,20 @@ def time_layout(dark: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def time_patch(lines: Iterable[tuple[str, History, int]], since: float, end: float) -> dict[str, Any]:
+def time_patch(
+    lines: Iterable[tuple[str, History, int]], since: float, end: float, dashed: Collection[str] = ()
+) -> dict[str, Any]:
     """Return the new data of a plot.
 
     Args:
         lines: The lines: label, history, and number of the column.
         since: Beginning of the plot, s since 1970.
         end: End of the plot, s since 1970.
+        dashed: Labels of the lines that are dashed and above the others.
     """
     series = [
         {
-            "type": "line", "name": label, "id": label, "showSymbol": False, "animation": False, "lineStyle": {"width": 1.8},
+            "type": "line", "name": label, "id": label, "showSymbol": False, "animation": False, "lineStyle": {"width": 1.8, "type": "dashed" if label in dashed else "solid"}, "z": 3 if label in dashed else 2,
             "data": [(round(at * 1000), value) for at, value in history.plot(column, since, POINTS) if at <= end],
         }
         for label, history, column in lines

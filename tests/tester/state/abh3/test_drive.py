@@ -7,12 +7,12 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
+from orinkit.abh3.table.signals import CURRENT, VELOCITY
 from orinkit.core.errors import DriverFault, InvalidValue
 from orinkit.tester.state import held_motion
 from orinkit.tester.state.abh3.cell import DriverCell
 from orinkit.tester.state.abh3.drive import Drive, DriveRequest
 from orinkit.tester.state.abh3.set_point import LONGEST_ENTRY, parse_set_point, range_text, sent_text
-from orinkit.abh3.table.signals import CURRENT, VELOCITY
 from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.state.held_motion import MotionState
 from orinkit.tester.state.workspace import Workspace
@@ -265,7 +265,9 @@ def test_a_set_point(text, number):
     assert parse_set_point(text, VELOCITY) == number
 
 
-@pytest.mark.parametrize("text", ["", "x", "1e3", "1,5", "--1", "nan", "inf", "１", "1" * (LONGEST_ENTRY + 1), "9" * 10_000_000])
+@pytest.mark.parametrize(
+    "text", ["", "x", "1e3", "1,5", "--1", "nan", "inf", "１", "1" * (LONGEST_ENTRY + 1), "9" * 10_000_000]
+)
 def test_not_a_set_point(text):
     with pytest.raises(InvalidValue, match="not a number"):
         parse_set_point(text, VELOCITY)

@@ -62,10 +62,12 @@ def test_a_refused_parameter_does_not_end_the_reading():
 
         async def test(connection: DriverConnection) -> None:
             store = ParameterStore(connection)
-            await store.read(ROWS)
+            wanted = (0x4101, 0x4102, 0x4114, 0x5060, 0x1004)
+            await store.read(wanted)
             assert store.pending == 0
-            assert all(store.value(each) or isinstance(store.problem(each), ParameterRefused) for each in ROWS)
+            assert all(store.value(each) or isinstance(store.problem(each), ParameterRefused) for each in wanted)
             assert store.value(0x4102)
+            assert any(store.problem(each) for each in wanted)
 
         with_connection(url, test)
 

@@ -10,8 +10,8 @@ from orinkit.abh3.table.signals import DIALECTS
 from orinkit.abh3.table.transfer_fields import KINDS as CONTROL_KINDS
 from orinkit.can.frame import CanFrame
 from orinkit.tester.state.abh3.frame_filter import FrameFilter, FrameView
-from orinkit.tester.state.frame_log import EchoFilter, FrameLog
 from orinkit.tester.state.abh3.frame_text import KINDS, as_text, detail_of, kind_of, row_of
+from orinkit.tester.state.frame_log import EchoFilter, FrameLog
 
 COMMAND = CanFrame(ids.single(1, 2), bytes.fromhex("F4010CFE03300000"))
 FEEDBACK = CanFrame(ids.single(2, 1), bytes.fromhex("F401000000000000"))
@@ -76,7 +76,9 @@ def test_a_row():
     log, decoder = filled(), Decoder()
     row = row_of(log.get(1), None, "relative", log.start_ns, decoder)  # type: ignore[arg-type]
     assert row[:5] == [1, "0.000", "00EF0102", ">", "F4 01 0C FE 03 30 00 00"]
-    assert row[5].startswith("DP0S 2 -> 1: A/Y command = 100.0 min^-1, B/X command = -100.0 min^-1, inputs = 0x00003003")
+    assert row[5].startswith(
+        "DP0S 2 -> 1: A/Y command = 100.0 min^-1, B/X command = -100.0 min^-1, inputs = 0x00003003"
+    )
     assert row[6:] == ["", []]
     assert row_of(log.get(6), log.get(5), "delta", log.start_ns, decoder)[6:] == ["bad", ["invalid"]]  # type: ignore[arg-type]
 

@@ -8,8 +8,8 @@ from nicegui import ui
 
 from orinkit.core.i18n import tr
 from orinkit.tester.state.abh3.cell import DriverCell
-from orinkit.tester.state.driver_monitor import ReportedValue
 from orinkit.tester.state.abh3.set_point import unit_text
+from orinkit.tester.state.driver_monitor import ReportedValue
 from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.session import PageSession
 
@@ -79,7 +79,8 @@ class FeedbackCard:
         values = [each for each in self._monitor.values if each.frame == name] if len(history) else []
         lines = [(tr(each.field.title), history, each.column) for each in values]
         end = self._paused_at or time()
-        patch = time_patch(lines, end - window, end)
+        commands = [tr(each.field.title) for each in values if each.field.name.endswith("_command")]
+        patch = time_patch(lines, end - window, end, commands)
         self._chart.run_chart_method("setOption", patch, {"replaceMerge": ["series"]})
 
 

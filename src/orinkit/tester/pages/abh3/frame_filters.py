@@ -34,7 +34,12 @@ class FrameFilterBar:
             self._text = ui.input(tr("Meaning or ID"), validation=lambda text: problem_text(check_text, text))
             self._data = ui.input(tr("Bytes in hex"), validation=lambda text: problem_text(read_bytes, text))
             self._polled = ui.checkbox(tr("Polling by this page"), value=condition.polled)
-        for field, marker in ((self._direction, "direction"), (self._kind, "kind"), (self._text, "text"), (self._data, "hex")):
+        for field, marker in (
+            (self._direction, "direction"),
+            (self._kind, "kind"),
+            (self._text, "text"),
+            (self._data, "hex"),
+        ):
             field.props("outlined dense options-dense").props(f"data-testid=filter-{marker}")
         self._polled.props("dense data-testid=filter-polled")
         for entry, most in ((self._text, LONGEST_TEXT), (self._data, LONGEST_HEX)):

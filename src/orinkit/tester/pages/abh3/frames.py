@@ -12,8 +12,8 @@ from orinkit.core.i18n import tr
 from orinkit.tester.pages.abh3.frame_filters import FrameFilterBar
 from orinkit.tester.state.abh3.cell import DriverCell
 from orinkit.tester.state.abh3.frame_filter import FrameFilter, FrameView
-from orinkit.tester.state.frame_log import LoggedFrame
 from orinkit.tester.state.abh3.frame_text import as_text, detail_of, row_of
+from orinkit.tester.state.frame_log import LoggedFrame
 from orinkit.tester.state.packet_text import time_text
 from orinkit.tester.ui.clipboard import copy_text
 from orinkit.tester.ui.entry_list import EntryList, RecordButtons

@@ -56,7 +56,9 @@ class InputsCard:
     def _text(self, number: int) -> BitText:
         bit = self._cell.connection.dialect.inputs.by_number.get(number)
         if self._cell.drive.is_start(number):
-            return BitText(number, bit.text if bit else "", fixed=True, note=tr("on while a button for driving is held"))
+            return BitText(
+                number, bit.text if bit else "", fixed=True, note=tr("on while a button for driving is held")
+            )
         return BitText(number, bit.text if bit else tr("bit {number}", number=number))
 
     async def _toggle(self, number: int, on: bool) -> None:

@@ -48,7 +48,7 @@ class _View:
         """Build the contents again if the connection, or its state, has changed."""
         connection = self._session.connection
         others = [each.name for each in self._session.workspace if isinstance(each, DriverConnection)]
-        state = [connection, connection.version if isinstance(connection, DriverConnection) else others]
+        state: list[object] = [connection, connection.version if isinstance(connection, DriverConnection) else others]
         if state == self._shown:
             return
         self._shown = state
@@ -104,13 +104,15 @@ class DriverPage:
         ui.timer(_REFRESH, self._refresh)
 
     def _build_head(self) -> None:
-        tabs = {"drive": tr("Drive and feedback"), "frames": tr("CAN frames"), "parameters": tr("Parameters")}
+        tabs = {"drive": tr("Drive"), "frames": tr("CAN frames"), "parameters": tr("Parameters")}
         driver = self._cell.connection.driver
         with ui.element("div").classes("ok-row ok-packet-bar"):
             self._tab = ui.toggle(tabs, value="drive", on_change=self._show_tab)
             self._tab.props("no-caps unelevated dense data-testid=abh3-tabs")
             ui.space()
-            ui.label(tr("driver {address}, group {group}", address=driver.address, group=driver.host.group)).classes("ok-chip")
+            ui.label(tr("driver {address}, group {group}", address=driver.address, group=driver.host.group)).classes(
+                "ok-chip"
+            )
             dialect = self._cell.connection.dialect
             ui.label(dialect.name).classes("ok-chip").tooltip(tr(dialect.title))
             self._faults = ui.label().classes("ok-chip").props("role=status data-testid=fault-chip")

@@ -24,15 +24,15 @@ from orinkit.tester.ui.dialogs import ask
 from orinkit.tester.ui.errors import ErrorBox, error_text, problem_text
 from orinkit.tester.ui.session import PageSession, notify
 
-_LONGEST = 200  # characters of an error in the table
+_LONGEST = 200  # characters of an error
 _EDIT_SLOT = """
 <q-td :props="props" style="text-align: right">
   <q-btn v-if="props.row.writable" flat dense round size="sm" icon="edit" :aria-label="props.row.edit"
          :data-testid="'edit-' + props.row.number" @click.stop="$parent.$emit('edit', props.row.key)" />
 </q-td>"""
 _VALUE_SLOT = """
-<q-td :props="props"><span :class="props.row.failed ? 'ok-watch-error' : 'ok-mono'" :data-testid="'parameter-' + props.row.number"
-  >{{ props.value }}</span></q-td>"""
+<q-td :props="props"><span :class="props.row.problem ? 'ok-watch-error' : 'ok-mono'" :title="props.row.problem"
+  :data-testid="'parameter-' + props.row.number">{{ props.value }}</span></q-td>"""
 
 
 class ParametersCard:
@@ -76,7 +76,7 @@ class ParametersCard:
             columns=[{"name": name, "label": label, "field": name, "align": align} for name, label, align in columns],
             rows=[], row_key="key",
         )  # fmt: skip
-        self._table.props("dense flat wrap-cells hide-bottom virtual-scroll data-testid=parameter-table")
+        self._table.props("dense flat wrap-cells hide-bottom data-testid=parameter-table")
         self._table.props(":rows-per-page-options=[0]").classes("ok-log ok-parameters")
         self._table.add_slot("body-cell-value", _VALUE_SLOT)
         self._table.add_slot("body-cell-edit", _EDIT_SLOT)
@@ -171,10 +171,10 @@ class ParametersCard:
     def _row(self, row: ParameterRow) -> dict[str, Any]:
         address = row.item.address
         value, problem = self._store.value(address), self._store.problem(address)
-        shown = value_text(value) if value else visible(cut(error_text(problem), _LONGEST)) if problem else "–"
+        shown = value_text(value) if value else tr("refused") if problem else "–"
         return {
             "key": address, "number": f"{address:04X}", "name": row.item.text, "unit": unit_text(unit_of(row.item)),
-            "value": shown, "failed": problem is not None, "writable": row.writable,
+            "value": shown, "problem": visible(cut(error_text(problem), _LONGEST)) if problem else "", "writable": row.writable,
             "edit": tr("Change {name}", name=row.item.text),
         }  # fmt: skip
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from orinkit.abh3.table.decoder import Decoder
-from orinkit.tester.state.frame_log import FrameLog, LoggedFrame
 from orinkit.tester.state.abh3.frame_text import kind_of
 from orinkit.tester.state.entry_view import EntryView
+from orinkit.tester.state.frame_log import FrameLog, LoggedFrame
 
 
 @dataclass(frozen=True, slots=True)

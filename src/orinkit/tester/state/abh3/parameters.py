@@ -92,7 +92,7 @@ class ParameterStore:
         return found if isinstance(found, ParameterValue) else None
 
     def problem(self, address: int) -> Exception | None:
-        """Return why the latest reading of a parameter or monitor failed; ``None`` if it did not."""
+        """Return why the driver has refused the latest reading of a parameter or monitor; ``None`` if it has not."""
         found = self._values.get(address)
         return found if isinstance(found, Exception) else None
 
