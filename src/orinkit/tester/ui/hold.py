@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib.resources import files
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
+from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.state.held_motion import HEARTBEAT, HeldMotion, MotionState
 from orinkit.tester.ui.presence import Presence
@@ -36,6 +38,18 @@ def hold_button(key: str, text: str, label: str, marker: str) -> ui.element:
     with button:
         ui.label(text)
     return button
+
+
+def parsed_key(pattern: re.Pattern[str], key: str) -> re.Match[str]:
+    """Return the parts of the key of a hold button, as received from the browser.
+
+    Raises:
+        InvalidValue: If the page has no such button.
+    """
+    found = pattern.fullmatch(key)
+    if found is None:
+        raise InvalidValue(tr("the button {key:.20} does not exist", key=key))
+    return found
 
 
 class HoldControl:

@@ -14,7 +14,7 @@ from orinkit.tester.state.abh3.drive import AXES, DriveRequest
 from orinkit.tester.state.abh3.set_point import LONGEST_ENTRY, parse_set_point, range_text, sent_text, unit_text
 from orinkit.tester.state.held_motion import IDLE, MotionState
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.hold import HoldControl, hold_button
+from orinkit.tester.ui.hold import HoldControl, hold_button, parsed_key
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.1  # s
@@ -100,9 +100,7 @@ class DriveCard:
         self._refresh()
 
     def _start(self, key: str, absent: Callable[[], str]) -> None:
-        found = _KEY.fullmatch(key)
-        if found is None:
-            raise InvalidValue(tr("the button {key:.20} does not exist", key=key))
+        found = parsed_key(_KEY, key)
         sign = 1 if found[2] == "+" else -1
         driven = AXES if found[1] == "both" else (found[1],)
         values = {axis: sign * self._set_point(axis) for axis in driven}

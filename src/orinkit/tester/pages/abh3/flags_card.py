@@ -23,8 +23,8 @@ class FlagsCard:
     """
 
     def __init__(self, session: PageSession, cell: DriverCell) -> None:
-        self._monitor = cell.connection.monitor
         self._lamps: list[tuple[str, Word, BitLamps, ui.label]] = []
+        self._monitor = cell.connection.monitor
         with ui.element("section").classes("ok-card ok-fifth").props("data-testid=flags"):
             with ui.element("div").classes("ok-row"):
                 ui.label(tr("Flags")).classes("ok-card-title")

@@ -1,4 +1,4 @@
-"""What the page ABH3 shows without an open connection to a motor driver: :func:`show_missing`."""
+"""Show the ways to a connection if there is none to a motor driver: :func:`show_missing`."""
 
 from __future__ import annotations
 
@@ -55,13 +55,8 @@ def _connect_button(session: PageSession, connection: DriverConnection, errors: 
 
 
 def _choose_button(session: PageSession, connection: DriverConnection) -> None:
-    def choose() -> None:
-        session.choose(connection)
-        ui.navigate.reload()
-
-    ui.button(tr("Use {name}", name=connection.name), icon="check", on_click=choose).props(
-        "unelevated no-caps data-testid=use-driver"
-    )
+    button = ui.button(tr("Use {name}", name=connection.name), icon="check")
+    button.props("unelevated no-caps data-testid=use-driver").on_click(lambda: session.choose(connection))
 
 
 def _start_button(session: PageSession, errors: ErrorBox, *, primary: bool) -> None:

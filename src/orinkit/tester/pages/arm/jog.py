@@ -8,13 +8,12 @@ from typing import Any
 
 from nicegui import ui
 
-from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.state.arm.jog_path import JogFrame, JogRequest
 from orinkit.tester.state.held_motion import IDLE, MotionState
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.hold import HoldControl, hold_button
+from orinkit.tester.ui.hold import HoldControl, hold_button, parsed_key
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.1  # s
@@ -106,9 +105,7 @@ class JogCard:
         self._refresh()
 
     def _start(self, key: str, absent: Callable[[], str]) -> None:
-        found = _KEY.fullmatch(key)
-        if found is None:
-            raise InvalidValue(tr("the button {key:.20} does not exist", key=key))
+        found = parsed_key(_KEY, key)
         sign = 1 if found[2] == "+" else -1
         request = JogRequest(self._frame.value, int(found[1]), sign, float(self._speed.value), float(self._step.value))
         self._jogging.start(request, absent)

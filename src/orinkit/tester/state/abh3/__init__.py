@@ -1,1 +1,1 @@
-"""What the page ABH3 does with a motor driver: driving, parameters, and the explanation of frames."""
+"""The state of the page ABH3: driving, parameters, and the explanation of frames."""
