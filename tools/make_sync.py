@@ -48,6 +48,7 @@ REPLACEMENTS = (
     (r"\batry_acquire\b", "try_acquire"),
     (r"(?m)^( +)for sample in (.*):\n +yield sample$", r"\1yield from \2"),
     (r"orinkit\.aio\.Async", "orinkit."),
+    (r'@public\("orinkit\.aio"\)', '@public("orinkit")'),
     (r"transport\.aio_links", "transport.links"),
     (r"transport\.aio_keepalive", "transport.keepalive"),
     (r"can\.aio_shared_bus", "can.shared_bus"),

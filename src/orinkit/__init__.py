@@ -7,19 +7,20 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
 from orinkit.can.server import serve_can
 from orinkit.cao import functions
 from orinkit.cao.provider import Provider
 from orinkit.client._shared.common import ErrorInfo
 from orinkit.client._shared.connection_string import ConnectionString
-from orinkit.client._shared.stream import Progress, StreamResult, Timing
 from orinkit.client._sync.client import Client
 from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
 from orinkit.client._sync.file import File
 from orinkit.client._sync.motion import Motion
 from orinkit.client._sync.objects import Variable
 from orinkit.client._sync.robot import Robot
-from orinkit.client._sync.stream import Stream
 from orinkit.client._sync.task import Task
 from orinkit.core import hresult
 from orinkit.core.errors import (
@@ -69,15 +70,19 @@ from orinkit.core.errors import (
 )
 from orinkit.core.i18n import use as set_language
 from orinkit.device import Device, Part, command, variable
-from orinkit.rc8.slave_lateness import Lateness
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.threaded import Server, serve
-from orinkit.streaming.planning.limits import Limits, PathLimits
-from orinkit.streaming.process.realtime import RealTime
-from orinkit.streaming.recording.samples import Sample
-from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.values.poses import J, P, PassMark, T, V
 from orinkit.values.variant import Variant, VarType
+
+if TYPE_CHECKING:
+    from orinkit.client._shared.stream import Progress, StreamResult, Timing
+    from orinkit.client._sync.stream import Stream
+    from orinkit.rc8.slave_lateness import Lateness
+    from orinkit.streaming.planning.limits import Limits, PathLimits
+    from orinkit.streaming.process.realtime import RealTime
+    from orinkit.streaming.recording.samples import Sample
+    from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 
 open_client = Client.open
 
@@ -172,7 +177,37 @@ __all__ = [
     "variable",
 ]
 
-for _name in __all__:  # so that help() and tracebacks show orinkit as the module of the public names
+_ON_FIRST_USE: Final = {
+    "Lateness": "rc8.slave_lateness",
+    "Limits": "streaming.planning.limits",
+    "PathLimits": "streaming.planning.limits",
+    "Progress": "client._shared.stream",
+    "RealTime": "streaming.process.realtime",
+    "Sample": "streaming.recording.samples",
+    "Stream": "client._sync.stream",
+    "StreamResult": "client._shared.stream",
+    "Timing": "client._shared.stream",
+    "TrajectoryError": "streaming.trajectory.limit_violations",
+}
+"""Names of streaming and their modules; most programs do not stream, and importing these modules takes 30 ms."""
+
+
+if not TYPE_CHECKING:  # or type checkers would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Import a name of streaming on first use (PEP 562)."""
+        if name not in _ON_FIRST_USE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+        return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_ON_FIRST_USE})
+
+
+# help() and tracebacks show orinkit as the module of the public names
+for _name in globals().keys() & set(__all__):
     _public = globals()[_name]
     if isinstance(_public, type) or getattr(_public, "__name__", "") == _name:
         _public.__module__ = __name__

@@ -226,7 +226,7 @@ def test_error_descriptions(server, option):
         ("Interface=serial,Channel=socket://127.0.0.1:5007", hresult.E_INVALIDARG, "can only be set on the server"),
         ("Bus=can://usb2can/1?dll=x.dll", hresult.E_INVALIDARG, "dll can only be set on the server"),
         ("Bus=can://udp_multicast/239.74.163.2?port=x", hresult.E_INVALIDARG, "port can only be set on the server"),
-        ("Interface=virtual,Channel={},Dialect=v3", hresult.E_INVALIDARG, "valid: v1, v2"),
+        ("Interface=virtual,Channel={},Dialect=v3", hresult.E_INVALIDARG, "available: v1, v2"),
         ("Interface=virtual,Channel={},LoadUnit=2", hresult.E_INVALIDARG, "1 or 0.1"),
         ("Interface=virtual,Channel={},Bitrate=7", hresult.E_INVALIDARG, "bitrate"),
         ("Interface=nothing,Channel=1", hresult.E_INVALIDARG, "no interface 'nothing'"),

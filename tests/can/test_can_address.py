@@ -179,7 +179,7 @@ def address_of(text: str) -> CanAddress:
         ("can://udp_multicast/239.74.163.2?port=x", InvalidAddress, ["port must be 1 to 65535, not 'x'"]),
         ("can://udp_multicast/127.0.0.1?port=43114", ConnectFailed, ["udp_multicast", "127.0.0.1", "Try: use a multicast address"]),
         ("can://udp_multicast/nowhere.invalid", ConnectFailed, ["udp_multicast", "nowhere.invalid", "Try: use a multicast address"]),
-        ("can://virtual/x?can_filters=1", InvalidAddress, ["unknown option 'can_filters'; known: receive_own_messages"]),
+        ("can://virtual/x?can_filters=1", InvalidAddress, ["unknown option 'can_filters'; available: receive_own_messages"]),
         ("can://slcan", InvalidAddress, ["slcan", "channel"]),
         ("can://slcan//dev/nosuchport", ConnectFailed, ["slcan", "/dev/nosuchport", "plugged in"]),
         ("can://slcan//dev/null?sleep_after_open=0", ConnectFailed, ["slcan", "/dev/null", "Try:"]),

@@ -91,7 +91,7 @@ def test_modes_for_other_data_are_refused_by_name(mode):
         ("Conn=eth:h, Timeout=0", "1-3600000 ms"),
         ("Conn=eth:h, Timeout=1.5", "Timeout cannot be '1.5'"),
         ("Conn=eth:h, Sync=maybe", "Sync cannot be 'maybe'"),
-        ("Conn=eth:h, Retry=3", "unknown parameter 'retry'; known: Conn"),
+        ("Conn=eth:h, Retry=3", "unknown parameter 'retry'; available: Conn"),
         ("Conn=eth:h, conn=eth:h", "conn is given twice"),
         ("Conn=eth:h" + "," * 5000, "4096 characters"),
     ],

@@ -92,7 +92,7 @@ def test_what_a_row_says_fits_together(row: Transport) -> None:
 
 
 def test_messages_list_the_rows() -> None:
-    with pytest.raises(InvalidAddress, match=r"'gopher'; known: tcp, udp, serial, com, http, https, pty, can"):
+    with pytest.raises(InvalidAddress, match=r"'gopher'; available: tcp, udp, serial, com, http, https, pty, can"):
         parse_address("gopher://x")
 
 
@@ -194,7 +194,7 @@ def test_a_package_that_cannot_be_loaded_is_named(
         with pytest.raises(InvalidAddress, match="the transport bad of the package bad-transport") as caught:
             orinkit.connect("bad://x")
         assert said in str(caught.value)
-        with pytest.raises(InvalidAddress, match=r"unknown transport 'gopher'; known: .* bad"):
+        with pytest.raises(InvalidAddress, match=r"unknown transport 'gopher'; available: .* bad"):
             parse_address("gopher://x")
         assert parse_address("tcp://a").scheme == "tcp"
 

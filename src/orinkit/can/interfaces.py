@@ -48,7 +48,7 @@ def opened(address: CanAddress) -> can.BusABC:
         known = ", ".join(sorted(can.VALID_INTERFACES))
         raise InvalidAddress(
             tr(
-                "{address}: python-can has no interface {interface!r}; known: {known}. Example: can://socketcan/can0",
+                "{address}: python-can has no interface {interface!r}; available: {known}. Example: can://socketcan/can0",
                 address=_short(address),
                 interface=address.interface,
                 known=known,
@@ -89,7 +89,7 @@ def _check_options(address: CanAddress) -> None:
         for option, _ in address.options:
             if option not in known:
                 names = ", ".join(known)
-                raise _refused(address, tr("unknown option {option!r}; known: {names}", option=option, names=names))
+                raise _refused(address, tr("unknown option {option!r}; available: {names}", option=option, names=names))
     port = dict(address.options).get("port", 1)
     if address.interface == "udp_multicast" and (not isinstance(port, int) or not 0 < port < _PORT_LIMIT):
         raise _refused(address, tr("port must be 1 to 65535, not {port!r:.80}", port=port))

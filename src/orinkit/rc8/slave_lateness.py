@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.values.variant import R8_ARRAY, Value, Variant
 
 COMMAND: Final = "slvGetLateness"
@@ -19,6 +20,7 @@ COMMAND: Final = "slvGetLateness"
 _NUMBERS: Final = 3
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class Lateness:
     """Statistics of the late set-points.

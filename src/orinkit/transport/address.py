@@ -156,7 +156,7 @@ def parse_address(text: str) -> AnyAddress:
     if row is None:
         known = registry.schemes()
         raise bad_address(
-            text, tr("unknown transport {scheme!r:.80}; known: {known}", scheme=given.scheme, known=known)
+            text, tr("unknown transport {scheme!r:.80}; available: {known}", scheme=given.scheme, known=known)
         )
     address: AnyAddress = registry.resolve(row.parse)(given)
     return address

@@ -290,7 +290,7 @@ def row_of(address: AnyAddress) -> Transport:
     """
     row = find(address.scheme)
     if row is None:
-        raise InvalidAddress(tr("unknown transport {scheme!r:.80}; known: {known}", scheme=address.scheme, known=schemes()))  # fmt: skip
+        raise InvalidAddress(tr("unknown transport {scheme!r:.80}; available: {known}", scheme=address.scheme, known=schemes()))  # fmt: skip
     return row
 
 

@@ -397,5 +397,5 @@ def dialect_of(name: object) -> Dialect:
     if isinstance(name, Dialect):
         return name
     if not isinstance(name, str) or name not in DIALECTS:
-        raise InvalidValue(tr("unknown dialect {name}; valid: v1, v2", name=brief(name)))
+        raise InvalidValue(tr("unknown dialect {name}; available: v1, v2", name=brief(name)))
     return DIALECTS[name]

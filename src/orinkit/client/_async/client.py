@@ -6,7 +6,7 @@ The synchronous version is generated from this file; :mod:`orinkit.client._async
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
@@ -17,6 +17,8 @@ from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
+from orinkit.cao.user_functions import foreign_entry
+from orinkit.client._async.connection import AsyncConnection
 from orinkit.client._shared.common import (
     CallRequest,
     HandleTable,
@@ -39,16 +41,16 @@ from orinkit.client._shared.endpoint import (
 )
 from orinkit.client._shared.local_calls import local_calls
 from orinkit.core import hresult
-from orinkit.core.closing import AsyncClosing
-from orinkit.core.errors import CallError, ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
-from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Deadline, Operation, arun, asend_close
+from orinkit.transport.runner import AsyncLink, Deadline, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
+from orinkit.values.variant import Value
 
 _LAST_SERIAL: Final = 0xFFFF
 _SIGN_INTERVAL: Final = 0.5  # s between signs of life
@@ -57,7 +59,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-class AsyncClient(AsyncClosing):
+class AsyncClient(AsyncConnection):
     """A connection to a controller, over which a program calls the functions of CAO directly.
 
     Calls are executed one at a time; several tasks may use one client. A call that is cancelled or times out leaves the
@@ -77,6 +79,7 @@ class AsyncClient(AsyncClosing):
         profile: Properties of the transport.
         messages: False to refuse the message functions (:func:`connect`).
         debug: True to keep the last packets (:func:`connect`).
+        charset: Encoding of text over e-CAP (:func:`connect`).
 
     Attributes:
         timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
@@ -99,12 +102,12 @@ class AsyncClient(AsyncClosing):
         profile: TransportProfile = STREAM,
         messages: bool = True,
         debug: bool = False,
+        charset: str = "utf-8",
     ) -> None:
         self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
-        self._link: AsyncLink = link
         self._local, trace = local_calls(trace, messages=messages, debug=debug)
-        self._conversation = conversation(profile, limits, trace)
+        super().__init__(link, conversation(profile, limits, trace, charset))
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = asyncio.Lock()
@@ -189,6 +192,7 @@ class AsyncClient(AsyncClosing):
         deadline: float | None = None,
         messages: bool = True,
         debug: bool = False,
+        charset: str = "utf-8",
     ) -> Self:
         """Open a connection without calling any function; the caller must call Service_Start.
 
@@ -203,7 +207,7 @@ class AsyncClient(AsyncClosing):
                 executing; for other e-CAP servers, the time-out of a call is at least 180 s.
             tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
                 (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
-            limits: Limits on the size of received packets and on the values in them. A packet has at most 504 bytes on
+            limits: Limits on the size of received packets and on the values in them. A packet has at most 503 bytes on
                 UDP, and 65,536 bytes on a serial line.
             trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received),
                 and the bytes.
@@ -215,6 +219,7 @@ class AsyncClient(AsyncClosing):
                 time-out. The deadline of calls is :attr:`AsyncClient.deadline`.
             messages: False to refuse the message functions (:func:`connect`).
             debug: True to keep the last packets (:func:`connect`).
+            charset: Encoding of text over e-CAP (:func:`connect`).
 
         Raises:
             InvalidAddress: If the URL is invalid.
@@ -227,7 +232,9 @@ class AsyncClient(AsyncClosing):
         )
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
-        opening = LinkOptions(seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after))
+        opening = LinkOptions(
+            seconds, access_to(address, token, cafile, charset), limits.packet, check_dead_after(dead_after)
+        )
         link = await open_link(address, opening)
         return cls(
             link,
@@ -238,6 +245,7 @@ class AsyncClient(AsyncClosing):
             profile=profile,
             messages=messages,
             debug=debug,
+            charset=charset,
         )
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -281,6 +289,21 @@ class AsyncClient(AsyncClosing):
         bound = function.bind(arguments, {})
         async with self._lock:
             return Reply(*await self._execute(function, bound, seconds, exact, limit))
+
+    async def call_user(self, number: int, *arguments: Value, timeout: float | None = None) -> Any:
+        """Call a user-defined function of a device (e-CAP 3.3) and return its result.
+
+        Args:
+            number: Number of the function: from 256, over e-CAP from 255.
+            arguments: Up to five arguments. Over e-CAP, text and numbers are sent without a type, as its document
+                requires; a :class:`~orinkit.values.variant.Variant` is sent with its type.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Raises:
+            InvalidValue: If the number or the arguments are not valid.
+            CallError: If the device returned an error code; E_NOTIMPL if it has no such function.
+        """
+        return (await self.request(foreign_entry(number, len(arguments)), *arguments, timeout=timeout)).value
 
     async def send_raw(self, data: bytes, *, timeout: float | None = None) -> bytes | None:
         """Send bytes unchanged on this connection, and return the packet received in reply.
@@ -424,62 +447,12 @@ class AsyncClient(AsyncClosing):
         )
         return await self._run(operation)
 
-    async def _run(self, operation: Operation[R]) -> R:
-        """Run an operation; close the link if the connection cannot be used any more."""
-        try:
-            return await arun(operation, self._link, self._conversation.close_sequence)
-        except (ConnectFailed, ConnectionLost):
-            self._link.close()
-            raise
-        except ProtocolError as error:
-            if error.fatal:
-                self._link.close()
-            raise
-
     def command_timeout(self, command: str) -> float | None:
         """Return the time-out of each attempt, in s, for a command that takes long; ``None`` for any other command."""
         longest = self.dialect.command_timeouts.get(str(command).strip().lower())
         if longest is None:
             return None
         return max(self._timeout, longest / self._tries if self.profile.lossy else longest)
-
-    def _fileno(self) -> int:
-        """Return the file descriptor of the connection, for another process."""
-        return self._link.fileno()
-
-    def _detach(self, closing: Callable[[], None]) -> int:
-        """Hand the connection over to another process; all calls are refused until the connection is reattached.
-
-        Args:
-            closing: Callback invoked if this process closes the connection before the connection is reattached.
-
-        Returns:
-            Serial number of the next request.
-        """
-        self._link.fileno()  # from now on, the other process receives the data
-        self._link = AsyncDetachedLink(self._link, closing)
-        return self._conversation.serial
-
-    def _reattach(self, serial: int) -> None:
-        """Take the connection back from the other process.
-
-        Args:
-            serial: Serial number of the next request.
-        """
-        if isinstance(self._link, AsyncDetachedLink):
-            self._link = self._link.link
-        self._conversation.serial = serial
-
-    def _forfeit(self) -> None:
-        """Close the connection in this process only; the other process keeps it."""
-        if isinstance(self._link, AsyncDetachedLink):
-            self._link = self._link.link
-        self._link.close_local()
-
-    @property
-    def stray_replies(self) -> int:
-        """The number of replies that were late, repeated, or matched no request."""
-        return self._conversation.stray_replies
 
     def after_fork_in_child(self) -> Iterable[int]:
         """Disable the client in a forked child process.

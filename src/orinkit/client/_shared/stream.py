@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 from orinkit.client._shared.stream_options import StreamOptions
 from orinkit.core.errors import StreamError
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.rc8.slave_fields import POSES, PoseKind
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.streaming.planning.limits import Limits
@@ -37,6 +38,7 @@ POSE_TYPES: Final[dict[PoseKind, type[J | P | T]]] = {"J": J, "P": P, "T": T}
 _RECORD_INTERVAL: Final = 0.05  # s
 
 
+@public("orinkit")
 class Progress(NamedTuple):
     """Progress of a trajectory.
 
@@ -49,6 +51,7 @@ class Progress(NamedTuple):
     total: int | None
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class Timing:
     """Statistics of the time between the sending of successive set-points.
@@ -97,6 +100,7 @@ class Timing:
         )
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class StreamResult:
     """Result of streaming a trajectory.
@@ -104,7 +108,7 @@ class StreamResult:
     Attributes:
         sent: Number of set-points of the trajectory that were sent.
         underflows: Number of times that the queue of set-points was empty while the arm moved, so that the arm was
-            stopped. This is possible only if the set-points come from an iterator.
+            stopped. This is possible only if the set-points come from an iterator, or with ``ahead``.
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.

@@ -9,6 +9,7 @@ from typing import Any, Final
 from orinkit.arms import ArmModel
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 from orinkit.core.validation import brief, check_amount, check_finite, check_positive
 from orinkit.values.pose_numbers import MAX_JOINTS
 
@@ -21,6 +22,7 @@ This time is an assumption of this project, because DENSO publishes no jerk limi
 _LARGEST: Final = 1e9  # the largest value for which jerk-limited planning works
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class Limits:
     """Limits of a stream of joint positions, one value per axis: deg, or mm for linear axes.
@@ -114,6 +116,7 @@ class Limits:
         )
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class PathLimits:
     """Limits of a stream of poses, P or T: for the position of the tool tip, and for the orientation of the tool.

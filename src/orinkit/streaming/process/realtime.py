@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.i18n import tr
+from orinkit.core.public_name import public
 
 PRIORITY: Final = 80
 """Requested priority with SCHED_FIFO (from 1 to 99): above ordinary programs, below the kernel's own threads."""
@@ -20,6 +21,7 @@ _PR_SET_TIMERSLACK: Final = 29
 _SHORTEST_SLACK: Final = 1  # ns
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class RealTime:
     """The real-time properties that the operating system granted.

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
+from orinkit.core.public_name import public
 from orinkit.rc8.slave_fields import RECEIVED, SlaveField
 from orinkit.values.poses import J, P, T
 
 
+@public("orinkit")
 @dataclass(frozen=True, slots=True)
 class Sample:
     """A set-point that was sent, and the controller's feedback (RC8 table 4-3).

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
+from orinkit.core.public_name import public
 from orinkit.core.validation import check_seconds
 from orinkit.streaming.trajectory import finite_differences
 from orinkit.values.pose_numbers import rounded_text
@@ -19,6 +20,7 @@ MOST_SAMPLES: Final = 1_000_000
 """The largest number of set-points of a trajectory: more than two hours with a period of 8 ms."""
 
 
+@public("orinkit")
 class TrajectoryError(InvalidValue):
     """A trajectory that cannot be used; nothing was sent.
 

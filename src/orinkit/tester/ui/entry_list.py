@@ -12,7 +12,7 @@ from nicegui import ui
 from orinkit.core.i18n import tr
 from orinkit.tester.state.entry_view import PAUSE
 from orinkit.tester.state.packet_rows import TIME_MODES
-from orinkit.tester.ui.packet_elements import ListTexts, PacketList
+from orinkit.tester.ui.packet_list import ListTexts, PacketList
 from orinkit.tester.ui.session import PageSession
 
 _SEARCH: Final = 0.15  # s of searching between two updates of the page

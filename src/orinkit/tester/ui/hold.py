@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from nicegui import ui
+from nicegui import context, ui
 from nicegui.events import GenericEventArguments
 
 from orinkit.core.errors import InvalidValue
@@ -15,12 +16,6 @@ from orinkit.core.i18n import tr
 from orinkit.tester.state.held_motion import HEARTBEAT, HeldMotion, MotionState
 from orinkit.tester.ui.presence import Presence
 from orinkit.tester.ui.session import PageSession
-
-
-def add_hold_script() -> None:
-    """Add the script of the hold buttons to the page; call this once while the page is being built."""
-    script = (files("orinkit.tester") / "static" / "hold.js").read_text("utf-8")
-    ui.add_body_html(f'<script type="module">{script}</script>')
 
 
 def hold_button(key: str, text: str, label: str, marker: str) -> ui.element:
@@ -81,9 +76,10 @@ class HoldControl:
         self._presence = Presence(session, HEARTBEAT)
         self._mine = False  # True if this page has begun the motion
         self._enabled = False  # True if this page has enabled motions
-        self._closed = False
+        self._place = context.slot.parent
         ui.on("ok-hold", self._event, ["key"])
-        session.client.on_disconnect(lambda: self.leave(tr("the page was closed")))
+        session.client.run_javascript(_script())
+        session.while_connected(lambda: None, lambda: self.leave(tr("the page was closed")))
 
     @property
     def usable(self) -> bool:
@@ -123,7 +119,6 @@ class HoldControl:
     def close(self) -> None:
         """End the operation, because the page no longer shows the buttons."""
         self.leave(tr("the page was closed"))
-        self._closed = True
 
     def absent(self) -> str:
         """Return why the user counts as gone; ``""`` if the user is present."""
@@ -138,9 +133,9 @@ class HoldControl:
         await self._motion.enable()
 
     async def _event(self, event: GenericEventArguments) -> None:
-        key = event.args.get("key") if isinstance(event.args, dict) else None
-        if self._closed:
+        if self._place.is_deleted:  # the page was built again for another connection
             return
+        key = event.args.get("key") if isinstance(event.args, dict) else None
         if not key:
             self._release()
         elif key == "gone":
@@ -156,3 +151,8 @@ class HoldControl:
     def _release(self) -> None:
         if self._mine:
             self._motion.release()
+
+
+@cache
+def _script() -> str:
+    return (files("orinkit.tester") / "static" / "hold.js").read_text("utf-8")

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.arms import ArmModel, load_model
+from orinkit.cao.dialect import RC8, RC8_STRICT
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
+from orinkit.rc8.user_io_unit import UserIoUnit, read_unit
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.controller import RC8Controller
@@ -25,6 +27,7 @@ from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -52,6 +55,12 @@ class VirtualRC8(Provider):
             0x84201482; if the client uses mode 1 of slave mode, the arm instead stops in place. If False, the
             controller's time stands still until the set-point arrives, for up to 250 ms.
             :attr:`set_point_lateness` counts late set-points.
+        user_io_unit: Unit of the size of user I/O in slvMove, ``"bits"`` or ``"bytes"``. If a set-point contains user
+            I/O, the number of its bytes shows the unit.
+        loose_poses: If True, six bare numbers in OutRange are a position, and the pose type L of Move means P, as some
+            clients send them; otherwise they are refused, because their meaning on a real controller is not known.
+        strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
+            these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -63,12 +72,16 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
+        workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
         ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
             the joint position.
         StateError: If the state directory cannot be used.
     """
+
+    unique_names = True
+    unwraps_variants = True
 
     def __init__(
         self,
@@ -85,6 +98,9 @@ class VirtualRC8(Provider):
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
         strict_time: bool = False,
+        loose_poses: bool = False,
+        strict: bool = False,
+        user_io_unit: UserIoUnit | str = UserIoUnit.BITS,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -92,6 +108,7 @@ class VirtualRC8(Provider):
         version: str = "2.6.0",
         language: Language | None = None,
     ) -> None:
+        self.dialect = RC8_STRICT if strict else RC8
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
         translator(language)  # raises an exception for an unknown language, before anything is created
         if state is not None and not os.fspath(state):
@@ -109,6 +126,9 @@ class VirtualRC8(Provider):
             slave_licence=bool(slave_licence),
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
+            loose_poses=bool(loose_poses),
+            strict=bool(strict),
+            user_io_unit=read_unit(user_io_unit),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
@@ -145,6 +165,7 @@ class VirtualRC8(Provider):
                 self.state.files.write(name, text.encode())
         self.guard = self.state.cycles
         self.pendant = Pendant(self.state)
+        self.workspace = Workspace(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""

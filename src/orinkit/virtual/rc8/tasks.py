@@ -168,7 +168,7 @@ class Task:
             self._began = self._seconds()
             machine.restart()
         else:
-            self.initialize(halt=False)
+            self.initialize(halt=True)  # only if the program still holds the arm
 
 
 class Tasks:

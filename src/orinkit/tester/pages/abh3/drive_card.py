@@ -101,7 +101,7 @@ class DriveCard:
 
     def _start(self, key: str, absent: Callable[[], str]) -> None:
         found = parsed_key(_KEY, key)
-        sign = 1 if found[2] == "+" else -1
+        sign = -1 if found[2] == "-" else 1
         driven = AXES if found[1] == "both" else (found[1],)
         values = {axis: sign * self._set_point(axis) for axis in driven}
         self._drive.start(DriveRequest(**values), absent)

@@ -10,6 +10,7 @@ from orinkit.core.i18n import tr
 from orinkit.tester.state.abh3.cell import DriverCell
 from orinkit.tester.state.abh3.set_point import unit_text
 from orinkit.tester.state.driver_monitor import ReportedValue
+from orinkit.tester.ui.chart import Chart
 from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.session import PageSession
 
@@ -46,7 +47,7 @@ class FeedbackCard:
                 self._window.props("outlined dense options-dense data-testid=plot-window").classes("ok-window")
                 self._pause = ui.button(icon="pause", on_click=self._toggle_pause)
                 self._pause.props("flat dense round data-testid=plot-pause")
-            self._chart = ui.echart(time_layout(session.dark)).classes("ok-plot")
+            self._chart = Chart(time_layout(session.dark)).classes("ok-plot")
             self._chart.props("role=img data-testid=plot").props["aria-label"] = tr("History of the feedback")
         self._show_pause()
 
@@ -81,7 +82,7 @@ class FeedbackCard:
         end = self._paused_at or time()
         commands = [tr(each.field.title) for each in values if each.field.name.endswith("_command")]
         patch = time_patch(lines, end - window, end, commands)
-        self._chart.run_chart_method("setOption", patch, {"replaceMerge": ["series"]})
+        self._chart.change(patch, ["series"])
 
 
 class ValuesCard:

@@ -18,7 +18,8 @@ from orinkit.tester.state.packet_text import time_text
 from orinkit.tester.ui.clipboard import copy_text
 from orinkit.tester.ui.entry_list import EntryList, RecordButtons
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.packet_elements import ListTexts, PacketBytes
+from orinkit.tester.ui.packet_bytes import PacketBytes
+from orinkit.tester.ui.packet_list import ListTexts
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Iterator
+
 from nicegui import ui
 
 from orinkit.core.i18n import tr
@@ -15,21 +18,19 @@ from orinkit.tester.pages.abh3.parameters import ParametersCard
 from orinkit.tester.state.abh3.cell import DriverCell
 from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.hold import add_hold_script
-from orinkit.tester.ui.reporting import while_connected
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.1  # s
 _SLOW_REFRESH = 0.5  # s
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents; build them again if the connection changes."""
     ui.label("ABH3").classes("ok-page-title").props("role=heading aria-level=1")
-    add_hold_script()
     view = _View(session)
+    yield from view.parts()
     ui.timer(_SLOW_REFRESH, view.refresh)
-    while_connected(session, view.resume, view.pause)
+    session.while_connected(view.resume, view.pause)
     session.client.on_delete(view.close)
 
 
@@ -41,11 +42,14 @@ class _View:
         self._holder = ui.element("div").classes("ok-abh3")
         self._shown: list[object] = []
         self._page: DriverPage | None = None
-        self._active = False
-        self.refresh()
 
-    def refresh(self) -> None:
+    async def refresh(self) -> None:
         """Build the contents again if the connection, or its state, has changed."""
+        for _ in self.parts():
+            await asyncio.sleep(0)
+
+    def parts(self) -> Iterator[None]:
+        """Build the contents in several parts, if the connection, or its state, has changed."""
         connection = self._session.connection
         others = [each.name for each in self._session.workspace if isinstance(each, DriverConnection)]
         state: list[object] = [connection, connection.version if isinstance(connection, DriverConnection) else others]
@@ -56,21 +60,21 @@ class _View:
         self._holder.clear()
         with self._holder:
             if isinstance(connection, DriverConnection) and connection.is_open:
-                self._page = DriverPage(self._session, DriverCell.of(self._session.workspace, connection))
-                if self._active:
-                    self._page.resume()
+                page = DriverPage(self._session, DriverCell.of(self._session.workspace, connection))
+                yield from page.build()
+                self._page = page
+                if self._session.is_present:
+                    page.resume()
             else:
                 show_missing(self._session)
 
     def resume(self) -> None:
         """Begin to read the driver."""
-        self._active = True
         if self._page is not None:
             self._page.resume()
 
     def pause(self) -> None:
         """Stop reading the driver."""
-        self._active = False
         if self._page is not None:
             self._page.pause()
 
@@ -95,11 +99,15 @@ class DriverPage:
         self._frames: FramesCard | None = None
         self._parameters: ParametersCard | None = None
         self._error_shown: Exception | None = None
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
         self._build_head()
         self._errors = ErrorBox("error-driver")
         self._parts = {key: ui.element("div") for key in ("drive", "frames", "parameters")}
+        yield
         with self._parts["drive"]:
-            self._build_drive()
+            yield from self._build_drive()
         self._show_tab()
         ui.timer(_REFRESH, self._refresh)
 
@@ -117,15 +125,19 @@ class DriverPage:
             ui.label(dialect.name).classes("ok-chip").tooltip(tr(dialect.title))
             self._faults = ui.label().classes("ok-chip").props("role=status data-testid=fault-chip")
 
-    def _build_drive(self) -> None:
+    def _build_drive(self) -> Iterator[None]:
         session, cell = self._session, self._cell
         with ui.element("div").classes("ok-arm-grid"):
             with ui.element("div").classes("ok-arm-column"):
                 self._plot = FeedbackCard(session, cell)
+                yield
                 self._values = ValuesCard(cell)
+                yield
                 self._flags = FlagsCard(session, cell)
+                yield
             with ui.element("div").classes("ok-arm-column"):
                 self._drive = DriveCard(session, cell)
+                yield
                 self._inputs = InputsCard(session, cell)
 
     def resume(self) -> None:

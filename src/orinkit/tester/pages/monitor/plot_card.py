@@ -10,6 +10,7 @@ from nicegui import ui
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.pages.monitor.watches import MAX_PLOTTED, Watches, csv_text
+from orinkit.tester.ui.chart import Chart
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.reporting import reported
@@ -53,7 +54,7 @@ class PlotCard:
             self._hint = ui.label(tr("Choose the variables to plot with the chart button of the watch list.")).classes(
                 "ok-dim"
             )
-            self._chart = ui.echart(time_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
+            self._chart = Chart(time_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
             self._chart.props["aria-label"] = tr("History of the chosen variables")
         self._show_pause()
         export.on_click(reported(session, self._export, errors.show))
@@ -91,4 +92,4 @@ class PlotCard:
         end = self._paused_at or time()
         since = end - self._watches.chosen.window
         lines = [(label, columns[label].history, columns[label].index) for label in plotted]
-        self._chart.run_chart_method("setOption", time_patch(lines, since, end), {"replaceMerge": ["series"]})
+        self._chart.change(time_patch(lines, since, end), ["series"])

@@ -14,7 +14,7 @@ from orinkit.tester.state.packet_log import LoggedPacket, PacketLog
 from orinkit.tester.state.packet_text import as_bytes_literal, as_c_array, as_call, as_hex, time_text
 from orinkit.tester.ui.clipboard import copy_text
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.packet_elements import PacketBytes
+from orinkit.tester.ui.packet_bytes import PacketBytes
 
 
 class DetailCard:

@@ -9,7 +9,7 @@ from orinkit.tester.state.packet_detail import detail_of
 from orinkit.tester.state.packet_facts import Summaries
 from orinkit.tester.state.packet_log import Direction, PacketLog
 from orinkit.tester.state.packet_text import time_text
-from orinkit.tester.ui.packet_elements import PacketBytes
+from orinkit.tester.ui.packet_bytes import PacketBytes
 
 
 class LastPackets:

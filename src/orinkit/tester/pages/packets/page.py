@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from nicegui import ui
@@ -17,17 +18,18 @@ from orinkit.tester.state.packet_log import LoggedPacket
 from orinkit.tester.state.packet_rows import row_of
 from orinkit.tester.ui.entry_list import EntryList, RecordButtons
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.packet_elements import ListTexts
+from orinkit.tester.ui.packet_list import ListTexts
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.15  # s
 _SUMMARIES = Summaries()
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents."""
     ui.label(tr("Packets")).classes("ok-page-title").props("role=heading aria-level=1")
     page = PacketsPage(session)
+    yield from page.build()
     ui.timer(_REFRESH, page.refresh)
 
 
@@ -47,20 +49,23 @@ class PacketsPage:
             session.workspace, session.client.id, lambda: self._view.numbers(), _SUMMARIES.in_language("en")
         )
         session.client.on_delete(self._exports.close)
-        self._build()
 
-    def _build(self) -> None:
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
         with ui.element("div").classes("ok-row ok-packet-bar"):
             self._tab = ui.toggle({"all": tr("All packets"), "last": tr("Last sent and received")}, value="all")
             self._tab.props("no-caps unelevated dense data-testid=packet-tabs")
             ui.space()
             self._build_actions()
+        yield
         self._errors = ErrorBox("error-packets")
         self._list_part = ui.element("div").classes("ok-packet-parts")
         with self._list_part:
             with ui.element("section").classes("ok-card"):
-                self._build_list()
+                yield from self._build_list()
+            yield
             self._detail = DetailCard(self._log, _SUMMARIES, self._select)
+        yield
         self._last = LastPackets(self._log, _SUMMARIES)
         self._last_part = self._last.element
         self._last_part.visible = False
@@ -73,8 +78,9 @@ class PacketsPage:
                 item = ui.menu_item(text, on_click=lambda kind=kind: self._exports.start(kind))
                 item.props(f"data-testid=save-{kind}")
 
-    def _build_list(self) -> None:
+    def _build_list(self) -> Iterator[None]:
         self._filter = FilterBar(self._set_filter)
+        yield
         texts = ListTexts(
             tr("Packets"), tr("No packets. They appear here as soon as a connection sends or receives one."),
             (tr("No."), tr("Time"), tr("Connection"), "", tr("Bytes"), tr("Packet")), "packet",

@@ -1,0 +1,83 @@
+"""The synchronous client: sends and waits in the thread of the caller; no hidden thread, no event loop.
+
+Generated from ``connection.py`` by ``tools/make_sync.py``: do not edit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+from orinkit.core.closing import Closing
+from orinkit.core.errors import ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.transport.runner import DetachedLink, Link, Operation, run
+
+if TYPE_CHECKING:
+    from orinkit.client._shared.endpoint import AnyConversation
+
+R = TypeVar("R")
+
+
+class Connection(Closing):
+    """A link to a controller, and the state of its protocol.
+
+    Another process can take the connection over: :meth:`_detach`, :meth:`_reattach`, :meth:`_forfeit`.
+
+    Args:
+        link: Link to the controller.
+        conversation: Client side of the protocol, without input and output.
+    """
+
+    def __init__(self, link: Link, conversation: AnyConversation) -> None:
+        self._link: Link = link
+        self._conversation = conversation
+
+    def _run(self, operation: Operation[R]) -> R:
+        """Run an operation; close the link if the connection cannot be used any more."""
+        try:
+            return run(operation, self._link, self._conversation.close_sequence)
+        except (ConnectFailed, ConnectionLost):
+            self._link.close()
+            raise
+        except ProtocolError as error:
+            if error.fatal:
+                self._link.close()
+            raise
+
+    def _fileno(self) -> int:
+        """Return the file descriptor of the connection, for another process."""
+        return self._link.fileno()
+
+    def _detach(self, closing: Callable[[], None]) -> int:
+        """Hand the connection over to another process; all calls are refused until the connection is reattached.
+
+        Args:
+            closing: Callback invoked if this process closes the connection before the connection is reattached.
+
+        Returns:
+            Serial number of the next request.
+        """
+        self._link.fileno()  # from now on, the other process receives the data
+        self._link = DetachedLink(self._link, closing)
+        return self._conversation.serial
+
+    def _reattach(self, serial: int) -> None:
+        """Take the connection back from the other process.
+
+        Args:
+            serial: Serial number of the next request.
+        """
+        if isinstance(self._link, DetachedLink):
+            self._link = self._link.link
+        self._conversation.serial = serial
+
+    def _forfeit(self) -> None:
+        """Close the connection in this process only; the other process keeps it."""
+        if isinstance(self._link, DetachedLink):
+            self._link = self._link.link
+        self._link.close_local()
+
+    @property
+    def stray_replies(self) -> int:
+        """The number of replies that were late, repeated, or matched no request."""
+        return self._conversation.stray_replies
