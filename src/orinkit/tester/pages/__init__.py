@@ -69,11 +69,13 @@ def _register(page: Page, workspace: Workspace) -> None:
     async def show() -> None:
         session = open_session(workspace)
         complete = _hold_back(session.client)
-        with frame(session, page, PAGES):
-            await asyncio.sleep(0)
-            for _ in build(session) or ():
+        try:
+            with frame(session, page, PAGES):
                 await asyncio.sleep(0)
-        complete.set()
+                for _ in build(session) or ():
+                    await asyncio.sleep(0)
+        finally:
+            complete.set()
 
 
 def _hold_back(client: Client) -> asyncio.Event:
