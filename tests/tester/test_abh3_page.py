@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -58,22 +58,23 @@ class DrivePage:
         self.page.wait_for_timeout(50)
         return str(text.inner_text()) == "You hold the controls"
 
-    def hold(self, name: str = "ay+") -> None:
-        """Press a button and wait until a motor turns; try again if a stall of this machine has disabled driving."""
+    def hold(self, name: str = "ay+", reached: Callable[[Any], bool] = lambda state: bool(state.moving)) -> None:
+        """Press a button and wait for a state; try again if a stall of this machine has disabled driving."""
         button = self.part(f"drive-{name}")
         button.hover()
         self.page.mouse.down()
-        until(lambda: self.driver.state().moving or button.get_attribute("aria-disabled") == "true")
-        if not self.driver.state().moving:
+        until(lambda: reached(self.driver.state()) or button.get_attribute("aria-disabled") == "true")
+        if not reached(self.driver.state()):
             self.page.mouse.up()
-            self.enable().hold(name)
+            self.enable().hold(name, reached)
 
     def stopped(self) -> None:
         """Wait until the driver has received commands of 0, with start and servo off, and the motors stand still."""
         until(lambda: self.driver.stopped)
 
     def disable(self) -> None:
-        self.part("drive-enable").filter(has_text="Disable").click()
+        if self.part("drive-enable").inner_text() == "Disable driving":
+            self.part("drive-enable").click()
         self.stopped()
 
     def open_tab(self, name: str, marker: str) -> None:
@@ -117,15 +118,13 @@ def test_the_motor_turns_while_a_button_is_held(drive):
     drive.enable()
     drive.part("set-point-ay").fill("98.1")
     drive.part("drive").get_by_text("sends 98.2 min⁻¹ (code 491)").wait_for()
-    drive.hold("ay-")
-    until(lambda: drive.driver.state().ay_velocity == -98.2)
-    drive.part("value-BR2-ay_velocity").get_by_text("-98.2").wait_for()
-    drive.part("flag-control-1").and_(drive.page.locator('[aria-label="A/Y start: on"]')).wait_for()
+    drive.hold("ay-", lambda state: state.ay_velocity == -98.2)
     drive.page.mouse.up()
     until(lambda: not drive.driver.state().moving)
     last = drive.driver.commands[-1]
     assert (last.ay_command, last.bx_command, last.inputs["start"]) == (0, 0, False)
-    assert last.inputs["servo_on"]
+    drive.part("value-BR5-main_voltage").get_by_text("24.0").wait_for()
+    drive.part("flag-control-4").and_(drive.page.locator('[aria-label="A/Y data select 0: on"]')).wait_for()
     drive.disable()
 
 

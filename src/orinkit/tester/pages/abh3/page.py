@@ -16,6 +16,7 @@ from orinkit.tester.pages.abh3.inputs_card import InputsCard
 from orinkit.tester.pages.abh3.missing import show_missing
 from orinkit.tester.pages.abh3.parameters import ParametersCard
 from orinkit.tester.state.abh3.cell import DriverCell
+from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import PageSession
@@ -52,7 +53,9 @@ class _View:
         """Build the contents in several parts, if the connection, or its state, has changed."""
         connection = self._session.connection
         others = [each.name for each in self._session.workspace if isinstance(each, DriverConnection)]
-        state: list[object] = [connection, connection.version if isinstance(connection, DriverConnection) else others]
+        state: list[object] = [connection, others]
+        if isinstance(connection, DriverConnection):  # after a failed attempt, the buttons stay where they are
+            state = [connection, connection.is_open, connection.state is ConnectionState.CONNECTING]
         if state == self._shown:
             return
         self._shown = state
