@@ -129,6 +129,14 @@ def serve_rc8(
 "error; in mode 1 the arm stops in place instead. By default, the virtual controller waits up to 250 ms."),
         ),
     ] = False,
+    strict: Annotated[
+        bool,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr(
+"Follow the b-CAP document where programs in use show that real controllers are more tolerant."),
+        ),
+    ] = False,
     time_scale: Annotated[
         float,
         Parameter(
@@ -193,6 +201,7 @@ def serve_rc8(
             slave_licence=not no_slave_licence,
             slave_limit=slave_limit,
             strict_time=strict_time,
+            strict=strict,
             clock=Clock(time_scale),
         )
     except ValueError as error:

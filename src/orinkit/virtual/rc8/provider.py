@@ -52,6 +52,8 @@ class VirtualRC8(Provider):
             0x84201482; if the client uses mode 1 of slave mode, the arm instead stops in place. If False, the
             controller's time stands still until the set-point arrives, for up to 250 ms.
             :attr:`set_point_lateness` counts late set-points.
+        strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
+            these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -85,6 +87,7 @@ class VirtualRC8(Provider):
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
         strict_time: bool = False,
+        strict: bool = False,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -109,6 +112,7 @@ class VirtualRC8(Provider):
             slave_licence=bool(slave_licence),
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
+            strict=bool(strict),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None

@@ -116,7 +116,7 @@ class RC8State:
         store: Database of the variables, or ``None`` to keep them in memory only.
         model: The arm model.
         files: Directory of the controller's files.
-        switches: Initial state of the switches.
+        switches: Initial state of the switches, and settings such as ``strict``.
 
     Attributes:
         cycles: The 8 ms control loop, which is also the lock of the whole state.

@@ -115,6 +115,8 @@ class Switches:
         slave_limit: Limit of commands in slave mode.
         strict_time: True if a late set-point has the same effect as on a real controller; False if the controller waits
             for the set-point.
+        strict: True to follow the b-CAP document where programs that run on real controllers show that these are more
+            tolerant.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
@@ -127,6 +129,7 @@ class Switches:
     slave_licence: bool = True
     slave_limit: SlaveLimit = SlaveLimit.SERVO
     strict_time: bool = False
+    strict: bool = False
 
     @property
     def torque_off(self) -> bool:
