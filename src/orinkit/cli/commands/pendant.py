@@ -288,7 +288,7 @@ _LABELS: Final = {
     "deadman": N_("enable switch"), "machine_lock": N_("machine lock"),
     "motor": N_("motor"), "moving": N_("moving"), "held": N_("paused"),
     "arm_holder": N_("arm taken by"), "error": N_("error"), "joints": N_("joints"),
-    "programs": N_("programs running"), "slave_mode": N_("slave mode"),
+    "programs": N_("programs running"), "supervisory": N_("supervisory tasks"), "slave_mode": N_("slave mode"),
     "slave_limit": N_("limits in slave mode"), "hand.position": N_("hand: position"),
     "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
     "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),

@@ -250,8 +250,13 @@ def _status(panel: ControlPanel, _: Variant) -> str:
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
-    width = conversion.double(given[0]) if given else None
-    panel.rc8.state.hand.put(width, inside=_flag(given, 1, missing=False))
+    width = conversion.double(given[0]) if given and given[0].value is not None else None
+    hand = panel.rc8.state.hands.fingers(_text(given[2]) if len(given) > 2 else "")
+    hand.put(width, inside=_flag(given, 1, missing=False))
+
+
+def _time(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.pendant.set_time(conversion.moment(_first(parameter)))
 
 
 _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
@@ -270,6 +275,7 @@ _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
     "Restart": _restart,
     "Status": _status,
     "Workpiece": _workpiece,
+    "Time": _time,
 }
 
 CONTROL_NAMES: Final = tuple(_BUTTONS)

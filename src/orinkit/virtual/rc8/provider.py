@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -54,6 +54,8 @@ class VirtualRC8(Provider):
             :attr:`set_point_lateness` counts late set-points.
         strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
             these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
+        hands: Numbers of the boards for electric grippers that are fitted, 0 to 7: ``Hand0`` by default.
+        create_files: If True, File_PutValue creates a missing file, also if it was opened without ``@Create``.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -67,7 +69,7 @@ class VirtualRC8(Provider):
         pendant: The pendant, operated by tests and by users.
 
     Raises:
-        ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
+        ValueError: If a count, class, board, language, model, mode, token or limit is not valid, or if the arm cannot reach
             the joint position.
         StateError: If the state directory cannot be used.
     """
@@ -88,6 +90,8 @@ class VirtualRC8(Provider):
         slave_limit: int = SlaveLimit.SERVO,
         strict_time: bool = False,
         strict: bool = False,
+        hands: Iterable[int] = (0,),
+        create_files: bool = False,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -113,6 +117,7 @@ class VirtualRC8(Provider):
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
             strict=bool(strict),
+            create_files=bool(create_files),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
@@ -135,6 +140,7 @@ class VirtualRC8(Provider):
                 model=arm,
                 files=directory / _FILES,
                 switches=switches,
+                hands=hands,
             )
             if joints is not None:
                 self.state.arm.place(joints)

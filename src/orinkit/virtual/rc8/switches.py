@@ -117,6 +117,7 @@ class Switches:
             for the set-point.
         strict: True to follow the b-CAP document where programs that run on real controllers show that these are more
             tolerant.
+        create_files: True if File_PutValue creates a missing file that was opened without ``@Create``.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
@@ -130,6 +131,7 @@ class Switches:
     slave_limit: SlaveLimit = SlaveLimit.SERVO
     strict_time: bool = False
     strict: bool = False
+    create_files: bool = False
 
     @property
     def torque_off(self) -> bool:

@@ -20,6 +20,8 @@ from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import slave_commands as slave
+from orinkit.virtual.rc8.objects.hand_commands import ROBOT_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.objects.hand_commands import of_controller
 from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -336,6 +338,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
         RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
+        *(RobotCommand(each.name, of_controller(each), reads=not each.writes) for each in HAND_COMMANDS),
     )
 }
 
@@ -345,7 +348,7 @@ NOT_SIMULATED: Final = (
     "ForceWaitCondition", "CurForceSensorPayLoad", "CheckVirtualFence", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart",
     "SyncMoveEnd", "LoadPathPoint", "ConvertPoswork", "SetBaseDef", "GetBaseDef", "MotionPreparation",
     "GetMotionPreparationState", "AutoCal", "GetMechaButtonState", "ClearMechaButtonState", "CurScene", "CurSubScene",
-    "SceneInfo", "HandGrip", "HandRelease",
+    "SceneInfo",
 )  # fmt: skip
 """Commands of real controllers that return E_NOTIMPL here."""
 

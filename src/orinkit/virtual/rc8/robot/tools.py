@@ -19,6 +19,9 @@ Matrix: TypeAlias = NDArray[np.float64]
 
 TOOLS: Final = 64
 WORKS: Final = 8
+STANDARD, FIXED_TOOL = 0, 1
+"""Attributes of a work frame: the arm holds the tool; the tool is fixed, and the arm holds the workpiece."""
+
 _MOST: Final = 1e5  # mm, deg
 _ZERO: Final = (0.0,) * 6
 
@@ -36,12 +39,15 @@ class FrameSet:
     count: int
     code: int
     current: int = 0
+    _attributes: dict[int, int] = field(default_factory=dict)
     _values: dict[int, tuple[float, ...]] = field(default_factory=dict)
     _matrices: dict[int, Matrix] = field(default_factory=dict)
 
     def copy(self) -> FrameSet:
         """Return a copy with the present frames."""
-        return FrameSet(self.count, self.code, self.current, dict(self._values), dict(self._matrices))
+        return FrameSet(
+            self.count, self.code, self.current, dict(self._attributes), dict(self._values), dict(self._matrices)
+        )
 
     def check(self, number: int, first: int = 0) -> int:
         """Return the number of a frame after checking that it is at least ``first`` and less than ``count``.
@@ -63,13 +69,18 @@ class FrameSet:
             )
         return number
 
-    def define(self, number: int, values: Sequence[float]) -> None:
-        """Set a frame: X, Y, Z in mm, RX, RY, RZ in deg.
+    def define(self, number: int, values: Sequence[float], attribute: int = STANDARD) -> None:
+        """Set a frame: X, Y, Z in mm, RX, RY, RZ in deg, and its attribute.
 
         Raises:
             CallError: If the frame does not exist, or cannot be changed; VALUE_OUT_OF_RANGE.
         """
         self.check(number, 1)
+        if attribute not in (STANDARD, FIXED_TOOL):
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("attribute {attribute} is neither 0 (standard) nor 1 (fixed tool)", attribute=attribute),
+            )
         for value in values[:6]:
             if not abs(value) <= _MOST:
                 raise error_for(
@@ -77,7 +88,12 @@ class FrameSet:
                     tr("{value:g} exceeds the limit of {most:g} mm or deg", value=value, most=_MOST),
                 )
         self._values[number] = tuple(values[:6])
+        self._attributes[number] = attribute
         self._matrices.pop(number, None)
+
+    def attribute(self, number: int = -1) -> int:
+        """Return the attribute of a frame; -1 is the current frame."""
+        return self._attributes.get(self.current if number == -1 else self.check(number), STANDARD)
 
     def values(self, number: int) -> tuple[float, ...]:
         """Return X, Y, Z, RX, RY, RZ of a frame."""
