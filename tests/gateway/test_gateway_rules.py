@@ -38,7 +38,7 @@ REAL_CONTROLLERS = {
         "curspeedmode", "getareaenabled", "robinfo", "checkvirtualfence", "convertposwork", "getbasedef",
         "curforcesensorpayload", "getmotionpreparationstate", "getmechabuttonstate", "curscene", "cursubscene", "sceneinfo",
     },
-    "Task": {"getstatus"},
+    "Task": {"getstatus", "getthreadpriority"},
 }  # fmt: skip
 SAMPLES = {VarType.I4: 1, VarType.R4: 1.0, VarType.BSTR: "x", VarType.VARIANT: EMPTY}
 
