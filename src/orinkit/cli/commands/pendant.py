@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_texts
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
@@ -119,6 +120,16 @@ def _whole(given: PendantArguments) -> int:
     return int(number)
 
 
+def _time(given: PendantArguments) -> datetime:
+    try:
+        moment = datetime.fromisoformat(" ".join(given.words(1, 2)))
+    except ValueError:
+        raise given.wrong() from None
+    if moment.tzinfo is not None:  # the controller has local time
+        raise given.wrong()
+    return moment
+
+
 def _workpiece(given: PendantArguments) -> list[float] | None:
     word = given.one()
     return None if word.lower() == "none" else [given.number(0)]
@@ -140,6 +151,7 @@ ACTIONS: Final[dict[str, PendantAction]] = {
     "clear": PendantAction("ClearErrors", "", PendantArguments.none, ("error",)),
     "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
     "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
+    "time": PendantAction("Time", "YYYY-MM-DD [HH:MM:SS]", _time, ("time",)),
     "status": PendantAction("Status", "", PendantArguments.none),
 }
 """The actions, by name."""
@@ -292,7 +304,7 @@ _LABELS: Final = {
     "slave_limit": N_("limits in slave mode"), "hand.position": N_("hand: position"),
     "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
     "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),
-    "hand.workpiece": N_("hand: workpiece"),
+    "hand.workpiece": N_("hand: workpiece"), "time": N_("time"),
 }  # fmt: skip
 
 

@@ -245,7 +245,9 @@ def _restart(panel: ControlPanel, _: Variant) -> None:
 
 
 def _status(panel: ControlPanel, _: Variant) -> str:
-    return json.dumps({**panel.rc8.pendant.status(), "hand": panel.rc8.state.hand.status()})
+    state = panel.rc8.state
+    time = state.calendar.now().isoformat(" ", "seconds")
+    return json.dumps({**panel.rc8.pendant.status(), "time": time, "hand": state.hand.status()})
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
