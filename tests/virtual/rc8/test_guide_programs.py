@@ -266,12 +266,16 @@ def test_public_variables_that_cannot_be_read(parameter, code, client):
     assert client.code("Controller_Execute", client.controller, "GetPublicValue", variant(parameter)) == code
 
 
-def test_public_values_stay_until_the_program_is_changed(client):
+def test_public_values_stay_until_their_declarations_are_changed(client):
     task = client.program("Pro", "Public n As Integer\nSub Main\n  n = n + 1\nEnd Sub\n")
     for expected in (1, 2, 3):
         client.call("Task_Start", task, 1, "")
         client.clock.advance(0.1)
         assert public(client, "n").value == expected
+    client.program("Pro", "Public n As Integer\nSub Main\n  n = n + 2\nEnd Sub\n")
+    assert public(client, "n").value == 3  # the declaration is the same
+    client.rc8.state.restart()
+    assert public(client, "n").value == 0
     client.program("Pro", "Public n As Integer = 7\nSub Main\n  n = n + 1\nEnd Sub\n")
     assert public(client, "n").value == 7
 

@@ -285,7 +285,7 @@ class RC8State:
         """Reset errors, motor, motions and programs, as if switched off and on; clients remain connected."""
         with self.cycles:
             self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
-            self.tasks.stop_all(supervisory=True)
+            self.tasks.power_on()
             self.arm.give()
             self.hands.power_on()
             self.usage.power_on()
@@ -440,6 +440,7 @@ class RC8State:
         with self.cycles:
             self.arm.close()
             self.hands.stop(hresult.E_ABORT)
+            self.tasks.close()
             self.variables.close()
         self.planning.close()
         self.compiling.close()

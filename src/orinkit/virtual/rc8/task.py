@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from orinkit.core import hresult
@@ -14,6 +14,7 @@ from orinkit.virtual.rc8.pacscript.code import BuiltCode
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault
 from orinkit.virtual.rc8.pacscript.host_interface import Wait
 from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, Snapshot
+from orinkit.virtual.rc8.pacscript.scope import PublicVariable
 from orinkit.virtual.rc8.pacscript.values import AnyValue
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.switches import Switches
@@ -67,7 +68,7 @@ class Task:
         self._machine: Machine | None = None
         self._program: Program | None = None
         self._publics: list[AnyValue] = []
-        self._publics_of: Program | None = None
+        self._declared: Mapping[str, PublicVariable] = {}
         self._steps: deque[tuple[Snapshot, tuple[float, ...]]] = deque(maxlen=_STEPS)
         self._returning: Wait | None = None  # the motion of a step backward
         self._began = 0.0
@@ -116,11 +117,15 @@ class Task:
     def publics(self, program: Program) -> list[AnyValue]:
         """Return the values of the Public variables of the task's program.
 
-        They keep their values until the program is changed or the controller is switched off.
+        They keep their values until their declarations are changed or the controller is switched off.
         """
-        if self._publics_of is not program:
-            self._publics, self._publics_of = program.new_publics(), program
+        if program.publics != self._declared:
+            self._publics, self._declared = program.new_publics(), program.publics
         return self._publics
+
+    def power_on(self) -> None:
+        """Set the Public variables to their initial values, as at power-on."""
+        self._publics, self._declared = [], {}
 
     def start(self, program: Program, mode: TaskMode) -> None:
         """Run a program from its beginning; if the task is suspended and the program is unchanged, continue it.

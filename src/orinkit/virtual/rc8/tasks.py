@@ -168,6 +168,18 @@ class Tasks:
             if supervisory or not task.supervisory:
                 task.initialize(halt=False)
 
+    def power_on(self) -> None:
+        """Reset every program, also supervisory tasks, as at power-on. The caller stops the arm."""
+        self.stop_all(supervisory=True)
+        for task in self._tasks.values():
+            task.power_on()
+
+    def close(self) -> None:
+        """Fail the calls that wait for programs to stop, because the controller is switched off."""
+        waiting, self._stopping = self._stopping, []
+        for _, stopped in waiting:
+            stopped.set_exception(error_for(hresult.E_ABORT))
+
     def stop_group(self, mode: StopMode, *, supervisory: bool = False) -> Deferred[None]:
         """Stop all tasks except supervisory ones, or only supervisory ones, and cancel the waiting starts.
 

@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 
 from orinkit.cao.provider import Deferred, not_found
 from orinkit.core import hresult
-from orinkit.core.errors import error_for
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.task_modes import StopMode, TaskMode
 from orinkit.values.types import ARRAY, VarType
@@ -55,6 +55,11 @@ def _at_standstill(caller: ClientContext, stopped: Deferred[None]) -> Deferred[N
     done = Deferred[None]()
 
     def wait_for_arm() -> None:
+        try:
+            stopped.result()
+        except CallError as error:  # the controller has been switched off
+            done.set_exception(error)
+            return
         caller.state.arm.when_still().add_done_callback(done.set_result)
 
     stopped.add_done_callback(wait_for_arm)
@@ -86,7 +91,7 @@ def run_supervisors(caller: ClientContext, parameter: Variant) -> Deferred[None]
                 if not task.running:
                     tasks.start(task, program, TaskMode.CONTINUOUS)
 
-    return _in_thread(caller, run)
+    return _in_thread(caller, run, starts=True)
 
 
 # --- Public variables -------------------------------------------------------------------------------------------------
@@ -236,13 +241,14 @@ def _place(variable: PublicVariable, indices: list[int]) -> int:
     return place
 
 
-def _in_thread(caller: ClientContext, job: Callable[[Deferred[T]], T]) -> T | Deferred[T]:
-    """Run a function in the thread that loads programs; a stop of all tasks cancels it."""
+def _in_thread(caller: ClientContext, job: Callable[[Deferred[T]], T], *, starts: bool = False) -> T | Deferred[T]:
+    """Run a function in the thread that loads programs; if it starts programs, a stop of all tasks cancels it."""
     state = caller.state
     lane, done = state.compiling, Deferred[T](brief=True, revocable=True)
     if lane.immediate:
         return job(done)
     with state.cycles:
         lane.submit(lambda: job(done), done, caller)
-        state.tasks.starts.add(caller, _NO_PROGRAM, done)
+        if starts:
+            state.tasks.starts.add(caller, _NO_PROGRAM, done)
     return done
