@@ -1,7 +1,7 @@
 # make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo tester test lint types bench soak collect coverage sync messages release-check test-lowest clean setup-all setup-dev
+.PHONY: help demo tester test lint types bench soak collect coverage sync messages release-check test-lowest pictures clean setup-all setup-dev
 export PYTHON
 # The tests start hundreds of programs: none of them is to compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -42,6 +42,7 @@ types: setup-dev ## mypy, strict / 型検査
 bench: setup-dev ## measurements, as ratios in one run / 性能測定 (同一実行内の比)
 	@.venv/bin/python bench/bench.py
 	@.venv/bin/python bench/stream.py
+	@.venv/bin/python bench/tester.py
 
 soak: setup-dev ## the long tests / 長時間テスト
 	$(RUN) pytest -m soak
@@ -57,6 +58,9 @@ sync: setup-dev ## make the synchronous client again from the asynchronous one /
 
 messages: setup-dev ## update the message catalogue from the source / メッセージカタログの更新
 	.venv/bin/python tools/messages.py
+
+pictures: setup-dev ## take the pictures of the Tester for README and docs / Tester の画面写真の再作成
+	.venv/bin/python tools/pictures.py
 
 .PHONY: codes
 codes: setup-dev ## generate docs/error-codes.md from the table of return codes / リターンコード一覧の再生成

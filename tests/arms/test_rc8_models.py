@@ -74,7 +74,7 @@ def test_vs050_is_the_published_arm():
     assert model.type_name == "VS050A3-AV6-NNN-NNN"
     assert model.origins[3] == (-10, 0, 119.5)
     assert [axis.velocity for axis in model.axes] == [425, 340, 385.72, 425, 327.01, 680]
-    assert model.axes[2] == AxisModel(-120, 151, 385.72, 5 * 385.72)
+    assert model.axes[2] == AxisModel(-120, 151, 385.72, 5 * 385.72, slave_acceleration=6300)
     assert (model.path_speed, model.path_acceleration) == (1500, 7500)
     assert (model.path_rotation, model.path_rotation_acceleration) == (360, 1800)
 

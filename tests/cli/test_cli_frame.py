@@ -152,9 +152,9 @@ print(json.dumps(pages))
         language: json.loads(
             subprocess.run(
                 [sys.executable, "-c", script, *PAGES], capture_output=True, encoding="utf-8", check=True,
-                env={**os.environ, "ORINKIT_LANG": language, "COLUMNS": "100"},
+                env={**os.environ, "ORINKIT_LANG": language, "COLUMNS": "100", "PYTHONUNBUFFERED": ""},
             ).stdout
-        )
+        )  # without a buffer, a signal can cut long output (CPython)
         for language in ("en", "ja")
     }  # fmt: skip
 

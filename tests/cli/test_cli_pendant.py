@@ -101,6 +101,31 @@ def test_switches(action, name, press, rc8):
         assert getattr(rc8.state.switches, name) is on
 
 
+def test_surroundings_of_the_arm(press, run, control, rc8):
+    shown = press("surface", "plate", "364,0,280,0,0,0", "stiffness=2", "size=100,50", "radius=5")
+    assert "surfaces" in shown
+    assert "plate" in shown
+    surface = rc8.workspace.surfaces["plate"]
+    assert (surface.size, surface.stiffness, surface.radius, surface.thickness) == ((100, 50), 2, 5, 100)
+    press("surface", "plate", "none")
+    assert not rc8.workspace.surfaces
+    assert press("fence", "300,0,300,0,0,0", "400,300,300", "inside") == "virtual fences  1\n"
+    assert press("fence", "none") == "virtual fences  0\n"
+    press("scene", "2", "3", "tool=4", "speed=30", "name=packing")
+    scene = rc8.state.arm.hardware.scenes.scene(2, 3)
+    assert (scene.name, scene.tool, scene.work, scene.speed) == ("packing", 4, -1, 30)
+    assert press("arm-button", "1") == "buttons of the arm  off on off\n"
+    press("save-path", "3")
+    assert "Path3.csv" in rc8.state.files.names("")
+    assert press("lose-calibration") == "calibrated  off\n"
+    for words in (
+        ("surface", "plate"), ("surface", "plate", "1,2"), ("surface", "plate", "1,2,3,4,5,6", "colour=1"), ("fence", "x"),
+        ("surface", "plate", "1,2,3,4,5,6", "stiffness=0"), ("surface", "other", "none"), ("scene", "0", "1"), ("scene", "1", "1", "a=1"),
+        ("fence", "1,2,3,4,5,6", "1,2,3", "here"), ("arm-button", "3"), ("save-path", "21"),
+    ):  # fmt: skip
+        assert run("pendant", control, *words).code != 0, words
+
+
 def test_token(press, rc8):
     assert press("token", "ethernet:127.0.0.1") == "executable token  ethernet:127.0.0.1\n"
     assert str(rc8.state.switches.token) == "ethernet:127.0.0.1"

@@ -34,12 +34,9 @@ from support.gateways import LISTEN
 EMPTY = Variant(VarType.EMPTY)
 REAL_CONTROLLERS = {
     "Controller": {"getautomode"},
-    "Robot": {
-        "curspeedmode", "getareaenabled", "robinfo", "checkvirtualfence", "convertposwork", "getbasedef",
-        "curforcesensorpayload", "getmotionpreparationstate", "getmechabuttonstate", "curscene", "cursubscene", "sceneinfo",
-    },
+    "Robot": {"curspeedmode", "getmotionpreparationstate"},
     "Task": {"getstatus", "getthreadpriority"},
-}  # fmt: skip
+}
 SAMPLES = {VarType.I4: 1, VarType.R4: 1.0, VarType.BSTR: "x", VarType.VARIANT: EMPTY}
 
 

@@ -14,7 +14,7 @@ from orinkit.bcap import packet
 from orinkit.bcap.dissect import one_line
 from orinkit.bcap.profiles import LINE
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost, InvalidValue, LimitExceeded
-from orinkit.raw.exchange import PacketLog, RawExchange, RawPacket
+from orinkit.raw.exchange import ALL, PacketLog, RawExchange, RawPacket
 from orinkit.raw.options import RawOptions, Role
 from orinkit.raw.packets import assemble
 from orinkit.raw.pieces import MOST_BYTES, PieceFramer
@@ -208,6 +208,7 @@ def test_the_peer_closes_the_connection():
             with pytest.raises(ConnectionLost, match="closed by the peer"):
                 await raw.send(START)
             assert not raw.is_open
+            assert isinstance(raw.error, ConnectionLost)
             with pytest.raises(ConnectionLost):
                 await raw.send(START)
             with pytest.raises(ConnectionLost):
@@ -260,6 +261,26 @@ def test_a_server_waits_for_the_next_request():
             assert (await client.receive(PATIENCE) or RawPacket(0, "<", "", b"")).data == b"go"
             await client.send(START)
             assert await pending == START
+
+    asyncio.run(body())
+
+
+def test_a_server_sends_to_all_clients():
+    async def body() -> None:
+        async with await RawExchange.open(serving(Role.TCP_SERVER)) as server:
+            with pytest.raises(ConnectionLost, match="no client has connected"):
+                await server.send(START, ALL)
+            async with (
+                await RawExchange.open(options(server.url)) as first,
+                await RawExchange.open(options(server.url)) as second,
+            ):
+                await until(lambda: len(server.peers) == 2)
+                assert await server.send(START, ALL) is None
+                done = await server.loop([START], 2, peer=ALL, wait=False)
+                assert (done.sent, done.replies) == (2, 0)
+                for client in (first, second):
+                    assert [(await client.receive(PATIENCE) or server.log[0]).direction for _ in range(3)] == ["<"] * 3
+            assert [each.data for each in server.log] == [START] * 6
 
     asyncio.run(body())
 

@@ -11,9 +11,18 @@ from hypothesis import strategies as st
 
 from orinkit.bcap import packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
+from orinkit.cao import functions as f
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.raw.hex_text import hex_text
-from orinkit.raw.packets import MOST_PROBLEMS, ProblemKind, assemble, parse_packets, with_crc
+from orinkit.raw.packets import (
+    MOST_PROBLEMS,
+    ProblemKind,
+    assemble,
+    assemble_reply,
+    assemble_request,
+    parse_packets,
+    with_crc,
+)
 from orinkit.values.variant import Variant, VarType
 from support import paths
 
@@ -144,6 +153,14 @@ def test_the_number_of_problems_is_bounded():
     assert time.monotonic() - begin < 60  # not quadratic
 
 
+def test_no_packet_is_omitted_silently_if_there_are_many_problems():
+    found = parse_packets("\n\n".join(["01 02"] * 60))
+    assert not found.is_complete
+    with pytest.raises(InvalidValue, match="more than 50 problems"):
+        found.sendable()
+    assert len(parse_packets("\n\n".join([START] * 60)).sendable()) == 60
+
+
 def test_too_many_bytes():
     found = parse_packets("01" * (16 * 1024 * 1024 + 1))
     assert [each.kind for each in found.problems] == [ProblemKind.TOO_LONG]
@@ -174,6 +191,29 @@ def test_assemble():
 def test_assembling_fails(function, arguments, serial, message):
     with pytest.raises(InvalidValue, match=message):
         assemble(function, arguments, serial)
+
+
+def test_assembling_from_values():
+    data = assemble_request(f.controller_execute, [2, "SysInfo", Variant(VarType.I4, 0)], 9, LINE)
+    assert data == assemble("Controller_Execute", ["2", "SysInfo", "3,0"], 9, LINE)
+    with pytest.raises(InvalidValue, match="handle"):
+        assemble_request(f.variable_get_value, [])
+    with pytest.raises(InvalidValue, match="0 to 65535"):
+        assemble_request(f.service_start, [], 65536)
+
+
+@pytest.mark.parametrize(("code", "sent"), [(0, 0), (0x80004001, 0x80004001), (-0x7FFFBFFF, 0x80004001)])
+def test_assembling_a_reply(code, sent):
+    decoded = packet.decode(assemble_reply(code, [1.5], 9, LINE), crc=True)
+    assert (decoded.code, decoded.arguments, decoded.serial, decoded.reserved) == (sent, [1.5], 9, 9)
+    assert assemble_reply(code, (), 9) == packet.encode(packet.Packet(9, sent))
+
+
+def test_assembling_a_reply_fails():
+    with pytest.raises(InvalidValue, match="32 bits"):
+        assemble_reply(0x1_0000_0000)
+    with pytest.raises(InvalidValue, match="0 to 65535"):
+        assemble_reply(0, (), -1)
 
 
 def test_invalid_notation():

@@ -98,7 +98,7 @@ INVALID, RANGE = hresult.MOTION_OPTION_INVALID, hresult.VALUE_OUT_OF_RANGE
         ("Pose=3", RANGE, "'Pose=3': expected 1 or 2"),
         ("Pose=1.5", RANGE, "'Pose=1.5': expected 1 or 2"),
         ("Pose", INVALID, "'Pose': expected a number"),
-        ("@X", INVALID, "'@X': column 2: expected P, E, 0 or a radius in mm, found 'X'"),
+        ("@X", INVALID, "'@X': column 2: expected P, E, C, 0 or a radius in mm, found 'X'"),
         ("@0 NEXT", INVALID, "'@0 NEXT': column 4: expected the end of the text, found 'NEXT'"),
         ("x" * 1024, INVALID, "is not a motion option"),
         ("," * 1025, INVALID, "option string of 1025 characters exceeds the limit of 1024"),

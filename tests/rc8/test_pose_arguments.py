@@ -79,9 +79,16 @@ def r4(*numbers):
         (form(3, "P", "@E", form("EX", [7, 1])), [Target("P", 3, AT_ENCODER, Extra(absolute=False, joints=((7, 1),)))]),
         (form(3, "P", "@E", form(0, [7, 1])), [Target("P", 3, AT_ENCODER)]),
         (form(3, "P", "@E", [0]), [Target("P", 3, AT_ENCODER)]),
-        # without a type: by count
+        (form(r4(*POSE), "@E", "P"), [Target("P", POSE, AT_ENCODER)]),
+        (form(3, "@E", "T"), [Target("T", 3, AT_ENCODER)]),
+        (form(3, "@P"), [Target("P", 3, PASSING)]),
+        (form(Variant(R4, 3.0), 2, -1), [Target("J", 3, PASSING)]),
+        # without a type: a VT_R4 array is a position, otherwise by count
         (form(r4(*POSE), None, "@E"), [Target("P", POSE, AT_ENCODER)]),
-        (form(r4(*JOINTS), "", "@E"), [Target("J", JOINTS, AT_ENCODER)]),
+        (form(r4(*JOINTS), "", "@E"), [Target("P", JOINTS[:7], AT_ENCODER)]),
+        (r4(*POSE), [Target("P", POSE)]),
+        (r4(*POSE[:6]), [Target("P", POSE[:6])]),
+        (r4(*JOINTS), [Target("P", JOINTS[:7])]),
         (form(r4(*TRANS)), [Target("T", TRANS)]),
         (Variant(R8 | ARRAY, POSE), [Target("P", POSE)]),
         (Variant(R8 | ARRAY, POSE[:6]), [Target("", POSE[:6])]),

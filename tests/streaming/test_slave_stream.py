@@ -94,6 +94,22 @@ def test_a_trajectory_is_carried_out_point_by_point(session: Session, arm: Arm, 
     assert sum(result.timing.histogram().values()) == len(result.timing.gaps) > 200
 
 
+def test_only_the_set_points_of_a_short_time_are_queued(session: Session, arm: Arm) -> None:
+    points = sine(2.0)
+    queued: list[int] = []
+
+    def body(stream: Any) -> None:
+        run = stream.run(points, ahead=0.2, progress=lambda _: queued.append(stream.queued))
+        assert session.both.run(run).sent == len(points)
+        with pytest.raises(InvalidValue, match="ahead"):
+            session.both.run(stream.run(points, ahead=0.05))
+
+    session.stream(body)
+    assert 0 < max(queued) <= 25
+    assert set(points) <= {tuple(row) for row in arm.commands.tolist()}
+    assert arm.within_limits()
+
+
 def test_the_client_is_as_before_when_the_block_has_ended(session: Session, arm: Arm) -> None:
     def body(stream: Any) -> None:
         with pytest.raises(StreamError, match="slave mode"):

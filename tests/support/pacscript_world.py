@@ -65,7 +65,7 @@ class FakeWorld:
         self._did("take_arm", group, keep)
 
     def give_arm(self):
-        self._did("give_arm")
+        return self._motion("give_arm")
 
     def motor(self, on):
         return self._motion("motor", on)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from contextlib import suppress
 from types import TracebackType
 from typing import Self
 from urllib.parse import urlsplit
@@ -39,6 +40,8 @@ class Relay:
     ) -> None:
         self._cut.set()
         for each in self._sockets:
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)  # ends the wait of its thread
             each.close()
 
     def _accept(self) -> None:

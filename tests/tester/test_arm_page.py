@@ -12,67 +12,13 @@ import pytest
 import orinkit
 from orinkit.virtual.rc8 import VirtualRC8
 from support.browser import ARGUMENTS, CHROMIUM, TesterProcess, needs_browser, user
+from support.jog_page import HIDE, JogPage
 from support.relay import Relay
+from support.stopping import stopped
 from support.streams import Arm
 from support.waiting import PATIENCE, until
 
 pytestmark = [needs_browser, pytest.mark.soak]
-
-HIDE = """Object.defineProperty(document, 'hidden', {value: true, configurable: true});
-document.dispatchEvent(new Event('visibilitychange'))"""
-
-
-class JogPage:
-    """The page Arm of a user, and the arm that it moves."""
-
-    def __init__(self, page: Any, url: str, arm: Arm) -> None:
-        self.page, self.arm = page, arm
-        page.goto(f"{url}/arm")
-        page.get_by_test_id("joint-1").wait_for()
-
-    def enable(self) -> JogPage:
-        until(self.takes_controls)
-        self.page.get_by_test_id("jog-enable").click()
-        self.button("j1+").and_(self.page.locator('[aria-disabled="false"]')).wait_for()
-        self.arm.record()
-        return self
-
-    def takes_controls(self) -> bool:
-        """Take the controls if they are free; return True if this user holds them."""
-        text = self.page.get_by_test_id("controls")
-        if text.inner_text() == "The controls are free":
-            text.locator("xpath=..").get_by_role("button").click()
-        self.page.wait_for_timeout(50)
-        return str(text.inner_text()) == "You hold the controls"
-
-    def button(self, name: str) -> Any:
-        return self.page.get_by_test_id(f"jog-{name}")
-
-    def hold(self, name: str = "j1+") -> None:
-        """Press a button and wait until the arm moves."""
-        before = self.arm.arm.queue.joints
-        self.button(name).hover()
-        self.page.mouse.down()
-        until(lambda: self.arm.arm.queue.joints != before)
-
-    def moved(self) -> float:
-        """Wait for standstill; return the largest motion of a joint since the start of the log, after checking the limits."""
-        until(self.standing)
-        commands = self.arm.commands
-        assert self.arm.within_limits(), self.arm.peaks()
-        assert not self.arm.errors
-        return float(abs(commands - commands[0]).max())
-
-    def standing(self) -> bool:
-        commands = self.arm.commands
-        return len(commands) > 20 and bool((commands[-20:] == commands[-1]).all())
-
-    def finish(self) -> None:
-        """End jogging, so that the arm is free for the next test."""
-        switch = self.page.get_by_test_id("jog-enable")
-        if self.arm.arm.holder is not None:
-            switch.click()
-        until(self.arm.free)
 
 
 @pytest.fixture(scope="module")
@@ -194,6 +140,38 @@ def test_the_arm_stops_when_the_network_fails(page, bench, arm):
         jogging.hold()
         relay.cut()
         assert jogging.moved() > 0
+        until(jogging.arm.free)
+
+
+@pytest.mark.soak
+def test_the_arm_stops_when_the_user_leaves_the_page(jogging, bench):
+    jogging.hold()
+    jogging.page.goto(bench.tester.url)
+    assert jogging.moved() > 0
+    until(jogging.arm.free)
+
+
+@pytest.mark.soak
+def test_the_arm_stops_when_the_browser_hangs(jogging):
+    jogging.hold()
+    jogging.page.evaluate("setTimeout(() => { const end = Date.now() + 5000; while (Date.now() < end); }, 0)")
+    assert jogging.moved() > 0
+    until(jogging.arm.free)
+
+
+@pytest.mark.soak
+def test_the_arm_stops_when_the_tester_hangs(browser, tmp_path):
+    rc8 = VirtualRC8(motor=True)
+    with (
+        orinkit.serve(rc8, "tcp://127.0.0.1:0") as server,
+        TesterProcess(server.url, folder=tmp_path) as tester,
+        user(browser) as page,
+    ):
+        jogging = JogPage(page, tester.url, Arm(rc8, server.url)).enable()
+        jogging.hold()
+        with stopped(tester.process.pid):
+            assert jogging.moved() > 0
+            until(jogging.standing)
         until(jogging.arm.free)
 
 

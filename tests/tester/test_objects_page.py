@@ -79,6 +79,84 @@ def test_the_stop_button_stops_a_move_in_progress(objects, bench, received):
     assert received.of(f.robot_halt)
 
 
+def execute(page: Any, command: str, parameter: str = "") -> None:
+    """Execute a command of the selected object with its usual type."""
+    open_tab(page, "Execute")
+    fill(page, "command", command)
+    page.get_by_test_id("command-hint").filter(has_text=re.compile(".")).wait_for()
+    if parameter:
+        fill(page, "parameter", parameter)
+    page.get_by_test_id("execute").click()
+
+
+@pytest.mark.soak
+def test_a_command_of_the_controller_is_executed(objects, bench, received):
+    execute(objects, "GetErrorDescription", "-2147467259")
+    expect(objects.get_by_test_id("result-type")).to_have_text("VT_BSTR")
+    assert received.wait_for(f.controller_execute).arguments[1:] == [
+        Variant(VarType.BSTR, "GetErrorDescription"), Variant(VarType.I4, -2147467259),
+    ]  # fmt: skip
+    bench.rc8.emergency_stop(True)
+    bench.rc8.emergency_stop(False)
+    until(lambda: bench.rc8.state.faults.code)
+    execute(objects, "ClearError")
+    expect(objects.get_by_test_id("result-code")).to_have_text("0x00000000 S_OK")
+    until(lambda: not bench.rc8.state.faults.code)
+
+
+@pytest.mark.soak
+def test_the_id_selects_the_element_of_a_variable_with_a_wildcard(objects, bench, received):
+    with orinkit.connect(bench.server.url) as client:
+        client.variable("I12").value = 1212
+    add(objects, "Variable", "I*")
+    fill(objects, "id", "12")
+    objects.get_by_test_id("put-id").click()
+    assert received.wait_for(f.variable_put_id).arguments[1] == Variant(VarType.I4, 12)
+    objects.get_by_test_id("get-id").click()
+    expect(objects.get_by_test_id("id-result-value")).to_have_text("12")
+    objects.get_by_test_id("get").click()
+    expect(objects.get_by_test_id("value-result-value")).to_have_text("1212")
+
+
+@pytest.mark.soak
+def test_a_robot_is_added_with_an_option_and_released(objects, bench, received):
+    objects.get_by_test_id("kind").get_by_role("button", name="Robot", exact=True).click()
+    fill(objects, "add-Robot-name", "Arm")
+    fill(objects, "add-Robot-option", "$IsIDHandle$")
+    objects.get_by_test_id("add-Robot").click()
+    assert [each.value for each in received.wait_for(f.controller_get_robot).arguments[1:]] == ["Arm", "$IsIDHandle$"]
+    objects.get_by_test_id("object").get_by_text("Arm", exact=True).first.wait_for()
+    handle = objects.get_by_test_id("object-handle").inner_text().split()[1]
+    objects.get_by_role("button", name="Release Arm").last.click()
+    assert received.wait_for(f.robot_release).arguments[0] == Variant(VarType.I4, int(handle))
+
+
+@pytest.mark.soak
+def test_a_robot_changes_its_tool_and_reads_its_variables(objects, bench, received):
+    add(objects, "Robot", "Arm")
+    objects.get_by_test_id("get-Variable").click()
+    objects.get_by_test_id("names").get_by_role("button", name="@CURRENT_ANGLE", exact=True).wait_for()
+    execute(objects, "TakeArm", "0,1")
+    expect(objects.get_by_test_id("result-code")).to_have_text("0x00000000 S_OK")
+    open_tab(objects, "Change")
+    fill(objects, "change-name", "Tool1")
+    objects.get_by_test_id("change").click()
+    assert received.wait_for(f.robot_change).arguments[1] == Variant(VarType.BSTR, "Tool1")
+    until(lambda: bench.rc8.state.arm.space.tools.current == 1)
+    fill(objects, "change-name", "Tool0")
+    objects.get_by_test_id("change").click()
+    until(lambda: bench.rc8.state.arm.space.tools.current == 0)
+    execute(objects, "GiveArm")
+    expect(objects.get_by_test_id("result-code")).to_have_text("0x00000000 S_OK")
+    add(objects, "Variable", "@CURRENT_ANGLE")
+    objects.get_by_test_id("get").click()
+    expect(objects.get_by_test_id("value-result-type")).to_have_text("VT_R8|VT_ARRAY, 8 elements")
+    fill(objects, "value", "1")  # of type I4; the variable is read-only
+    objects.get_by_test_id("put").click()
+    received.wait_for(f.variable_put_value)
+    expect(objects.get_by_test_id("value-result-error")).to_contain_text("0x8")
+
+
 @pytest.mark.soak
 def test_performance_reads_at_least_500_values_a_second(objects, bench, received):
     add(objects, "Variable", "I11")

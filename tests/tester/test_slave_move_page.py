@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import re
 import signal
-import socket
 import subprocess
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,11 +20,13 @@ from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.ve026a import VirtualVE026A
 from support.arm_log import ArmLog, logged
 from support.browser import CHROMIUM, TesterProcess, needs_browser, user
+from support.relay import Relay
+from support.slave_page import HOME, UNHEARD, complete, generate, opened, ready, start, stopped
+from support.stopping import stopped as suspended
 from support.waiting import PATIENCE, until
 
 pytestmark = [needs_browser, pytest.mark.soak]
 
-HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 START = (3.0, *HOME[1:])
 
 
@@ -36,74 +36,6 @@ def written(path: Path, points: list[tuple[float, ...]], names: str = "J{} comma
     rows = (",".join([f"{8 * number}", *(f"{value:.9f}" for value in point)]) for number, point in enumerate(points))
     path.write_text("\n".join(["Control log", header, *rows]))
     return str(path)
-
-
-def opened(page: Any, url: str) -> Any:
-    """Open the page, and wait until the user of the test before has lost the controls."""
-    page.goto(f"{url}/slave-move")
-    page.get_by_test_id("controls").get_by_text(re.compile("You hold|are free")).wait_for()
-    page.get_by_test_id("timeout").fill("30000")  # a busy machine
-    return page
-
-
-def ready(page: Any) -> None:
-    """Wait until the trajectory has passed the check."""
-    page.get_by_test_id("check").get_by_text("check passed").wait_for()
-    page.locator('[data-testid="start"]:not(.disabled)').wait_for()
-
-
-def generate(page: Any, *, amplitude: float = 20.0, period: float = 4.0, repetitions: int = 50) -> None:
-    page.get_by_test_id("amplitude").fill(f"{amplitude}")
-    page.get_by_test_id("repetitions").fill(f"{repetitions}")
-    page.get_by_test_id("period").fill(f"{period}")  # the last change determines the duration
-    total = f"Total {repetitions * period + period / 2:.3f} s"
-    page.get_by_test_id("total").get_by_text(total).wait_for()
-    ready(page)
-
-
-UNHEARD = "the browser has not been heard for 1.5 s"
-
-
-def start(page: Any, rc8: VirtualRC8) -> None:
-    """Press Start, and wait until set-points move the arm; again if a busy machine has delayed the heartbeats."""
-    arm = rc8.state.arm
-
-    def moves() -> bool:
-        return arm.slave.mode is not None and abs(arm.queue.joints[0] - HOME[0]) > 1.0
-
-    end = time.monotonic() + 3 * PATIENCE
-    while True:
-        page.locator('[data-testid="start"]:not(.disabled)').click()
-        page.locator('[data-testid="start"].disabled').wait_for()
-        while not moves() and page.locator('[data-testid="start"].disabled').count():
-            time.sleep(0.1)
-        if moves():
-            return
-        assert UNHEARD in outcome_of(page), (outcome_of(page), page.get_by_test_id("error-run").text_content())
-        assert time.monotonic() < end
-
-
-def outcome_of(page: Any) -> str:
-    return page.get_by_test_id("outcome").text_content() or ""
-
-
-def complete(page: Any) -> None:
-    """Press Start, and wait until all set-points are sent; again if a busy machine has delayed the heartbeats."""
-    while True:
-        page.get_by_test_id("start").click()
-        page.locator('[data-testid="start"].disabled').wait_for()
-        page.locator('[data-testid="start"]:not(.disabled)').wait_for()
-        page.get_by_test_id("outcome").get_by_text(re.compile("Complete|Stopped")).wait_for()
-        if UNHEARD not in outcome_of(page):
-            break
-    assert "Complete" in outcome_of(page)
-
-
-def stopped(page: Any, reason: str) -> None:
-    """Wait until the page shows why the arm was stopped; on a busy machine the heartbeats may be missed before."""
-    page.get_by_test_id("outcome").get_by_text(
-        re.compile(f"Stopped: ({re.escape(reason)}|{re.escape(UNHEARD)})")
-    ).wait_for()
 
 
 def assert_stopped_and_released(rc8: VirtualRC8, log: ArmLog) -> None:
@@ -325,68 +257,20 @@ def test_a_killed_browser_stops_the_arm(browser, bench, tmp_path):
     assert "Stopped" in reason_of(browser, bench)
 
 
-class Cable:
-    """A TCP forwarder in front of the Tester. When it is cut, both ends stay open and no byte passes any more."""
-
-    def __init__(self, port: int) -> None:
-        self._port = port
-        self._cut = threading.Event()
-        self._listening = socket.create_server(("127.0.0.1", 0))
-        self._sockets: list[socket.socket] = []
-        self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def cut(self) -> None:
-        self._cut.set()
-
-    def close(self) -> None:
-        self.cut()
-        for each in (self._listening, *self._sockets):
-            with_shutdown(each)
-
-    def _accept(self) -> None:
-        while True:
-            try:
-                near = self._listening.accept()[0]
-            except OSError:
-                return
-            if self._cut.is_set():
-                self._sockets.append(near)
-                continue
-            far = socket.create_connection(("127.0.0.1", self._port))
-            self._sockets += [near, far]
-            for a, b in ((near, far), (far, near)):
-                threading.Thread(target=self._pass, args=(a, b), daemon=True).start()
-
-    def _pass(self, source: socket.socket, target: socket.socket) -> None:
-        try:
-            while data := source.recv(65536):
-                if self._cut.is_set():
-                    return
-                target.sendall(data)
-            target.shutdown(socket.SHUT_WR)
-        except OSError:
-            return
-
-
-def with_shutdown(each: socket.socket) -> None:
-    """Close a socket, also if another thread waits for its data."""
-    try:
-        each.shutdown(socket.SHUT_RDWR)
-    except OSError:
-        pass
-    each.close()
+@pytest.mark.soak
+def test_a_cut_network_stops_the_arm(browser, bench):
+    with Relay(bench.tester.url) as relay:
+        with user(browser) as page, moving(page, bench, relay.url):
+            relay.cut()
+        assert UNHEARD in reason_of(browser, bench)
 
 
 @pytest.mark.soak
-def test_a_cut_network_stops_the_arm(browser, bench):
-    cable = Cable(int(bench.tester.url.rpartition(":")[2]))
-    try:
-        with user(browser) as page, moving(page, bench, cable.url):
-            cable.cut()
-        assert UNHEARD in reason_of(browser, bench)
-    finally:
-        cable.close()
+def test_a_tester_that_hangs_stops_the_arm(browser, bench, tmp_path):
+    with TesterProcess(bench.server.url, folder=tmp_path) as tester, user(browser) as page:
+        with moving(page, bench, tester.url), suspended(tester.process.pid):
+            until(lambda: bench.rc8.state.arm.slave.mode is None)
+        page.get_by_test_id("start").wait_for()
 
 
 @pytest.mark.soak

@@ -8,6 +8,8 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -91,6 +93,40 @@ def test_an_address_for_other_machines_requires_the_token(tmp_path):
         assert get(f"{address}/?token=wrong")[0] == 403
         assert get(f"{address}/?token={token}")[0] == 200
         assert get(address, Cookie=f"orinkit_token={token}")[0] == 200
+
+
+@contextmanager
+def run_with_browser(folder: Path, *words: str, **environment: str) -> Iterator[tuple[str, str]]:
+    """Run the Tester as a user does; yield its address and the hint for the user."""
+    given = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "orinkit", "tester", "--http", "127.0.0.1:0", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={**given, "XDG_CONFIG_HOME": str(folder), "ORINKIT_LANG": "en", "PYTHONUNBUFFERED": "1", **environment},
+    )  # fmt: skip
+    with process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        yield process.stdout.readline().split()[1], process.stderr.readline()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(PATIENCE) == 0
+
+
+@pytest.mark.parametrize(("words", "path"), [(("--virtual", "rc8"), "/arm"), ((), "/")])
+def test_the_browser_opens_at_the_arm_if_a_controller_is_connected(tmp_path, words, path):
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > "{tmp_path}/opened"\n')
+    browser.chmod(0o700)
+    with run_with_browser(tmp_path, *words, BROWSER=f"{browser} %s") as (url, hint):
+        assert (tmp_path / "opened").read_text().strip() == url + path
+        assert f"shows {url}{path}" in hint
+
+
+def test_without_a_graphical_browser_the_address_is_printed(tmp_path):
+    with run_with_browser(tmp_path) as (url, hint):
+        port = url.rpartition(":")[2]
+        assert hint.startswith(f"orinkit: no browser could be opened. Try: open {url}/ in a browser")
+        assert f"ssh -L {port}:localhost:{port}" in hint
 
 
 @pytest.mark.parametrize(

@@ -236,12 +236,12 @@ def test_pass_marks(text, mark, written):
     [
         ("", 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), the text ends here'),
         ("E", 'column 1: expected a pass mark ("@P", "@E", "@0", or "@10" for 10 mm), found \'E\''),
-        ("@", "column 2: expected P, E, 0 or a radius in mm, the text ends here"),
-        ("@X", "column 2: expected P, E, 0 or a radius in mm, found 'X'"),
-        ("@ -5", "column 3: expected P, E, 0 or a radius in mm, found '-5'"),
-        ("@1e999", "column 2: expected P, E, 0 or a radius in mm, found '1e999'"),
-        ("@nan", "column 2: expected P, E, 0 or a radius in mm, found 'nan'"),
-        ("@１", "column 2: expected P, E, 0 or a radius in mm, found '１'"),
+        ("@", "column 2: expected P, E, C, 0 or a radius in mm, the text ends here"),
+        ("@X", "column 2: expected P, E, C, 0 or a radius in mm, found 'X'"),
+        ("@ -5", "column 3: expected P, E, C, 0 or a radius in mm, found '-5'"),
+        ("@1e999", "column 2: expected P, E, C, 0 or a radius in mm, found '1e999'"),
+        ("@nan", "column 2: expected P, E, C, 0 or a radius in mm, found 'nan'"),
+        ("@１", "column 2: expected P, E, C, 0 or a radius in mm, found '１'"),
         ("@E P1", "column 4: expected the end of the text, found 'P1'"),
     ],
 )  # fmt: skip

@@ -1,8 +1,9 @@
 """Robot models, read from TOML files: one file per arm, in this package or supplied by the user.
 
 A file contains ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
-``upper``, ``velocity`` and optionally ``acceleration`` and ``linear``), ``home``, and optionally a table ``path`` of
-``speed``, ``acceleration``, ``rotation`` and ``rotation_acceleration``.
+``upper``, ``velocity`` and optionally ``acceleration``, ``slave_acceleration`` and ``linear``), ``home``, and optionally
+``figure_bits``, ``mass`` (kg, of the whole arm), ``payload`` (kg) and a table ``path`` of ``speed``, ``acceleration``,
+``rotation`` and ``rotation_acceleration``.
 """
 
 from __future__ import annotations
@@ -41,16 +42,21 @@ MODEL_NAMES: Final = tuple(_BUILT_IN)
 """Names of the built-in models for :func:`load_model`; each model is a TOML file in this package."""
 
 DEFAULT_SECONDS_TO_SPEED: Final = 0.2  # s, velocity / acceleration, if a file contains no acceleration
+DEFAULT_SLAVE_RATE: Final = 17.0  # 1/s, slave_acceleration / velocity, if a file contains no slave_acceleration
 DEFAULT_PATH: Final = {"speed": 1500.0, "acceleration": 7500.0, "rotation": 360.0, "rotation_acceleration": 1800.0}
 
+DEFAULT_MASS: Final = 40.0  # kg of the arm for each m between shoulder and flange, if a file contains no mass
+DEFAULT_PAYLOAD: Final = 0.12  # of the mass, if a file contains no payload
+
+_COBOTTA_BIT: Final = 256  # of the figure; its meaning is not published
 _SERIES: Final = re.compile("[A-Z]+[0-9]+")
 _ARM_AXES: Final = 6
 _MAX_AXES: Final = 8
 _LARGEST: Final = 1e6  # for lengths in mm, angles in deg, and their first and second derivatives
 _LONGEST_NAME: Final = 64
 _LARGEST_FILE: Final = 1_000_000
-_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "path"})
-_AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "linear"})
+_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "figure_bits", "path", "mass", "payload"})
+_AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "slave_acceleration", "linear"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +70,9 @@ class AxisModel:
         acceleration: Largest acceleration, deg/s^2 or mm/s^2. DENSO does not publish it. A file may omit it; the
             default, 5 times ``velocity``, is an assumption of this project.
         linear: True for a linear axis.
+        slave_acceleration: Largest acceleration of a command in slave mode, deg/s^2 or mm/s^2. A controller accepts
+            larger changes of a command than it plans itself. 0 is the default: 17 times ``velocity``, the figure that
+            is known of a COBOTTA PRO, but at least ``acceleration``.
     """
 
     lower: float
@@ -71,6 +80,12 @@ class AxisModel:
     velocity: float
     acceleration: float
     linear: bool = False
+    slave_acceleration: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.slave_acceleration:
+            assumed = max(self.acceleration, self.velocity * DEFAULT_SLAVE_RATE)
+            object.__setattr__(self, "slave_acceleration", assumed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +107,9 @@ class ArmModel:
         path_acceleration: Largest acceleration of the TCP on a path, mm/s^2.
         path_rotation: Largest velocity of the orientation on a path, deg/s.
         path_rotation_acceleration: Largest acceleration of the orientation on a path, deg/s^2.
+        mass: Mass of the whole arm, kg; 0 for an estimate from the lengths of the links.
+        payload: Largest payload, kg; 0 for an estimate from the mass.
+        figure_bits: Bits that the controller sets in every figure that it reports.
     """
 
     name: str
@@ -103,6 +121,9 @@ class ArmModel:
     path_acceleration: float = DEFAULT_PATH["acceleration"]
     path_rotation: float = DEFAULT_PATH["rotation"]
     path_rotation_acceleration: float = DEFAULT_PATH["rotation_acceleration"]
+    mass: float = 0.0
+    payload: float = 0.0
+    figure_bits: int = 0
 
 
 def load_model(name_or_path: str | Path) -> ArmModel:
@@ -173,10 +194,13 @@ class _ModelReader:
             origins=self._origins(table.get("origins")),
             axes=axes,
             home=self._home(table.get("home"), axes),
+            figure_bits=self._bits(table.get("figure_bits", 0), "figure_bits"),
             path_speed=path["speed"],
             path_acceleration=path["acceleration"],
             path_rotation=path["rotation"],
             path_rotation_acceleration=path["rotation_acceleration"],
+            mass=self._positive(table["mass"], "mass") if "mass" in table else 0.0,
+            payload=self._positive(table["payload"], "payload") if "payload" in table else 0.0,
         )
 
     def _text(self, table: Mapping[str, object], key: str) -> str:
@@ -217,12 +241,17 @@ class _ModelReader:
         acceleration = self._positive(
             row.get("acceleration", velocity / DEFAULT_SECONDS_TO_SPEED), f"{key}.acceleration"
         )
+        slave_acceleration = (
+            self._positive(row["slave_acceleration"], f"{key}.slave_acceleration")
+            if "slave_acceleration" in row
+            else 0.0
+        )
         linear = row.get("linear", False)
         if not isinstance(linear, bool):
             self._fail(f"{key}.linear", tr("must be true or false"))
         if linear and index < _ARM_AXES:
             self._fail(f"{key}.linear", tr("only an extended joint can be linear"))
-        return AxisModel(lower, upper, velocity, acceleration, linear)
+        return AxisModel(lower, upper, velocity, acceleration, linear, slave_acceleration)
 
     def _home(self, value: object, axes: Sequence[AxisModel]) -> tuple[float, ...]:
         home = tuple(self._number(entry, "home") for entry in self._list(value, "home", len(axes), len(axes)))
@@ -239,6 +268,11 @@ class _ModelReader:
                     ),
                 )
         return home
+
+    def _bits(self, value: object, key: str) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or value not in (0, _COBOTTA_BIT):
+            self._fail(key, tr("must be 0 or {bit}", bit=_COBOTTA_BIT))
+        return value
 
     def _path(self, table: object) -> dict[str, float]:
         if not isinstance(table, dict):

@@ -282,7 +282,7 @@ def robot_execute(handle: Handle, command: Bstr, parameter: Value = None) -> Any
 
 @function(65, "Robot_Accelerate", "CCaoRobot::Accelerate", "RC8 A",
           en="Set internal acceleration and deceleration in percent.", ja="内部加速度と減速度 (%) を設定する。")
-def robot_accelerate(handle: Handle, axis: I4, accel: R4, decel: R4) -> None: ...
+def robot_accelerate(handle: Handle, axis: I4, accel: R4, decel: R4 = -1.0) -> None: ...
 
 @function(66, "Robot_Change", "CCaoRobot::Change", "RC8 A",
           en="Change the tool or work frame in use.", ja="使用するツールまたはワーク座標系を切り替える。")

@@ -35,7 +35,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.core.validation import brief
-from orinkit.rc8.pose_arguments import read_targets
+from orinkit.rc8.pose_arguments import line_type_as_position, read_targets
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 
 READING: Final[Mapping[str, frozenset[str]]] = {
@@ -54,11 +54,14 @@ READING: Final[Mapping[str, frozenset[str]]] = {
             TakeArmState CurSpd CurAcc CurDec CurJSpd CurJAcc CurJDec CurExtSpd CurExtAcc CurExtDec CurTool CurWork
             CurPos CurPosEx CurJnt CurJntEx CurTrn CurTrnEx CurFig
             HighCurPos HighCurPosEx HighCurJnt HighCurJntEx HighCurTrn HighCurTrnEx HighCurFig
-            DestPos DestJnt DestTrn DestFig
-            P2J P2T J2P J2T T2P T2J Dev DevH OutRange MotionComplete GetToolDef GetWorkDef GetPathPointCount
-            GetSrvData GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName
-            CurSpeedMode GetAreaEnabled RobInfo CheckVirtualFence ConvertPoswork GetBaseDef CurForceSensorPayLoad
-            GetMotionPreparationState GetMechaButtonState CurScene CurSubScene SceneInfo
+            DestPos DestPosEx DestJnt DestJntEx DestTrn DestTrnEx DestFig
+            P2J P2T J2P J2T T2P T2J TMul TInv TNorm MPS RPM DPS Dev DevH OutRange MotionComplete
+            GetToolDef GetWorkDef WorkAttribute GetBaseDef ConvertPosWork GetAreaDef AreaSize GetAreaEnabled
+            CheckVirtualFence GetPathPointCount GetPathPoint
+            GetSrvData GetSrvJntData CurPayLoad CurForceSensorPayLoad ForceValue RobInfo GetHandIO
+            GetCtrlLogMaxTime GetCtrlLogInterval GetMechaButtonState CurScene CurSubScene SceneInfo
+            GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName
+            CurSpeedMode GetMotionPreparationState
             HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandInposState HandZonState
             HandMotorState
             TwofgIsConn TwofgIsBusy TwofgIsGrip TwofgGetErrorCode TwofgGetWidth TwofgGetMinWidth TwofgGetMaxWidth
@@ -93,11 +96,12 @@ _FOLDINGS: Final[tuple[Callable[[str], str], ...]] = (
     lambda text: unicodedata.normalize("NFKC", text).casefold(),
     lambda text: unicodedata.normalize("NFKC", text).translate(_LIKE_ASCII).casefold(),
 )
-_MARK: Final = re.compile(r"@\s*+(?:[pe]|[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?)")
+_MARK: Final = re.compile(r"@\s*+(?:[pec]|[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?)")
 _REFERENCE: Final = re.compile(r"(?<![a-z0-9_])(io[bwdf]?|[ifdvpjts])\s*+(?:\[?+\s*+([0-9]++)|\[)")
 _TAKING_POSES: Final = frozenset(
     {"p2j", "p2t", "j2p", "j2t", "t2p", "t2j", "dev", "devh", "outrange", "convertposwork"}
-    | {"approach", "addpathpoint", "settooldef", "setworkdef", "setbasedef"}
+    | {"approach", "draw", "archmove", "tmul", "tinv", "tnorm"}
+    | {"addpathpoint", "settooldef", "setworkdef", "setbasedef"}
 )  # commands of the robot that interpret [5, "P"] as the variable P5; other commands interpret it as two parameters
 _TEXTS: Final = VarType.BSTR | ARRAY
 _MOTIONS: Final = ("move", "rotate", "drive")
@@ -410,7 +414,7 @@ def _named_in_text(text: str) -> Iterator[str]:
 
 def _named_in_array(given: Variant) -> Iterator[str]:
     try:
-        targets = read_targets(given)
+        targets = read_targets(line_type_as_position(given))
     except CallError:
         return  # not a pose
     for target in targets:

@@ -28,6 +28,8 @@ LONGEST_WAIT: Final = 600.0
 """Maximum time to wait for a reply, s, even if the controller sends S_EXECUTING again and again."""
 MOST_LOGGED: Final = 100_000
 """Maximum number of packets in the log."""
+ALL: Final[Peer] = "*"
+"""All clients of a server, in place of one of them."""
 _DATAGRAM: Final = 65507  # bytes
 _UNREAD: Final = 1000  # packets that wait for receive()
 
@@ -182,6 +184,11 @@ class RawExchange:
         """The connected peers; the last one was active most recently."""
         return tuple(self._peers)
 
+    @property
+    def error(self) -> OrinError | None:
+        """The reason why the link is not open any more; ``None`` while it is open."""
+        return self._lost
+
     def _stop_requested(self) -> bool:
         return self._stopped
 
@@ -200,12 +207,14 @@ class RawExchange:
 
         Args:
             data: The bytes, at most 16 MiB; they are sent unchanged.
-            peer: Peer of a server; by default the one that was active most recently.
+            peer: Peer of a server; by default the one that was active most recently. With :data:`ALL`, the bytes are
+                sent to all clients without waiting for replies.
             wait: True to wait for the reply; by default the parameter ``Sync``.
 
         Raises:
             LimitExceeded: If there are too many bytes.
-            ConnectionLost: If the peer has closed the connection, or no client has connected.
+            ConnectionLost: If the peer has closed the connection, or no client has connected. With :data:`ALL`, the
+                other clients have received the bytes.
             ConnectionClosed: If the exchange is closed.
         """
         async with self._sending:
@@ -220,14 +229,28 @@ class RawExchange:
                 tr("packet of {length} bytes exceeds the limit of {most} bytes", length=len(data), most=most)
             )
         peer = peer or next(reversed(self._peers), "")
-        if not peer:
+        if not peer or (peer == ALL and not self._peers):
             raise no_peer()
+        if peer == ALL:
+            await self._send_to_all(channel, bytes(data))
+            return None
         if wait:
             self._unread.clear()  # they remain in the log
         data = bytes(data)
         self._record(">", peer, data)
         await channel.send(peer, data)
         return await self._reply(data, peer) if wait else None
+
+    async def _send_to_all(self, channel: Channel, data: bytes) -> None:
+        problem: OrinError | None = None
+        for peer in self.peers:
+            self._record(">", peer, data)
+            try:
+                await channel.send(peer, data)
+            except OrinError as error:
+                problem = problem or error
+        if problem is not None:
+            raise problem
 
     async def _reply(self, data: bytes, peer: Peer) -> bytes | None:
         serial = _serial(data)
@@ -276,7 +299,13 @@ class RawExchange:
         return self._unread.pop_oldest()
 
     async def loop(
-        self, packets: Sequence[bytes], count: int, progress: Callable[[LoopProgress], None] | None = None
+        self,
+        packets: Sequence[bytes],
+        count: int,
+        progress: Callable[[LoopProgress], None] | None = None,
+        peer: Peer = "",
+        *,
+        wait: bool | None = None,
     ) -> LoopProgress:
         """Send all packets ``count`` times, each after the reply to the previous one, or after its time-out.
 
@@ -284,6 +313,8 @@ class RawExchange:
             packets: The packets.
             count: Number of rounds.
             progress: Callback invoked after every round.
+            peer: Peer of a server, or :data:`ALL`, as for :meth:`send`.
+            wait: True to wait for the replies; by default the parameter ``Sync``.
 
         Returns:
             The final state. After :meth:`stop`, the last round may be incomplete.
@@ -304,7 +335,7 @@ class RawExchange:
                 for data in packets:
                     if self._stop_requested():
                         break
-                    reply = await self._send(data, "", self.options.sync)
+                    reply = await self._send(data, peer, self.options.sync if wait is None else wait)
                     sent, replies = sent + 1, replies + (reply is not None)
                 else:
                     rounds += 1

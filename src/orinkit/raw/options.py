@@ -143,7 +143,11 @@ class RawOptions:
         return _parse_table(text)
 
     def __str__(self) -> str:
-        values = [_conn_text(self.address), f"Timeout={round(self.timeout * 1000)}", "PacketOpt=0:0:0"]
+        values = [
+            f"Conn={_quoted(place_text(self.address))}",
+            f"Timeout={round(self.timeout * 1000)}",
+            "PacketOpt=0:0:0",
+        ]
         if self.role is not Role.SERIAL:
             values.append(f"EtherOpt={self.role:d}:{self.clients if self.role is Role.TCP_SERVER else 0}")
         return ", ".join([*values, f"Sync={self.sync}"])
@@ -311,9 +315,14 @@ def _usable(text: str) -> RawAddress:
     )
 
 
-def _conn_text(address: RawAddress) -> str:
+def place_text(address: RawAddress) -> str:
+    """Return an address as the value of ``Conn``: ``eth:127.0.0.1:5007``, ``com:/dev/ttyUSB0:38400:N:8:1:0``."""
     if isinstance(address, Address):
-        return f"Conn=eth:{str(address).partition('://')[2]}"
+        return f"eth:{str(address).partition('://')[2]}"
     if ":" in address.path or "," in address.path:
-        return f'Conn="{address}"'
-    return f"Conn=com:{address.path}:{address.baudrate}:{address.parity}:{address.bits}:{address.stop:g}:{address.flow}"
+        return str(address)
+    return f"com:{address.path}:{address.baudrate}:{address.parity}:{address.bits}:{address.stop:g}:{address.flow}"
+
+
+def _quoted(place: str) -> str:
+    return f'"{place}"' if place.startswith("serial:") else place

@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from orinkit.bcap import packet
 from orinkit.bcap.client import encode_request
@@ -25,6 +25,7 @@ from orinkit.bcap.dissect import Kind, explain
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.cao.argument_text import read_argument
 from orinkit.cao.functions import FUNCTIONS, find
+from orinkit.cao.table import Function
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.raw.hex_text import PREFIXES, masked
@@ -91,27 +92,34 @@ class TypedPackets:
     Attributes:
         packets: The packets; one that is not hex is omitted.
         problems: At most :data:`MOST_PROBLEMS` problems.
+        is_complete: False if there are more problems; the packets after them are omitted.
     """
 
     packets: list[TypedPacket] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
+    is_complete: bool = True
 
     @property
     def can_be_sent(self) -> bool:
         """True if there are packets and no problem prevents sending."""
-        return bool(self.packets) and not any(problem.kind.prevents_sending for problem in self.problems)
+        prevented = any(problem.kind.prevents_sending for problem in self.problems)
+        return bool(self.packets) and self.is_complete and not prevented
 
     def sendable(self) -> list[bytes]:
         """Return the packets.
 
         Raises:
-            InvalidValue: If a problem prevents sending, or the text contains no packet.
+            InvalidValue: If a problem prevents sending, there are too many problems, or the text contains no packet.
         """
         for problem in self.problems:
             if problem.kind.prevents_sending:
                 raise InvalidValue(
                     tr("packet {number}: {text}", number=problem.packet + 1, text=problem.text),
                 )
+        if not self.is_complete:
+            raise InvalidValue(
+                tr("the text has more than {most} problems. Try: correct these first", most=MOST_PROBLEMS)
+            )
         if not self.packets:
             raise InvalidValue(tr("no packet given. Try: the bytes of a packet in hex"))
         return [each.data for each in self.packets]
@@ -125,23 +133,25 @@ def parse_packets(text: str, profile: BcapProfile = STREAM, kind: Kind = "reques
         profile: Properties of the transport: packets of a serial line have a CRC, datagrams are short.
         kind: ``"reply"`` if the packets are replies, whose code is not a function id.
     """
-    result = TypedPackets()
+    packets: list[TypedPacket] = []
+    problems: list[Problem] = []
+    is_complete = True
     plain = masked(text)
     for number, (start, end) in enumerate(_paragraphs(plain)):
-        if len(result.problems) >= MOST_PROBLEMS:
+        if len(problems) >= MOST_PROBLEMS:
+            is_complete = False
             break
         try:
             data = bytes.fromhex(plain[start:end])
         except ValueError:
-            result.problems.extend(_not_hex(plain, text, start, end, number))
+            problems.extend(_not_hex(plain, text, start, end, number))
         else:
-            result.packets.append(TypedPacket(data, start, end))
+            packets.append(TypedPacket(data, start, end))
             for name, first, stop, description in check(data, profile, kind):
                 at = _position(plain, start, end, first, len(data))
                 until = _position(plain, start, end, max(stop - 1, first), len(data)) + 2
-                result.problems.append(Problem(name, at, min(until, end), description, number))
-    del result.problems[MOST_PROBLEMS:]
-    return result
+                problems.append(Problem(name, at, min(until, end), description, number))
+    return TypedPackets(packets, problems[:MOST_PROBLEMS], is_complete and len(problems) <= MOST_PROBLEMS)
 
 
 def _paragraphs(plain: str) -> Iterator[tuple[int, int]]:
@@ -282,19 +292,53 @@ def assemble(
         entry = find(str(function))
     except KeyError as error:
         raise InvalidValue(str(error.args[0])) from None
-    if not 0 <= serial <= 0xFFFF:
-        raise InvalidValue(tr("serial {serial} is not 0 to 65535", serial=serial))
     if len(arguments) > len(entry.arguments):
         most = len(entry.arguments)
         raise InvalidValue(
             tr("{name} takes {count} arguments, got {given}", name=entry.name, count=most, given=len(arguments))
         )
     values = [read_argument(row, text) for row, text in zip(entry.arguments, arguments, strict=False)]
+    return assemble_request(entry, values, serial, profile)
+
+
+def assemble_request(
+    function: Function[..., Any], values: Sequence[Any], serial: int = 1, profile: BcapProfile = STREAM
+) -> bytes:
+    """Return the packet of a request, as :func:`assemble`, but from values.
+
+    Raises:
+        InvalidValue: If an argument is missing or does not fit, or the serial is invalid.
+    """
+    _check_serial(serial)
     try:
-        bound = entry.bind(tuple(values), {})
+        bound = function.bind(tuple(values), {})
     except TypeError as error:
         raise InvalidValue(str(error)) from None
-    return encode_request(entry, bound, serial, serial if profile.lossy else 0, crc=profile.crc)
+    return encode_request(function, bound, serial, serial if profile.lossy else 0, crc=profile.crc)
+
+
+def assemble_reply(code: int, values: Sequence[Any] = (), serial: int = 1, profile: BcapProfile = STREAM) -> bytes:
+    """Return the packet of a reply.
+
+    Args:
+        code: Return code, signed or unsigned.
+        values: The results: none, or one.
+        serial: Serial number of the request. On UDP and serial lines, it is repeated in the reserved field.
+        profile: Properties of the transport; packets of a serial line have a CRC.
+
+    Raises:
+        InvalidValue: If the return code or the serial is invalid, or a value cannot be converted to a VARIANT.
+    """
+    _check_serial(serial)
+    if not -0x8000_0000 <= code <= 0xFFFF_FFFF:
+        raise InvalidValue(tr("return code {code} does not fit into 32 bits", code=code))
+    found = packet.Packet(serial, code & 0xFFFF_FFFF, list(values), serial if profile.lossy else 0)
+    return packet.encode(found, crc=profile.crc)
+
+
+def _check_serial(serial: int) -> None:
+    if not 0 <= serial <= 0xFFFF:
+        raise InvalidValue(tr("serial {serial} is not 0 to 65535", serial=serial))
 
 
 def with_crc(data: bytes) -> bytes:

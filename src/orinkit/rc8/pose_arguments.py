@@ -7,7 +7,8 @@ argument                                     read as
 ``["P1", "@E P2"]``                          such strings in sequence
 ``[value, type, pass, extra]``               one target; everything after the value may be omitted or VT_EMPTY
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    several targets, each in any of these forms
-array of numbers                             one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
+VT_R4 array of 6 to 8 numbers                one pose of type P; with 8 numbers, the last one is ignored
+other array of numbers                       one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
                                              3 is V (vector); with 6 numbers, the function decides between J and P
 ===========================================  ====================================================================
 
@@ -23,15 +24,20 @@ extra  extended joints, ``[mode, [joint, value], ...]``. Mode 1 or ``"EX"`` is r
        means no extended joints. The numbers of the modes are those of DENSO's ROS driver
 =====  ===============================================================================================================
 
-For example, ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
+If type or pass is a string, they may be in either order. For example, ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]``,
+``[[x, y, z, rx, ry, rz, fig], "@E", "P"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
 numbers is interpreted as value, type and pass if its first number is of an integer type, because clients send
-``[1, 0, -1]`` as a VT_I4 array.
+``[1, 0, -1]`` as a VT_I4 array; or if all its other numbers are.
+
+The value of a J variable is a VT_R4 array, too. It is therefore read as a position, as by a real controller, unless the
+type follows (RC8 provider guide, appendix B).
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from orinkit.cao import coerce
 from orinkit.core import hresult
@@ -45,9 +51,15 @@ MAX_TARGETS: Final = 16
 """Largest number of targets of one argument."""
 
 _BSTR_ARRAY: Final = VarType.BSTR | ARRAY
+_R4_ARRAY: Final = VarType.R4 | ARRAY
 _MOST_NUMBERS: Final = 10
+_MOST_OF_P: Final = 7
 _MOST_PARTS: Final = 4
 _MOST_OF_ONE_TYPE: Final = 3  # value, type and pass may all be numbers; extra is an array
+
+_POSITIONS: Final = (6, 7, 8)
+_LINE_TYPES: Final = ("L", "l")
+_MARK: Final = re.compile(r"@\s*(?:[PEC]|[0-9.]+)", re.IGNORECASE)
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
 _TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
@@ -70,6 +82,18 @@ def read_targets(given: Variant) -> tuple[Target, ...]:
     return _bounded(_one(given))
 
 
+def line_type_as_position(given: Variant, levels: int = 2) -> Variant:
+    """Return the pose of a Move with the pose type L, which some clients send for positions, replaced by P.
+
+    An array of targets has two levels of arrays with types.
+    """
+    if given.type == VarType.BSTR and given.value in _LINE_TYPES:
+        return trusted(VarType.BSTR, "P")
+    if given.type != VARIANT_ARRAY or not levels or len(given.value) > MAX_TARGETS:
+        return given
+    return trusted(VARIANT_ARRAY, [line_type_as_position(each, levels - 1) for each in given.value])
+
+
 def _are_targets(elements: Sequence[Variant]) -> bool:
     """Return True if the elements are targets, False if they are the parts of one target.
 
@@ -82,7 +106,12 @@ def _are_targets(elements: Sequence[Variant]) -> bool:
         return False
     if len(elements) == 1 or elements[1].type & ARRAY:
         return True
-    return elements[1].type == VarType.BSTR and len(elements[1].value.strip()) > 1  # a pose type has only one letter
+    return elements[1].type == VarType.BSTR and not _is_part(elements[1].value.strip())
+
+
+def _is_part(text: str) -> bool:
+    """Return True if a string is a pose type or a pass mark, False if it is a target."""
+    return len(text) <= 1 or _MARK.fullmatch(text) is not None
 
 
 def _several(elements: Sequence[Variant]) -> tuple[Target, ...]:
@@ -118,12 +147,28 @@ def _from_array(given: Variant) -> Target:
     elements = _elements(given)
     if not elements:
         raise _invalid(tr("an empty array is not a pose"))
-    if all(element.type in NUMERIC for element in elements) and (
-        len(elements) > _MOST_OF_ONE_TYPE or elements[0].type not in INTEGERS
-    ):
-        values = _numbers(given)
-        return Target(_kind_by_count(values), values)
+    if all(element.type in NUMERIC for element in elements) and not _begins_with_index(elements):
+        return Target(*_kind_and_values(given))
     return _from_parts(elements)
+
+
+def _begins_with_index(elements: Sequence[Variant]) -> bool:
+    """Return True if numbers are index, type and pass, False if they are values."""
+    if len(elements) > _MOST_OF_ONE_TYPE:
+        return False
+    first = elements[0]
+    if first.type in INTEGERS:
+        return True
+    whole = float(first.value).is_integer()
+    return whole and len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:])
+
+
+def _kind_and_values(given: Variant) -> tuple[Kind, tuple[float, ...]]:
+    """Return the pose type and the values of an array of numbers without a type."""
+    values = _numbers(given)
+    if given.type == _R4_ARRAY and len(values) in _POSITIONS:
+        return "P", values[:_MOST_OF_P]
+    return _kind_by_count(values), values
 
 
 def _elements(given: Variant) -> Sequence[Variant]:
@@ -136,8 +181,29 @@ def _elements(given: Variant) -> Sequence[Variant]:
     raise _mismatch(given, tr("a pose (VT_BSTR, an array of numbers or a VARIANT array)"))
 
 
-def _from_parts(parts: Sequence[Variant]) -> Target:
-    if len(parts) > _MOST_PARTS:
+class Parts(NamedTuple):
+    """The parts of an array ``[value, type, pass, extra]``; the last three are ``None`` if they are omitted or none."""
+
+    value: Variant
+    kind: Kind | None
+    mark: PassMark | None
+    extra: Extra | None
+
+
+def read_parts(parts: Sequence[Variant]) -> Parts:
+    """Return the parts of a target, or of a length or angle in the same form.
+
+    Raises:
+        CallError: As for :func:`read_targets`.
+    """
+    try:
+        return _parts(parts)
+    except (NotationError, InvalidValue) as error:
+        raise error_for(hresult.E_INVALIDARG, str(error)) from None
+
+
+def _parts(parts: Sequence[Variant]) -> Parts:
+    if not 1 <= len(parts) <= _MOST_PARTS:
         raise _invalid(
             tr(
                 "pose of {count} elements; expected at most 4: value, type, pass mark, extended joints",
@@ -145,11 +211,18 @@ def _from_parts(parts: Sequence[Variant]) -> Target:
             ),
         )
     value, kind_part, mark_part, extra_part = [*parts, *[trusted(VarType.EMPTY, None)] * (_MOST_PARTS - len(parts))]
-    kind, mark, extra = _kind(kind_part), _mark(mark_part), _extra(extra_part)
+    if kind_part.type == VarType.BSTR and kind_part.value.lstrip().startswith("@"):
+        kind_part, mark_part = mark_part, kind_part
+    return Parts(value, _kind(kind_part), _mark(mark_part), _extra(extra_part))
+
+
+def _from_parts(parts: Sequence[Variant]) -> Target:
+    value, kind, mark, extra = _parts(parts)
     if value.type in NUMERIC:
         return Target("P" if kind is None else kind, coerce.to_integer(value), mark, extra)
-    values = _numbers(value)
-    return Target(_kind_by_count(values) if kind is None else kind, values, mark, extra)
+    if kind is None:
+        return Target(*_kind_and_values(value), mark, extra)
+    return Target(kind, _numbers(value), mark, extra)
 
 
 def _numbers(given: Variant) -> tuple[float, ...]:

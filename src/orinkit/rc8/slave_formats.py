@@ -51,6 +51,8 @@ from orinkit.rc8.slave_values import (
 )
 from orinkit.rc8.slave_values import USER_STEP as USER_STEP
 from orinkit.rc8.slave_values import UserWindow as UserWindow
+from orinkit.rc8.user_io_unit import UserIoUnit as UserIoUnit
+from orinkit.rc8.user_io_unit import size_in_bytes, size_to_send
 from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Variant, trusted
 
 # --- modes and formats (table 4-1) ------------------------------------------------------------------------------------
@@ -151,8 +153,12 @@ class SetPoint:
     window: UserWindow | None = None
 
 
-def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat) -> Value:
+def encode_set_point(
+    kind: PoseKind, point: SetPoint, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BYTES
+) -> Value:
     """Return slvMove's parameter (client side); missing joints are 0, a missing figure is FIG_AUTO.
+
+    ``unit`` is the unit of the size of user I/O.
 
     Raises:
         InvalidValue: If a part that the formats require is missing, a part is present that the formats do not include,
@@ -168,16 +174,20 @@ def encode_set_point(kind: PoseKind, point: SetPoint, send: SendBits, receive: R
         if (value is None) == (name in parts):
             raise _not_as_formats(name, name in parts)
         if value is not None:
-            parameter += part.write(name, value)
+            written = part.write(name, value)
+            parameter += size_to_send(written, unit) if name in _SIZED else written
     return trusted(VARIANT_ARRAY, parameter)
 
 
-def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat) -> SetPoint:
+def read_set_point(
+    kind: PoseKind, parameter: Variant, send: SendBits, receive: ReceiveFormat, unit: UserIoUnit = UserIoUnit.BYTES
+) -> SetPoint:
     """Return the set-point of slvMove's parameter (server side).
 
     Numbers may be of any numeric type, and a pose may be an array of any numeric type. A pose of type J may end after
     joint 6; a pose of type P or T may end before the figure. A complete pose may be followed by flags and extended
-    joints (table 4-5), or by zeros.
+    joints (table 4-5), or by zeros. ``unit`` is the unit of the size of user I/O, if the bytes that are sent along do
+    not show it (:mod:`orinkit.rc8.user_io_unit`).
 
     Raises:
         CallError: DISP_E_TYPEMISMATCH if an array or a number is expected; E_INVALIDARG if a count is wrong, flags are
@@ -189,9 +199,16 @@ def read_set_point(kind: PoseKind, parameter: Variant, send: SendBits, receive: 
         return SetPoint(*read_pose(kind, parameter.value))
     given = iter(_split(parameter, parts))
     pose, extra = read_pose(kind, read_numbers(kind, next(given)))
-    return SetPoint(pose, extra, **{part: PARTS[part].read(part, *islice(given, PARTS[part].span)) for part in parts})
+    found = {}
+    for part in parts:
+        values = list(islice(given, PARTS[part].span))
+        if part in _SIZED:
+            values, unit = size_in_bytes(part, values, unit)
+        found[part] = PARTS[part].read(part, *values)
+    return SetPoint(pose, extra, **found)
 
 
+_SIZED: Final = frozenset(row.name for row in PARAMETERS if row.form in (FieldType.BYTES, FieldType.WINDOW))
 _OPTIONAL: Final = attrgetter(*PARTS)
 _NOTHING: Final = (None,) * len(PARTS)
 

@@ -6,7 +6,8 @@ The numbers of a pose:
 type  complete               may be omitted     may follow
 ====  =====================  =================  ==================================================================
 P     x to fig: 7 numbers    fig                flags, then the values of the extended joints that they select
-J     J1 to J8: 8 numbers    J7 and J8          flags, which select the extended joints among J7 and J8
+J     J1 to J8: 8 numbers    J7 and J8          flags, which select the extended joints among J7 and J8; the bits of
+                                                J1 to J6 have no effect, because these joints always count
 T     x to fig: 10 numbers   fig                as for P
 ====  =====================  =================  ==================================================================
 
@@ -42,6 +43,7 @@ _FEWEST: Final[dict[PoseKind, int]] = {"P": 6, "J": 6, "T": 9}
 _MOST: Final[dict[PoseKind, int]] = {"P": 10, "J": 9, "T": 13}
 _AXES: Final[dict[float, tuple[int, ...]]] = {0x400000: (), 0x400040: (7,), 0x400080: (8,), 0x4000C0: (7, 8)}
 _FLAGS: Final = {axes: float(flags) for flags, axes in _AXES.items()}
+_ROBOT_BITS: Final = 0x3F  # J1 to J6
 _IS_WITHIN: Final = LARGEST.__ge__
 
 
@@ -121,7 +123,7 @@ def _read_unusual(kind: PoseKind, numbers: Sequence[float]) -> tuple[tuple[float
     if not any(rest):
         return pose, ()
     flags, *values = rest
-    axes = _AXES.get(flags)
+    axes = _AXES.get(float(int(flags) & ~_ROBOT_BITS) if kind == "J" and flags.is_integer() else flags)
     shown = hexadecimal(int(flags)) if flags.is_integer() else str(flags)
     if axes is None:
         raise invalid(

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import os
 import signal
 import socket
+import sys
 import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlsplit
 
 import uvicorn
 from fastapi import FastAPI
@@ -20,15 +24,20 @@ from orinkit.core import i18n
 from orinkit.core.errors import ConnectFailed, OrinError
 from orinkit.core.i18n import tr
 from orinkit.tester.access import AccessMiddleware, AccessRules
+from orinkit.tester.assets import AssetCache
 from orinkit.tester.pages import register
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.workspace import Workspace
 from orinkit.tester.ui.session import language_of_page
+from orinkit.transport.address import is_loopback
 
 DEFAULT_HTTP: Final = "127.0.0.1:8450"
-_RECONNECT: Final = 2.0  # s in which a browser may connect again without losing its page
+_RECONNECT: Final = 6.0  # s in which a browser may connect again without losing its page
 _LARGEST_MESSAGE: Final = 32 * 1024 * 1024
 _SHUTDOWN: Final = 2  # s
+_ARM_PAGE: Final = "/arm"
+_GRAPHICAL: Final = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,33 +63,50 @@ class TesterOptions:
     profiles: Path | None = None
 
 
-def serve(options: TesterOptions, ready: Callable[[str], None]) -> None:
+@dataclass(frozen=True, slots=True)
+class Reports:
+    """Callbacks of :func:`serve`.
+
+    Attributes:
+        ready: Called with the address once the Tester accepts requests.
+        hint: Called with a text for the user: where the Tester was opened, or how to open it.
+    """
+
+    ready: Callable[[str], None]
+    hint: Callable[[str], None] = lambda _: None
+
+
+def serve(options: TesterOptions, reports: Reports) -> None:
     """Run the Tester until SIGINT, SIGTERM or SIGHUP. Then stop all motions and close all connections.
 
     Args:
         options: The options.
-        ready: Callback invoked with the address once the Tester accepts requests.
+        reports: Callbacks.
 
     Raises:
         ConnectFailed: If the address is not available.
     """
-    asyncio.run(_serve(options, ready))
+    asyncio.run(_serve(options, reports))
 
 
-async def _serve(options: TesterOptions, ready: Callable[[str], None]) -> None:
+async def _serve(options: TesterOptions, reports: Reports) -> None:
     workspace = Workspace(options.profiles)
     rules = AccessRules.for_host(options.host, options.names)
     app = FastAPI(openapi_url=None)
     register(workspace)
     i18n.set_source(language_of_page)
-    ui.run_with(app, title="orinkit", tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False)
+    ui.run_with(
+        app, title="orinkit", tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False,
+        gzip_middleware_factory=None,
+    )  # fmt: skip
     config = uvicorn.Config(
-        AccessMiddleware(app, rules), options.host.strip("[]"), options.port, log_level="warning", lifespan="on",
+        AccessMiddleware(AssetCache(app), rules), options.host.strip("[]"), options.port, log_level="warning", lifespan="on",
         ws_max_size=_LARGEST_MESSAGE, timeout_graceful_shutdown=_SHUTDOWN, access_log=False, server_header=False,
+        ws_per_message_deflate=not is_loopback(options.host),
     )  # fmt: skip
     server = _Server(config)
     try:
-        await _run(server, workspace, options, rules, ready)
+        await _run(server, workspace, options, rules, reports)
     finally:
         i18n.set_source(None)
         await workspace.close()
@@ -95,23 +121,49 @@ class _Server(uvicorn.Server):
 
 
 async def _run(
-    server: _Server, workspace: Workspace, options: TesterOptions, rules: AccessRules, ready: Callable[[str], None]
+    server: _Server, workspace: Workspace, options: TesterOptions, rules: AccessRules, reports: Reports
 ) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, _end, server)
     sockets = [_bind(server.config)]
+    gc.collect()
+    gc.freeze()  # the modules: examining them again and again would block the event loop for up to 0.1 s
     serving = asyncio.create_task(server.serve(sockets))
     while not server.started and not serving.done():  # noqa: ASYNC110 - uvicorn has no event for this
         await asyncio.sleep(0.01)
     if not serving.done():
-        port = sockets[0].getsockname()[1]
         await _open_connections(workspace, options)
-        url = f"http://{options.host}:{port}"
-        ready(f"{url}/?token={rules.token}" if rules.token else url)
+        url = f"http://{options.host}:{sockets[0].getsockname()[1]}"
+        query = f"?token={rules.token}" if rules.token else ""
+        reports.ready(f"{url}/{query}" if query else url)
         if options.browser:
-            await asyncio.to_thread(webbrowser.open, f"{url}/?token={rules.token}" if rules.token else url)
+            # an arm can be seen and jogged on its page; without a controller, the user has to connect first
+            is_connected = any(isinstance(each, ControllerConnection) and each.is_open for each in workspace)
+            reports.hint(await _open_page(f"{url}{_ARM_PAGE if is_connected else '/'}{query}"))
     await serving
+
+
+async def _open_page(page: str) -> str:
+    """Open a page in a browser; return a text for the user."""
+    if await asyncio.to_thread(_open_browser, page):
+        return tr("the browser shows {page}. To end the Tester, press Ctrl+C.", page=page)
+    return tr(
+        "no browser could be opened. Try: open {page} in a browser on this computer. From another computer, first connect "
+        "with ssh -L {port}:localhost:{port}. To end the Tester, press Ctrl+C.",
+        page=page,
+        port=urlsplit(page).port,
+    )
+
+
+def _open_browser(page: str) -> bool:
+    """Open a page in a browser; return False if that is not possible."""
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in _GRAPHICAL):
+        return False  # a browser for text would occupy the terminal
+    try:
+        return webbrowser.open(page)
+    except (webbrowser.Error, OSError):
+        return False
 
 
 def _end(server: _Server) -> None:

@@ -22,12 +22,12 @@ _NUMBER: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[
 _WHOLE: Final = re.compile(r"[0-9]+")
 _LONGEST_WHOLE: Final = 10
 _KIND: Final = re.compile(r"[PTJVptjv]")
-_MODE: Final = re.compile(r"[EPep]")
+_MODE: Final = re.compile(r"[CEPcep]")
 _EXTRA: Final = re.compile(r"[Ee][Xx][Aa]?")
 
 
 class PassMarkText(NamedTuple):
-    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``P`` or ``n``), and the radius in mm for ``n``."""
+    """Parsed pass mark such as ``@E``: the mode (``0``, ``E``, ``C``, ``P`` or ``n``), and the radius in mm for ``n``."""
 
     mode: str
     radius: float
@@ -149,7 +149,7 @@ def read_target(scanner: Scanner) -> TargetParts:
         scanner.need("]")
     else:
         value = scanner.whole(0, MAX_WHOLE, N_('the number of a variable {kind}, or "(" followed by values'), kind=kind)
-    return TargetParts(kind, value, mark, _read_extra(scanner))
+    return TargetParts(kind, value, mark, read_extra(scanner))
 
 
 def read_mark(scanner: Scanner) -> PassMarkText | None:
@@ -160,7 +160,7 @@ def read_mark(scanner: Scanner) -> PassMarkText | None:
     if mode:
         return PassMarkText(mode, 0.0)
     start = scanner.here()
-    wanted = N_("P, E, 0 or a radius in mm")
+    wanted = N_("P, E, C, 0 or a radius in mm")
     radius = scanner.number(wanted)
     if radius < 0:
         raise scanner.expected(tr(wanted), start)
@@ -195,7 +195,8 @@ def _read_value(scanner: Scanner, kind: str, place: int) -> float:
     return value
 
 
-def _read_extra(scanner: Scanner) -> ExtraJointsText | None:
+def read_extra(scanner: Scanner) -> ExtraJointsText | None:
+    """Read extended joints; return ``None`` if none follow."""
     name = scanner.take(_EXTRA)
     if not name:
         return None

@@ -16,7 +16,7 @@ decimals, for display.
 
 The target of a motion has this form as text; blanks between its parts and the case of letters are ignored::
 
-    [@P | @E | @0 | @<mm>]  P1  |  P[1]  |  P(v, v, ...)  |  (v, v, ...)   [EX((7, v), (8, v)) | EXA((7, v))]
+    [@P | @E | @C | @0 | @<mm>]  P1  |  P[1]  |  P(v, v, ...)  |  (v, v, ...)   [EX((7, v), (8, v)) | EXA((7, v))]
 
 T, J or V may replace P, and ``EX(7, v)`` is valid for a single joint. Numbers (``v``, ``mm``) may have a sign,
 decimals and an exponent.
@@ -253,7 +253,7 @@ class PassMark:
 
     Attributes:
         mode: ``"0"``: the command position has reached the target. ``"E"``: the encoder values have reached the target.
-            ``"P"``: the arm is near the target; the controller determines the distance. ``"n"``: the arm is within
+            ``"C"``: the tool has reached the target within the tolerance of CrtMotionAllow. ``"P"``: the arm is near the target; the controller determines the distance. ``"n"``: the arm is within
             ``radius`` of the target.
         radius: Radius in mm, above 0; only for ``"n"``.
 
@@ -261,15 +261,15 @@ class PassMark:
         InvalidValue: If the mode is unknown, or the radius is not valid for the mode.
     """
 
-    mode: Literal["0", "E", "P", "n"]
+    mode: Literal["0", "E", "C", "P", "n"]
     radius: float = 0.0
 
     def __post_init__(self) -> None:
         radius = check_finite("radius", self.radius, "PassMark")
-        if self.mode not in ("0", "E", "P", "n") or (radius > 0) != (self.mode == "n") or radius < 0:
+        if self.mode not in ("0", "E", "C", "P", "n") or (radius > 0) != (self.mode == "n") or radius < 0:
             raise InvalidValue(
                 tr(
-                    'invalid pass mark, mode {mode} with radius {radius:g} mm. Try: "0", "E" or "P", or "n" with '
+                    'invalid pass mark, mode {mode} with radius {radius:g} mm. Try: "0", "E", "C" or "P", or "n" with '
                     "a radius above 0 mm",
                     mode=brief(self.mode),
                     radius=radius,
@@ -282,7 +282,7 @@ class PassMark:
 
     @classmethod
     def parse(cls, text: str) -> PassMark:
-        """Parse a pass mark: ``@P``, ``@E``, ``@0``, or ``@10`` for 10 mm.
+        """Parse a pass mark: ``@P``, ``@E``, ``@C``, ``@0``, or ``@10`` for 10 mm.
 
         Raises:
             NotationError: If the text is not a pass mark.

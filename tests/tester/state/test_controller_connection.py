@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 import pytest
 
 import orinkit
+from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.connection_spec import ConnectionSpec
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.packet_log import PacketLog
 from orinkit.virtual.rc8 import VirtualRC8
+from orinkit.virtual.ve026a import VirtualVE026A
+from support.waiting import PATIENCE
 
 
 @pytest.mark.parametrize("debug", [False, True])
@@ -45,3 +49,28 @@ def test_messages_are_refused_if_they_are_not_fetched(messages):
 
     with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server:
         assert asyncio.run(refused(server.url)) is not messages
+
+
+def test_an_idle_serial_line_is_not_used_and_its_end_is_detected():
+    async def lose(url: str, end: Callable[[], None]) -> tuple[int, int, ConnectionState, str]:
+        packets = PacketLog()
+        connection = ControllerConnection(ConnectionSpec("a", url, provider=""), packets)
+        await connection.open()
+        try:
+            before = len(packets)
+            await asyncio.sleep(2.5)  # at least two checks
+            after = len(packets)
+            await asyncio.to_thread(end)
+            for _ in range(int(PATIENCE * 10)):
+                if connection.state is ConnectionState.LOST:
+                    break
+                await asyncio.sleep(0.1)
+            return before, after, connection.state, f"{connection.error}"
+        finally:
+            await connection.close()
+
+    server = orinkit.serve(VirtualVE026A(), "pty://")
+    before, after, state, error = asyncio.run(lose(server.url, server.close))
+    assert before == after
+    assert state is ConnectionState.LOST
+    assert "does not exist any more" in error

@@ -22,6 +22,7 @@ from orinkit.tester.state.performance import Performance
 from orinkit.tester.state.workspace import Workspace
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import VirtualRC8
+from support.arm_log import logged
 from support.waiting import PATIENCE
 
 
@@ -133,6 +134,44 @@ def test_a_move_is_stopped_if_the_user_closes_all_pages(tmp_path, monkeypatch):
         with pytest.raises(orinkit.CallError):
             await asyncio.wait_for(task, PATIENCE)
         assert not cell.rc8.state.arm.busy
+
+    run(body, tmp_path)
+
+
+async def begin_next(cell: Cell) -> None:
+    """Begin a slow motion with the option NEXT: the call returns while the arm moves."""
+    robot = await cell.add(f.controller_get_robot, "Arm")
+    take = Variant(VarType.I4 | ARRAY, [0, 1])
+    await call_function(cell.workspace, cell.connection, "me", robot, f.robot_execute, "TakeArm", take)
+    pose = "@E J(90,0,90,0,90,0)"
+    await call_function(cell.workspace, cell.connection, "me", robot, f.robot_move, 1, pose, "SPEED=1, NEXT")
+    assert cell.rc8.state.arm.busy
+    assert len(cell.workspace.motions) == 1
+
+
+def test_a_motion_with_next_is_stopped_if_the_user_closes_all_pages(tmp_path, monkeypatch):
+    monkeypatch.setattr(motion_call, "ABSENCE", 0.2)
+
+    async def body(cell: Cell) -> None:
+        cell.workspace.controls.enter("me")
+        await begin_next(cell)
+        cell.workspace.controls.leave("me")
+        with logged(cell.rc8) as log:
+            await until(lambda: not cell.rc8.state.arm.busy)
+            log.check_limits()
+        await until(lambda: not cell.workspace.motions)
+        assert cell.rc8.state.arm.queue.joints[0] < 90
+
+    run(body, tmp_path)
+
+
+def test_the_stop_button_stops_a_motion_with_next(tmp_path):
+    async def body(cell: Cell) -> None:
+        cell.workspace.controls.enter("me")
+        await begin_next(cell)
+        assert await cell.workspace.stop_all("test") == []
+        assert not cell.rc8.state.arm.busy
+        await until(lambda: not cell.workspace.motions)
 
     run(body, tmp_path)
 

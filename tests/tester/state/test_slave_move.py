@@ -20,7 +20,7 @@ from orinkit.tester.state.slave_trajectory import SlaveTrajectory, read_arm
 from orinkit.tester.state.workspace import Workspace
 from orinkit.virtual.rc8 import VirtualRC8
 from support.arm_log import logged
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, until
 
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
 SHORT = SlaveTrajectory("J", generators.sine((5.0, *HOME[1:]), 1, 2.0, 0.4), "sine")
@@ -131,6 +131,25 @@ def test_without_a_user_the_arm_stops_within_its_limits_and_is_released(cell, tm
     assert_released(cell)
 
 
+def test_the_newest_set_point_is_used_in_mode_1(cell, tmp_path):
+    modes = set()
+
+    async def observe(_: Workspace, move: SlaveMove) -> None:
+        while not move.finished:
+            mode = cell.rc8.state.arm.slave.mode
+            modes.add(mode and mode.number)
+            await asyncio.sleep(0.005)
+
+    with logged(cell.rc8) as log:
+        options = SlaveMoveOptions(1, timeout=PATIENCE, approach=100.0)
+        move = asyncio.run(carry_out(cell, tmp_path, SHORT, options, during=observe))
+    assert (move.error, move.reason) == (None, "")
+    assert modes == {None, 0x102}  # joints, mode 1
+    log.check_limits()
+    assert log.commands[-1][:6] == pytest.approx(SHORT.points[-1], abs=1e-6)
+    assert_released(cell)
+
+
 def test_the_stop_button_stops_the_sequence_and_waits_for_standstill(cell, tmp_path):
     async def press(workspace: Workspace, move: SlaveMove) -> None:
         while move.sent < 50 and not move.finished:  # noqa: ASYNC110 - as above
@@ -143,6 +162,29 @@ def test_the_stop_button_stops_the_sequence_and_waits_for_standstill(cell, tmp_p
         move = asyncio.run(carry_out(cell, tmp_path, LONG, during=press))
     assert move.reason == "the stop button was pressed"
     assert move.error is None
+    log.check_limits()
+    assert_released(cell)
+
+
+def test_the_arm_stops_if_the_tester_hangs_and_does_not_continue_by_itself(cell, tmp_path):
+    arm, counts = cell.rc8.state.arm, []
+
+    async def hang(_workspace: Workspace, move: SlaveMove) -> None:
+        while move.sent < 200 and not move.finished:  # noqa: ASYNC110 - as above
+            await asyncio.sleep(0.002)
+        counts.append(len(log.commands))
+        until(lambda: len(log.commands) > counts[0] + 50 and len(set(log.commands[-20:])) == 1)  # blocks the event loop
+        counts.append(len(log.commands))
+        assert arm.slave.mode is not None
+
+    with logged(cell.rc8) as log:
+        move = asyncio.run(carry_out(cell, tmp_path, LONG, during=hang))
+    assert "blocked for more than 1 s" in move.reason
+    assert move.error is None
+    assert (
+        counts[1] - counts[0] < 125 + 150
+    )  # the queue of 1 s, and the deceleration; the whole queue has 4096 set-points
+    assert log.commands[-1] == log.commands[counts[1] - 1]
     log.check_limits()
     assert_released(cell)
 

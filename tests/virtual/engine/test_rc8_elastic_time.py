@@ -80,7 +80,7 @@ def test_after_250_ms_it_is_an_error(cells, mode):
     assert (cell.error, cell.arm.slave.on) == (hresult.COMMAND_DELAY, False)
     with pytest.raises(CallError) as refused:
         cell.send(POSES[MOVING])
-    assert refused.value.code == hresult.SLAVE_MODE_OFF
+    assert refused.value.code == hresult.COMMAND_DELAY
     assert cell.rc8.set_point_lateness == Lateness(1, pytest.approx(0.25), pytest.approx(0.25))
     assert "250 ms" in cell.rc8.state.faults.log.newest.message or "250 ms" in str(cell.rc8.state.faults.log.newest)
 
@@ -262,7 +262,7 @@ def test_limits_hold_in_mode_1_after_a_pause(late, far):
         goal = cell.arm.queue.joints[0] + way
         cell.send((min(max(goal, AXIS.lower), AXIS.upper), *HOME[1:]))
         cell.clock.advance(PERIOD)
-    assert np.abs(np.diff(seen, 2)).max(initial=0.0) <= 1.2501 * AXIS.acceleration * PERIOD**2
+    assert np.abs(np.diff(seen, 2)).max(initial=0.0) <= 1.2501 * AXIS.slave_acceleration * PERIOD**2
     assert np.abs(np.diff(seen)).max(initial=0.0) <= 1.2501 * AXIS.velocity * PERIOD
     cell.rc8.close()
 

@@ -70,7 +70,7 @@ def code(cell: Cell, name: str, value: Any) -> int:
 
 
 def test_the_table_is_complete(cell):
-    assert set(cell.robot.get_variable_names("")) == {*TABLE, "Tool*", "Work*"}
+    assert set(cell.robot.get_variable_names("")) == {*TABLE, "Tool*", "Work*", "Area*"}
 
 
 @pytest.mark.parametrize("name", TABLE)

@@ -66,7 +66,7 @@ def test_the_velocity_of_each_axis(setting, axis, sign):
 @pytest.mark.parametrize("axis", range(6))
 @pytest.mark.parametrize("setting", PARTS)
 def test_the_acceleration_of_each_axis(setting, axis, sign):
-    most = VS050.axes[axis].acceleration * PARTS[setting][1] * PERIOD**2 * sign
+    most = VS050.axes[axis].slave_acceleration * PARTS[setting][1] * PERIOD**2 * sign
     for part, code in ((1 - 1e-7, None), (1 + 5e-7, None), (1 + 2e-6, 0x84204041 + axis)):
         fault = limits(setting).violation(ZERO, ZERO, along(axis, most * part), lenient=False)
         assert (fault and fault.code) == code
@@ -89,7 +89,7 @@ def test_a_late_server_is_lenient():
     place = axis.velocity * LENIENCY * PERIOD
     assert limits(2).violation(along(0, -place), ZERO, along(0, place), lenient=True) is None
     assert limits(2).violation(along(0, -place), ZERO, along(0, place * 1.001), lenient=True).code == 0x84204051
-    bend = axis.acceleration * LENIENCY * PERIOD**2
+    bend = axis.slave_acceleration * LENIENCY * PERIOD**2
     assert limits(2).violation(ZERO, ZERO, along(0, bend), lenient=True) is None
     assert limits(2).violation(ZERO, ZERO, along(0, bend * 1.001), lenient=True).code == 0x84204041
 
@@ -209,7 +209,7 @@ def test_the_pendant_has_the_setting(cell):
 def test_the_setting_counts_at_once(cell):
     """Also in slave mode."""
     cell.on(J0)
-    most = VS050.axes[0].acceleration * PERIOD**2
+    most = VS050.axes[0].slave_acceleration * PERIOD**2
     cell.stream([(most * 1.1, *HOME[1:])])
     assert cell.error == 0
     cell.rc8.pendant.slave_limit(2)

@@ -168,6 +168,7 @@ def test_the_next_set_point_fails_because_slave_mode_is_off(cell, cause):
     cell.on(J0)
     cell.stream(SINE[:26])
     ENDS[cause][0](cell)
+    assert cell.code_of(lambda: cell.send(SINE[26])) == ENDS[cause][1]
     assert cell.code_of(lambda: cell.send(SINE[26])) == hresult.SLAVE_MODE_OFF
     assert cell.mode == 0
     cell.rest()
@@ -215,10 +216,11 @@ def test_halt_is_answered_when_the_arm_stands_and_frees_nothing_else(cell):
     cell.on(J0)
 
 
-def test_halt_of_its_own_client_is_refused(cell):
+def test_halt_of_its_own_client_ends_slave_mode(cell):
     cell.on(J0)
-    assert cell.code_of(lambda: cell.robot.halt("")) == hresult.REFUSED_IN_SLAVE_MODE
-    assert cell.mode == J0
+    cell.stream(SINE[:26])
+    assert cell.code(cell.robot.halt("")) == 0
+    assert cell.mode == 0
 
 
 def test_a_move_waits_for_the_brake(cell):

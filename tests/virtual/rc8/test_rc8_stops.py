@@ -284,16 +284,19 @@ def test_a_client_without_a_robot_object_leaves_nothing_behind(cell):
     cell.take()
 
 
-def test_the_motor_is_not_on_while_it_is_about_to_be_cut(cell):
+def test_the_motor_is_switched_on_after_it_has_been_cut(cell):
     """The emergency stop was short, but its effect is still pending."""
     cell.move(*MOVES["ptp"])
     cell.trace(15)
     cell.rc8.pendant.emergency_stop()
     cell.rc8.pendant.emergency_stop(False)
     assert cell.arm.busy
-    assert cell.code_of(lambda: cell.execute("Motor", [1, 0])) == hresult.MOTOR_SWITCHING_OFF
-    cell.trace(60)
-    cell.execute("Motor", [1, 0])
+    done = cell.robot.execute("Motor", variant([1, 0]))
+    while cell.arm.busy:
+        assert not done.done()
+        cell.trace(1)
+    assert not cell.arm.motor.on
+    cell.run(done)
     assert cell.arm.motor.on
 
 

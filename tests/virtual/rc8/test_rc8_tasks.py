@@ -206,7 +206,7 @@ def test_halt_of_a_programs_motion_is_its_fault(cell):
     served = task(cell, MOVE)
     served.start(ONE_CYCLE, "")
     cell.clock.advance(0.3)
-    cell.run(cell.robot.halt(""))
+    assert cell.code(cell.robot.halt("")) == hresult.ARM_TAKEN_BY_PACSCRIPT
     cell.clock.advance(1.0)
     assert status(served) == READY
     record = cell.rc8.state.faults.current.newest

@@ -62,7 +62,9 @@ class SlaveCell(Cell):
     """A cell whose client has the arm, and its use of slave mode."""
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**{"strict_time": True, **options})  # as in the document
+        super().__init__(
+            **{"strict": True, "strict_time": True, "user_io_unit": "bytes", **options}
+        )  # as in the document
         self.take()
 
     def on(self, mode: int = 0x002) -> SlaveCell:
@@ -703,7 +705,7 @@ def test_4_6_mode_1_standing(cell: SlaveCell, mode: int) -> None:
 
 def fast(cell: SlaveCell) -> float:
     """Move J1 so fast that it cannot stop within a cycle; return its position."""
-    turns = list(itertools.accumulate(STEP * number for number in range(1, 6)))
+    turns = list(itertools.accumulate(0.5 * number for number in range(1, 6)))
     cell.feed([j(turn) for turn in turns])
     assert cell.error == 0
     return turns[-1]
@@ -806,7 +808,7 @@ def test_4_6_2_the_end_while_standing(cell: SlaveCell, mode: int) -> None:
 
 COMMANDS: list[tuple[str, Any]] = [
     ("TakeArm", [0, 0]), ("GiveArm", None), ("Motor", [0, 0]), ("Motor", [1, 0]), ("ExtSpeed", [50.0]), ("CurPos", None),
-    ("CurJnt", None), ("CurTrn", None), ("CurFig", None), ("HighCurJnt", None), ("DestPos", None), ("CurTool", None),
+    ("CurJnt", None), ("CurTrn", None), ("CurFig", None), ("HighCurJnt", None), ("DestPos", None),
     ("SetToolDef", [1, "P(0, 0, 0, 0, 0, 0)"]), ("DriveEx", ["(1, 1)", ""]), ("Approach", [1, "J(1)", "@P 1", ""]),
     ("P2J", "P(300, 0, 300, 180, 0, 180, 5)"), ("StartLog", None), ("slvSendFormat", 0), ("slvSendFormat", 0x0020),
     ("slvRecvFormat", [2, 0]), ("GetRobotTypeName", None),
@@ -814,12 +816,10 @@ COMMANDS: list[tuple[str, Any]] = [
 ]  # fmt: skip
 METHODS: dict[str, Callable[[Any], Any]] = {
     "Robot_Move": lambda robot: robot.move(1, variant("J(1, 45, 90, 0, 45, 0)"), ""),
-    "Robot_Drive": lambda robot: robot.drive(1, 1.0, ""),
     "Robot_Speed": lambda robot: robot.speed(-1, 50.0),
     "Robot_Accelerate": lambda robot: robot.accelerate(-1, 50.0, 50.0),
     "Robot_Change": lambda robot: robot.change("Tool1"),
     "Robot_GoHome": lambda robot: robot.go_home(),
-    "Robot_Halt": lambda robot: robot.halt(""),
     "Robot_Hold": lambda robot: robot.hold(""),
     "Robot_Unhold": lambda robot: robot.unhold(""),
 }
@@ -873,7 +873,7 @@ def underflow(cell: SlaveCell) -> int:
 
 
 def leap(cell: SlaveCell) -> int:
-    cell.feed([j(0.2)])
+    cell.feed([j(0.8)])
     return ACCELERATION_OVER + 1
 
 
@@ -938,6 +938,7 @@ def test_4_7_calls_waiting_for_room_fail(cell: SlaveCell) -> None:
 VELOCITY = (425.0, 340.0, 385.72, 425.0, 327.01, 680.0)  # of the model; its accelerations are five times as large
 BEGIN = (-60.0, -50.0, -60.0, -60.0, -60.0, -80.0)
 EXTERNAL = 20.0
+ACCELERATION = 6300.0  # of every axis of the VS-050 in slave mode
 LIMITS = {  # setting: fractions of the model's limits; ExtSpeed 20 has an acceleration of 20 * 20 / 100
     0: (SERVO_LIMIT, SERVO_LIMIT),
     1: (SERVO_LIMIT * 0.20, SERVO_LIMIT * 0.04),
@@ -996,7 +997,7 @@ def test_4_8_velocity(limited: tuple[SlaveCell, float, float], axis: int) -> Non
 def test_4_8_acceleration(limited: tuple[SlaveCell, float, float], axis: int, way: int) -> None:
     """From rest, in either direction."""
     cell, _, part = limited
-    change = way * 5 * VELOCITY[axis] * part * PERIOD**2
+    change = way * ACCELERATION * part * PERIOD**2
     start = start_for(axis)
     cell.stand(*start)
     cell.on()
@@ -1014,7 +1015,7 @@ def test_4_8_acceleration(limited: tuple[SlaveCell, float, float], axis: int, wa
 def test_4_8_braking(limited: tuple[SlaveCell, float, float], axis: int) -> None:
     """An acceleration against the motion counts like any other."""
     cell, _, part = limited
-    change = 5 * VELOCITY[axis] * part * PERIOD**2
+    change = ACCELERATION * part * PERIOD**2
     start = start_for(axis)
     cell.stand(*start)
     cell.on()
@@ -1046,7 +1047,7 @@ def test_4_8_the_pendant_changes_the_setting(cell: SlaveCell, setting: int) -> N
     cell.execute("ExtSpeed", [EXTERNAL, 30.0])
     cell.rc8.pendant.slave_limit(setting)
     part = (SERVO_LIMIT if setting < 2 else 1.0) * (0.30 if setting % 2 else 1.0)
-    change = 5 * VELOCITY[0] * part * PERIOD**2
+    change = ACCELERATION * part * PERIOD**2
     cell.on()
     cell.feed([j(0.999 * change), j(0.999 * change)])
     assert cell.error == 0

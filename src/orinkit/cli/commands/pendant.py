@@ -135,6 +135,56 @@ def _workpiece(given: PendantArguments) -> list[float] | None:
     return None if word.lower() == "none" else [given.number(0)]
 
 
+_SURFACE: Final = ("size", "stiffness", "damping", "friction", "thickness", "radius")
+_SURFACE_DEFAULTS: Final = {
+    "size": [200.0, 200.0], "stiffness": [10.0], "damping": [0.0], "friction": [0.0], "thickness": [100.0],
+    "radius": [0.0],
+}  # fmt: skip
+
+
+def _numbers(given: PendantArguments, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise given.wrong() from None
+    if len(values) != count:
+        raise given.wrong()
+    return values
+
+
+def _surface(given: PendantArguments) -> list[Any]:
+    name, pose, *settings = given.words(2, 2 + len(_SURFACE))
+    if pose.lower() == "none":
+        return [name]
+    values = dict(_SURFACE_DEFAULTS)
+    for setting in settings:
+        key, _, text = setting.partition("=")
+        if key.lower() not in values:
+            raise given.wrong()
+        values[key.lower()] = _numbers(given, text, len(values[key.lower()]))
+    return [name, *_numbers(given, pose, 6), *(number for key in _SURFACE for number in values[key])]
+
+
+def _fence(given: PendantArguments) -> list[float] | None:
+    words = given.words(1, 3)
+    if len(words) == 1 and words[0].lower() == "none":
+        return None
+    if len(words) != 3 or words[2].lower() not in ("inside", "outside"):
+        raise given.wrong()
+    return [*_numbers(given, words[0], 6), *_numbers(given, words[1], 3), float(words[2].lower() == "inside")]
+
+
+def _scene(given: PendantArguments) -> list[Any]:
+    number, sub, *settings = given.words(2, 6)
+    values: dict[str, Any] = {"tool": -1.0, "work": -1.0, "speed": -1.0, "name": ""}
+    for setting in settings:
+        key, _, text = setting.partition("=")
+        if key.lower() not in values:
+            raise given.wrong()
+        values[key.lower()] = text if key.lower() == "name" else _numbers(given, text, 1)[0]
+    return [*_numbers(given, f"{number},{sub}", 2), *values.values()]
+
+
 _STOPS: Final = ("motor", "error")
 ACTIONS: Final[dict[str, PendantAction]] = {
     "mode": PendantAction("Mode", "manual|teach|auto", lambda given: read_mode(given.one()), ("mode",)),
@@ -152,6 +202,17 @@ ACTIONS: Final[dict[str, PendantAction]] = {
     "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
     "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
     "time": PendantAction("Time", "YYYY-MM-DD [HH:MM:SS]", _time, ("time",)),
+    "surface": PendantAction(
+        "Surface",
+        "NAME X,Y,Z,RX,RY,RZ|none [size=X,Y] [stiffness=N/mm] [damping=] [friction=] [thickness=] [radius=]",
+        _surface,
+        ("workspace.surfaces", "workspace.force"),
+    ),
+    "fence": PendantAction("Fence", "X,Y,Z,RX,RY,RZ DX,DY,DZ inside|outside | none", _fence, ("workspace.fences",)),
+    "scene": PendantAction("Scene", "NUMBER SUB [tool=N] [work=N] [speed=%] [name=TEXT]", _scene, ("workspace.scene",)),
+    "arm-button": PendantAction("ArmButton", "0|1|2", _whole, ("workspace.buttons",)),
+    "lose-calibration": PendantAction("LoseCalibration", "", PendantArguments.none, ("workspace.calibrated",)),
+    "save-path": PendantAction("SavePath", "1..20", _whole, ("error",)),
     "status": PendantAction("Status", "", PendantArguments.none),
 }
 """The actions, by name."""
@@ -305,6 +366,10 @@ _LABELS: Final = {
     "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
     "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),
     "hand.workpiece": N_("hand: workpiece"), "time": N_("time"),
+    "workspace.surfaces": N_("surfaces"), "workspace.force_control": N_("force control"),
+    "workspace.force": N_("force on the tool"), "workspace.fences": N_("virtual fences"),
+    "workspace.scene": N_("scene"), "workspace.buttons": N_("buttons of the arm"),
+    "workspace.calibrated": N_("calibrated"),
 }  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from cyclopts import Group, Parameter
 
@@ -129,6 +129,20 @@ def serve_rc8(
 "error; in mode 1 the arm stops in place instead. By default, the virtual controller waits up to 250 ms."),
         ),
     ] = False,
+    user_io_unit: Annotated[
+        Literal["bits", "bytes"],
+        Parameter(
+            group=ROBOT,
+            help=tr("Unit of the size of user I/O in slvMove, if the set-point contains no user I/O that shows the unit."),
+        ),
+    ] = "bits",
+    loose_poses: Annotated[
+        bool,
+        Parameter(
+            group=ROBOT,
+            help=tr("Read six bare numbers in OutRange as a position, and the pose type L of Move as P."),
+        ),
+    ] = False,
     strict: Annotated[
         bool,
         Parameter(
@@ -216,9 +230,11 @@ def serve_rc8(
             slave_licence=not no_slave_licence,
             slave_limit=slave_limit,
             strict_time=strict_time,
+            loose_poses=loose_poses,
             strict=strict,
             hands=read_boards(hand),
             create_files=create_files,
+            user_io_unit=user_io_unit,
             clock=Clock(time_scale),
         )
     except ValueError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -38,7 +39,7 @@ def tester(
     """Serve the Tester; print "ready http://HOST:PORT". Stop on SIGINT, SIGTERM or SIGHUP."""
     host, port = _address(http)
     try:
-        from orinkit.tester.server import TesterOptions, serve
+        from orinkit.tester.server import Reports, TesterOptions, serve
         from orinkit.tester.state.connection_spec import ConnectionSpec
         from orinkit.tester.state.simulators import KINDS
     except ModuleNotFoundError as error:
@@ -52,8 +53,10 @@ def tester(
     logs.to_stderr()
     serve(
         TesterOptions(host, port, allow_host, specs, virtual, not no_browser),
-        lambda url: print(f"ready {url}", flush=True),
-    )
+        Reports(
+            lambda url: print(f"ready {url}", flush=True), lambda text: print(f"orinkit: {text}", file=sys.stderr, flush=True)
+        ),
+    )  # fmt: skip
     return 0
 
 

@@ -16,13 +16,19 @@ from orinkit.client._async.motion import AsyncArmBase
 from orinkit.client._async.slave_mode import AsyncSlaveMode
 from orinkit.client._shared import stream as common
 from orinkit.client._shared.stream import Progress, SampleReader, StreamResult
-from orinkit.client._shared.stream_options import StreamOptions, check_outputs_enabled, check_sendable, read_outputs
+from orinkit.client._shared.stream_options import (
+    StreamOptions,
+    check_outputs_enabled,
+    check_sendable,
+    queue_room,
+    read_outputs,
+)
 from orinkit.core.errors import InvalidValue, StreamError
 from orinkit.core.i18n import tr
 from orinkit.core.public_name import public
 from orinkit.streaming.planning.limits import Limits
 from orinkit.streaming.planning.planners import Planner, planner_for
-from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs, StreamCommand
+from orinkit.streaming.process.shared_memory import Outputs, StreamCommand
 from orinkit.streaming.recording.samples import Sample
 from orinkit.streaming.trajectory.limit_violations import TrajectoryError
 from orinkit.streaming.trajectory.retime import retime as retimed
@@ -65,7 +71,12 @@ class AsyncStream(AsyncSlaveMode):
     # --- trajectories -------------------------------------------------------------------------------------------
 
     async def run(
-        self, trajectory: Any, *, retime: bool = False, progress: Callable[[Progress], object] | None = None
+        self,
+        trajectory: Any,
+        *,
+        retime: bool = False,
+        progress: Callable[[Progress], object] | None = None,
+        ahead: float | None = None,
     ) -> StreamResult:
         """Send a trajectory, one set-point per cycle, and wait for standstill at its end.
 
@@ -75,6 +86,9 @@ class AsyncStream(AsyncSlaveMode):
                 are checked as they are read.
             retime: Slow the trajectory down if it exceeds the limits; not available for an iterator.
             progress: Callback invoked with the progress.
+            ahead: Time in s, at least 0.1, for which set-points are queued in the streaming process: if this program
+                hangs, the arm continues for this time, and then stops within the limits. By default, as many set-points
+                are queued as possible, those of 32 s.
 
         Returns:
             The number of set-points sent, the samples and the timing.
@@ -86,6 +100,7 @@ class AsyncStream(AsyncSlaveMode):
         """
         streaming = self._alive()
         total: int | None = None
+        room = queue_room(ahead, self._options.period)
         await self._wait_for_standstill()
         if isinstance(trajectory, Iterator):
             if retime:
@@ -97,7 +112,7 @@ class AsyncStream(AsyncSlaveMode):
             points, total = iter(()), len(ready)
         run = common.TrajectoryRun(streaming.shared, total, progress)
         try:
-            sent = await self._feed(ready, points, run)
+            sent = await self._feed(ready, points, run, room)
             while run.sent < sent or not run.shared.settled:
                 await self._poll(run)
         except BaseException:
@@ -107,15 +122,19 @@ class AsyncStream(AsyncSlaveMode):
         return run.result(sent)
 
     async def _feed(
-        self, ready: Sequence[tuple[float, ...]], points: Iterator[tuple[float, ...]], run: common.TrajectoryRun
+        self,
+        ready: Sequence[tuple[float, ...]],
+        points: Iterator[tuple[float, ...]],
+        run: common.TrajectoryRun,
+        room: int,
     ) -> int:
-        """Queue the set-points as room becomes available; return their number."""
+        """Queue the set-points as room becomes available, at most ``room`` at a time; return their number."""
         shared = run.shared
         sent = 0
         polled = monotonic_ns()
         for source in (iter(ready), points):
             for point in source:
-                while shared.queued >= QUEUE_ROOM:
+                while shared.queued >= room:
                     run.start()
                     await self._poll(run)
                 shared.put(point)

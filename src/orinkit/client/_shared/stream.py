@@ -108,7 +108,7 @@ class StreamResult:
     Attributes:
         sent: Number of set-points of the trajectory that were sent.
         underflows: Number of times that the queue of set-points was empty while the arm moved, so that the arm was
-            stopped. This is possible only if the set-points come from an iterator.
+            stopped. This is possible only if the set-points come from an iterator, or with ``ahead``.
         samples: Set-points and feedback, from the first set-point to standstill of the arm.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.

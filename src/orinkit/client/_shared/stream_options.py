@@ -20,11 +20,13 @@ from orinkit.rc8.slave_formats import (
     SendBits,
     SetPoint,
     SlaveMode,
+    UserIoUnit,
     UserWindow,
     encode_set_point,
     mode_number,
     mode_of,
 )
+from orinkit.rc8.user_io_unit import read_unit
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import QUEUE_ROOM, Outputs
 
@@ -54,6 +56,8 @@ _WINDOW: Final = sum(row.receive for row in PARAMETERS if row.form is FieldType.
 _MAX_PERIOD: Final = 1.0  # s
 _MAX_IDLE: Final = 1e6  # s
 _MAX_QUEUED: Final = QUEUE_ROOM // 2  # several threads may push at the same time
+_MIN_AHEAD: Final = 0.1  # s
+_LEAST_QUEUED: Final = 8  # set-points; the streaming process waits for four of them before it begins
 _UNEVEN: Final = 0.6  # velocity scale that leaves room for two set-points in one cycle
 _PATH_SPEED: Final = 0.5  # default scale of the tool's velocity limits
 _PATH_ACCELERATION: Final = 0.25  # default scale of the tool's acceleration limits
@@ -68,6 +72,7 @@ class StreamOptions:
     send: SendBits
     outputs: Outputs
     window: UserWindow | None
+    user_io_unit: UserIoUnit
     limits: Limits | PathLimits | None
     speed: float
     period: float
@@ -80,7 +85,7 @@ class StreamOptions:
 def read_options(
     dialect: Dialect, mode: int, pose: str, recv: Iterable[str], *, limits: Limits | PathLimits | None, speed: float,
     period: float, queue: int, idle: float | None, on_range: OnRange, record: str | os.PathLike[str] | None,
-    user_window: tuple[int, int] | None = None, **outputs: int | tuple[int, bytes] | None,
+    user_window: tuple[int, int] | None = None, user_io_unit: str = UserIoUnit.BITS.value, **outputs: int | tuple[int, bytes] | None,
 ) -> StreamOptions:  # fmt: skip
     """Check the options of slave mode and return them.
 
@@ -103,7 +108,7 @@ def read_options(
             tr("limits must be an object of class Limits for joints (pose J), or PathLimits for positions (pose P, T)")
         )
     options = StreamOptions(
-        wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, limits,
+        wanted, ReceiveFormat(int(number), microseconds=True), _send(states), states, window, read_unit(user_io_unit), limits,
         check_range("speed", speed, MIN_SPEED, MAX_SPEED), check_range("period", period, 0.0005, _MAX_PERIOD),
         int(check_range("queue", queue, 1, _MAX_QUEUED)), None if idle is None else check_range("idle", idle, 0.01, _MAX_IDLE),
         on_range, _path(record),
@@ -167,6 +172,21 @@ def check_outputs_enabled(options: StreamOptions, outputs: Outputs) -> None:
     for name in outputs.present_items():
         if name not in opened:
             raise InvalidValue(tr("{name} outputs are not enabled. Try: slave_mode({name}=...)", name=name))
+
+
+def queue_room(ahead: float | None, period: float) -> int:
+    """Return the number of set-points of a trajectory that are queued at most.
+
+    Args:
+        ahead: Time in s for which set-points are queued; ``None`` for no limit.
+        period: Cycle time in s.
+
+    Raises:
+        InvalidValue: If the time is too short.
+    """
+    if ahead is None:
+        return QUEUE_ROOM
+    return min(QUEUE_ROOM, max(_LEAST_QUEUED, round(check_range("ahead", ahead, _MIN_AHEAD, _MAX_IDLE) / period)))
 
 
 def _bits(name: str, value: object) -> int:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from orinkit.cao import functions as f
 from orinkit.client._shared import robot as common
@@ -80,6 +80,7 @@ class Robot(ArmBase):
         hand: int | None = None,
         user: tuple[int, bytes] | None = None,
         user_window: tuple[int, int] | None = None,
+        user_io_unit: Literal["bits", "bytes"] = "bits",
     ) -> Stream:
         """Stream set-points in slave mode for the duration of a block (RC8 4).
 
@@ -111,6 +112,8 @@ class Robot(ArmBase):
             hand: Hand I/O outputs to send with every set-point.
             user: User I/O outputs to send with every set-point: the number of the first output, and the bytes.
             user_window: User I/O in the feedback: the number of the first one, and the number of bytes.
+            user_io_unit: Unit in which the size of user I/O is sent; the b-CAP document does not define it. DENSO's ROS
+                driver sends bits.
 
         Raises:
             InvalidValue: If an option is invalid.
@@ -124,6 +127,7 @@ class Robot(ArmBase):
         options = read_options(
             dialect, dialect.slave_mode if mode is None else mode, pose, recv, mini=mini, hand=hand, user=user, user_window=user_window, limits=limits, speed=speed,
             period=period, queue=queue, idle=idle, on_range=on_range, record=record,
+            user_io_unit=user_io_unit,
         )  # fmt: skip
         return Stream(self, options)
 
@@ -299,7 +303,7 @@ class Robot(ArmBase):
         """
         self._call(f.robot_speed, axis, speed)
 
-    def accelerate(self, axis: int, accel: float, decel: float) -> None:
+    def accelerate(self, axis: int, accel: float, decel: float = -1.0) -> None:
         """Set the internal acceleration and deceleration. The arm must be taken and at standstill.
 
         Args:
@@ -398,7 +402,10 @@ class Robot(ArmBase):
         self._begin(f.robot_move, interpolation, common.raw_pose(pose), option, wait=common.waits(option))
 
     def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
-        self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
+        # Controllers do not support Robot_Drive (RC8 provider guide 5.2.24).
+        self._begin(
+            f.robot_execute, "DriveEx", [common.axes_text({axis: value}, ""), option], wait=common.waits(option)
+        )
 
     def _drive(
         # Also in client._sync.robot: the overload of drive repeats its signature.

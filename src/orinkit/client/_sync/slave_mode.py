@@ -112,7 +112,7 @@ class SlaveMode:
             self._robot._controller().handle, self._robot.handle, options.mode, options.send, options.receive,
             options.window, self._outputs, options.period, self.limits, start, unlimited_joints, serial, self._robot.client.timeout,
             options.idle, os.getpid(), self._robot.client.dialect.name,
-            self._robot.client.tries,
+            self._robot.client.tries, options.user_io_unit,
         )  # fmt: skip
 
     def _start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

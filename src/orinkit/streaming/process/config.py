@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Self
 
 from orinkit.cao.dialect import DIALECTS, RC8
-from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveMode, UserWindow, mode_of
+from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SlaveMode, UserIoUnit, UserWindow, mode_of
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.process.shared_memory import Outputs
 
@@ -33,6 +33,7 @@ class StreamerConfig:
         parent_pid: Process id of the program.
         dialect: Name of the controller's dialect.
         tries: Largest number of attempts for a request, on transports that may lose packets.
+        user_io_unit: Unit in which the size of user I/O is sent.
     """
 
     controller: int
@@ -52,6 +53,7 @@ class StreamerConfig:
     parent_pid: int
     dialect: str = RC8.name
     tries: int = 1
+    user_io_unit: UserIoUnit = UserIoUnit.BITS
 
     @property
     def joints_only(self) -> bool:
@@ -64,6 +66,7 @@ class StreamerConfig:
         message |= {
             "mode": self.mode.number,
             "send": int(self.send),
+            "user_io_unit": self.user_io_unit.value,
             "receive": (self.receive.number, self.receive.microseconds),
             "window": self.window and (self.window.offset, self.window.size),
             "outputs": {name: _to_json(value) for name, value in self.outputs.present_items().items()},
@@ -80,6 +83,7 @@ class StreamerConfig:
         parts: dict[str, Any] = {
             "mode": mode,
             "send": SendBits(message["send"]),
+            "user_io_unit": UserIoUnit(message["user_io_unit"]),
             "receive": ReceiveFormat(*message["receive"]),
             "window": window and UserWindow(*window),
             "outputs": Outputs(**{name: _from_json(value) for name, value in message["outputs"].items()}),

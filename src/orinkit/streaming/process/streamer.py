@@ -435,7 +435,7 @@ class Streamer:
             extra = tuple((axis + 1, command[axis]) for axis in range(_ROBOT_AXES, len(command)))
             command = (*command, *setup.unlimited_joints)
         point = SetPoint(command, extra, **self._beside)
-        return encode_set_point(setup.mode.kind, point, setup.send, setup.receive)
+        return encode_set_point(setup.mode.kind, point, setup.send, setup.receive, setup.user_io_unit)
 
     def _sample(self, command: tuple[float, ...], delivery: Delivery) -> RawSample:
         answer: SlaveReply = delivery.reply

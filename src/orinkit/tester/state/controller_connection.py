@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from pathlib import Path
 from typing import Any, Final
 
 from orinkit import aio
@@ -18,6 +19,8 @@ from orinkit.tester.state.objects import ObjectRegistry
 from orinkit.tester.state.packet_log import PacketLog
 from orinkit.tester.state.poller import VariablePoller
 from orinkit.tester.state.watch_list import WatchLists
+from orinkit.transport.address import parse_address
+from orinkit.transport.serial.address import SerialAddress
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -171,7 +174,23 @@ class ControllerConnection(Connection):
                     logger.debug("%s: closing failed: %s", self.name, error)
 
     async def _check(self) -> None:
-        try:
+        if self.allows_second:
             await (await self.monitor()).get_name()
-        except StreamError as error:  # slave mode uses the serial line
-            logger.debug("%s: %s", self.name, error)
+            return
+        # a call would be a packet among those of the user
+        path = await asyncio.to_thread(_missing_port, self.spec.url)
+        if path:
+            raise ConnectionClosed(
+                tr(
+                    "{path} does not exist any more. Try: plug in the adapter of the serial line, then Connect",
+                    path=path,
+                )
+            )
+
+
+def _missing_port(url: str) -> str:
+    """Return the path of a serial port that does not exist; otherwise ``""``."""
+    address = parse_address(url)
+    if isinstance(address, SerialAddress) and "/" in address.path and not Path(address.path).exists():
+        return address.path
+    return ""

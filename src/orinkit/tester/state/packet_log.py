@@ -46,6 +46,12 @@ class LoggedPacket:
     request_number: int = 0
 
 
+# The fields of a LoggedPacket. The garbage collector examines 100,000 objects again and again, but not tuples of values.
+_Row: TypeAlias = tuple[int, int, str, str, Direction, bytes, bytes | None, int]
+_NUMBER: Final = 0
+_DATA: Final = 5
+
+
 class PacketLog:
     """The latest packets of all connections. All methods must be called in the thread of the event loop.
 
@@ -57,7 +63,7 @@ class PacketLog:
     """
 
     def __init__(self, capacity: int = CAPACITY, max_bytes: int = MAX_BYTES) -> None:
-        self._packets: deque[LoggedPacket] = deque()
+        self._packets: deque[_Row] = deque()
         self._capacity, self._max_bytes = capacity, max_bytes
         self._bytes = 0
         self._last: dict[tuple[str, Direction], LoggedPacket] = {}
@@ -72,12 +78,12 @@ class PacketLog:
         return len(self._packets)
 
     def __iter__(self) -> Iterator[LoggedPacket]:
-        return iter(self._packets)
+        return (LoggedPacket(*row) for row in self._packets)
 
     @property
     def first_number(self) -> int:
         """The number of the oldest packet that is kept; ``total + 1`` if there is none."""
-        return self._packets[0].number if self._packets else self.total + 1
+        return self._packets[0][_NUMBER] if self._packets else self.total + 1
 
     @property
     def connections(self) -> list[str]:
@@ -108,35 +114,36 @@ class PacketLog:
             return None
         self.total += 1
         sent = self._request_of(connection, data) if direction == "<" else None
-        packet = LoggedPacket(
+        row: _Row = (
             self.total, time_ns() if time is None else time, connection, scheme, direction, bytes(data),
             sent.data if sent else None, sent.number if sent else 0,
         )  # fmt: skip
+        packet = LoggedPacket(*row)
         self.start_ns = self.start_ns or packet.time_ns
         self._last[connection, direction] = packet
         if sent is not None:
             self._replies[sent.number] = packet.number
         elif direction == ">":
             self._await(packet)
-        self._packets.append(packet)
+        self._packets.append(row)
         self._bytes += len(packet.data)
         while len(self._packets) > self._capacity or (self._bytes > self._max_bytes and len(self._packets) > 1):
             oldest = self._packets.popleft()
-            self._bytes -= len(oldest.data)
-            self._replies.pop(oldest.number, None)
+            self._bytes -= len(oldest[_DATA])
+            self._replies.pop(oldest[_NUMBER], None)
         return packet
 
     def get(self, number: int) -> LoggedPacket | None:
         """Return the packet with a number; ``None`` if it has been discarded, or does not exist yet."""
         index = number - self.first_number
-        return self._packets[index] if 0 <= index < len(self._packets) else None
+        return LoggedPacket(*self._packets[index]) if 0 <= index < len(self._packets) else None
 
     def since(self, number: int, most: int | None = None) -> list[LoggedPacket]:
         """Return the packets after a number, oldest first; at most ``most`` of them, the newest ones."""
         count = min(self.total - number, len(self._packets))
         if most is not None:
             count = min(count, most)
-        newest = list(islice(reversed(self._packets), max(count, 0)))
+        newest = [LoggedPacket(*row) for row in islice(reversed(self._packets), max(count, 0))]
         newest.reverse()
         return newest
 

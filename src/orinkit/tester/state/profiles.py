@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,8 +10,7 @@ from typing import Final
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection_spec import ConnectionSpec
-
-logger = logging.getLogger("orinkit.tester")
+from orinkit.tester.state.json_file import JsonFile
 
 MAX_PROFILES: Final = 200
 
@@ -25,10 +22,7 @@ def default_path() -> Path:
 
 
 class ProfileStore:
-    """The saved connections of a user, in a JSON file.
-
-    A file that cannot be read is reported in the log and not overwritten until a connection is saved; its previous
-    contents are then kept beside it, with the suffix ``.bak``.
+    """The saved connections of a user, in a file (:class:`JsonFile`).
 
     Args:
         path: Path of the file.
@@ -36,8 +30,9 @@ class ProfileStore:
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path or default_path()
-        self._damaged = False
-        self._specs = {spec.name: spec for spec in self._load()}
+        self._file = JsonFile(self.path)
+        found = self._file.read(lambda rows: [ConnectionSpec.from_json(each).check() for each in rows])
+        self._specs = {spec.name: spec for spec in found}
 
     def __iter__(self) -> Iterator[ConnectionSpec]:
         return iter(list(self._specs.values()))
@@ -67,24 +62,5 @@ class ProfileStore:
         self._write({key: spec for key, spec in self._specs.items() if key != name})
 
     def _write(self, specs: dict[str, ConnectionSpec]) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._damaged:
-            self.path.replace(self.path.with_suffix(".json.bak"))
-            self._damaged = False
-        draft = self.path.with_suffix(f".{os.getpid()}.tmp")
-        draft.write_text(
-            json.dumps([spec.to_json() for spec in specs.values()], indent=2, ensure_ascii=False) + "\n", "utf-8"
-        )
-        draft.replace(self.path)
+        self._file.write([spec.to_json() for spec in specs.values()])
         self._specs = specs
-
-    def _load(self) -> list[ConnectionSpec]:
-        try:
-            found = json.loads(self.path.read_text("utf-8"))
-            return [ConnectionSpec.from_json(each).check() for each in found]
-        except FileNotFoundError:
-            return []
-        except (OSError, ValueError, AttributeError, TypeError, InvalidValue) as error:
-            logger.warning("%s: cannot read the saved connections: %s", self.path, error)
-            self._damaged = self.path.exists()
-            return []

@@ -28,6 +28,7 @@ logger = logging.getLogger("orinkit.tester")
 
 _POLL: Final = 0.02  # s
 _COLLECT: Final = 0.05  # s
+_AHEAD: Final = 1.0  # s of set-points that the streaming process has: the arm stops if the Tester hangs for longer
 _ARRIVED: Final = 1e-3  # deg, mm
 _RECEIVED: Final[dict[PoseKind, tuple[FeedbackField, ...]]] = {
     "J": ("time", "joints"),
@@ -227,7 +228,8 @@ class SlaveMove:
         while True:
             self._check()
             self.sent = 0
-            self.result = await stream.run(self.trajectory.points, progress=self._progress)
+            # An iterator: all set-points have been checked, in a thread; checking them again here would block the Tester.
+            self.result = await stream.run(iter(self.trajectory.points), progress=self._progress, ahead=_AHEAD)
             if not self.options.repeat:
                 return
             await self._go_to_first(stream)
@@ -252,6 +254,8 @@ class SlaveMove:
     def _progress(self, progress: Progress) -> None:
         """Check the user and read the samples; :meth:`AsyncStream.run` calls this every few ms."""
         self.sent = progress.sent
+        if self._stream is not None and self._stream.underflows and not self.reason:
+            self.reason = tr("the Tester was blocked for more than {seconds:g} s", seconds=_AHEAD)
         self._check()
         self._collect(_COLLECT)
 

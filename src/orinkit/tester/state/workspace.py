@@ -12,6 +12,7 @@ from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.connection_spec import ConnectionSpec
+from orinkit.tester.state.connection_text import StringHistory
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.controls import Controls
 from orinkit.tester.state.driver_connection import DriverConnection
@@ -42,6 +43,7 @@ class Workspace:
     Attributes:
         packets: The packets of all connections.
         profiles: The saved connections.
+        strings: The connection strings that were used.
         simulators: The virtual controllers that were started here.
         controls: Who may operate.
         motions: The motions that pages have started; a motion adds itself and removes itself at standstill.
@@ -51,6 +53,7 @@ class Workspace:
     def __init__(self, profiles: Path | None = None) -> None:
         self.packets = PacketLog()
         self.profiles = ProfileStore(profiles)
+        self.strings = StringHistory(self.profiles.path.with_name("connection-strings.json"))
         self.simulators = Simulators()
         self.controls = Controls()
         self.motions: set[ActiveMotion] = set()

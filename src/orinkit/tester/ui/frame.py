@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from html import escape
+from importlib.resources import files
 from typing import Protocol
 
 from nicegui import ui
@@ -44,6 +47,7 @@ def frame(session: PageSession, current: PageRow, rows: Sequence[PageRow]) -> It
     ui.colors(primary="#0e7490", positive="#15803d", negative="#c81e1e", warning="#b45309", dark="#10161d")
     ui.add_css(_css(), shared=False)
     ui.page_title(f"{tr(current.title)} - orinkit")
+    ui.add_body_html(_placeholder(session, tr(current.title)))
     drawer = ui.left_drawer(value=None, bordered=True).classes("ok-drawer").props("width=216 breakpoint=900")
     with ui.header().classes("ok-header"):
         ui.button(icon="menu", on_click=drawer.toggle).props(f'flat dense aria-label="{tr("Menu")}"').classes("ok-menu")
@@ -60,9 +64,16 @@ def frame(session: PageSession, current: PageRow, rows: Sequence[PageRow]) -> It
         yield
 
 
-def _css() -> str:
-    from importlib.resources import files
+def _placeholder(session: PageSession, title: str) -> str:
+    """Return what the browser displays until it has loaded the scripts: header, navigation and title without contents."""
+    return (
+        f'<div class="ok-placeholder{" body--dark" if session.dark else ""}" aria-hidden="true"><div class="ok-bar">'
+        f'<span class="ok-logo">orinkit</span></div><div class="ok-side"></div><div class="ok-title">{escape(title)}</div></div>'
+    )
 
+
+@cache
+def _css() -> str:
     return (files("orinkit.tester") / "static" / "tester.css").read_text("utf-8")
 
 

@@ -57,30 +57,3 @@ def chosen_controller(session: PageSession) -> ControllerConnection | None:
             ui.label(tr("{name} is a motor driver. This page requires a robot controller.", name=connection.name))
         ui.link(tr("Connections"), "/")
     return None
-
-
-def while_connected(session: PageSession, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:
-    """Register callbacks for the first connection of the browser to the page, and for the end of the last one.
-
-    A browser that connects again may open the new connection before the Tester notices the end of the previous one.
-
-    Args:
-        session: The page.
-        enter: Function, possibly asynchronous, that begins to poll.
-        leave: Function that ends polling.
-    """
-    connections = 0
-
-    def connected() -> Any:
-        nonlocal connections
-        connections += 1
-        return enter() if connections == 1 else None
-
-    def disconnected() -> None:
-        nonlocal connections
-        connections -= 1
-        if connections == 0:
-            leave()
-
-    session.client.on_connect(connected)
-    session.client.on_disconnect(disconnected)

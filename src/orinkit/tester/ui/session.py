@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from nicegui import Client, context, ui
 from nicegui.slot import Slot, get_task_id
@@ -16,6 +17,8 @@ from orinkit.core.i18n import Language
 from orinkit.tester.access import read_cookies
 from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.workspace import Workspace
+
+T = TypeVar("T")
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -47,19 +50,42 @@ class PageSession:
     dark: bool
     chosen: str = ""
 
-    _entered: bool = field(default=False, init=False)
+    _present: bool = field(default=False, init=False)
+    _arrivals: list[Callable[[], Any]] = field(default_factory=list, init=False)
+    _departures: list[Callable[[], Any]] = field(default_factory=list, init=False)
 
-    def enter(self) -> None:
-        """Note that the browser has opened the page, or has connected again."""
-        if not self._entered:
-            self._entered = True
+    def connected(self) -> None:
+        """Note that the browser has opened a connection to the page: the first one, or a further one."""
+        if not self._present:
+            self._present = True
             self.workspace.controls.enter(self.user)
+            for each in self._arrivals:
+                self.client.safe_invoke(each)
 
-    def leave(self) -> None:
-        """Note that the page has been closed, or the browser cannot be reached."""
-        if self._entered:
-            self._entered = False
+    def disconnected(self) -> None:
+        """Note that a connection of the browser has ended.
+
+        A browser that connects again may open the new connection before the Tester notices the end of the previous one.
+        Then the user remains present.
+        """
+        if self._present and not self.client.has_socket_connection:
+            self._present = False
             self.workspace.controls.leave(self.user)
+            for each in self._departures:
+                self.client.safe_invoke(each)
+
+    def while_connected(self, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:
+        """Register callbacks, possibly asynchronous, for the first connection of the browser and for the end of the last one.
+
+        Both are invoked again if the browser connects again later.
+        """
+        self._arrivals.append(enter)
+        self._departures.append(leave)
+
+    @property
+    def is_present(self) -> bool:
+        """True while at least one connection of the browser to the page is open."""
+        return self._present
 
     @property
     def connection(self) -> Connection | None:
@@ -94,6 +120,11 @@ class PageSession:
 
         return run
 
+    async def in_thread(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of a function that runs in a thread, with its messages in the language of the page."""
+        _LANGUAGE.set(self.language)
+        return await asyncio.to_thread(function, *arguments)
+
     def set_cookie(self, name: str, value: str) -> None:
         """Store a preference in the browser."""
         self.client.run_javascript(f"document.cookie = '{name}={value}; Path=/; Max-Age=31536000; SameSite=Strict'")
@@ -114,8 +145,8 @@ def open_session(workspace: Workspace) -> PageSession:
         request.query_params.get("connection") or cookies.get(CONNECTION_COOKIE, ""),
     )
     _SESSIONS[client.id] = session
-    client.on_connect(session.enter)
-    client.on_disconnect(session.leave)
+    client.on_connect(session.connected)
+    client.on_disconnect(session.disconnected)
     client.on_delete(lambda: _SESSIONS.pop(client.id, None))
     return session
 

@@ -1,8 +1,7 @@
 """The mechanics of the arm: loads, encoders that follow the command position, and the control log.
 
-The encoders reach each command position :data:`LAG` cycles later. Loads are computed by a simple model, not by the
-model of a real arm: a third of the rated torque at the largest acceleration, an eighth for friction, and gravity on the
-axes that carry the arm.
+The encoders reach each command position :data:`LAG` cycles later. The loads are estimates
+(:mod:`orinkit.virtual.engine.dynamics`), not those of a real arm.
 """
 
 from __future__ import annotations
@@ -14,22 +13,31 @@ from dataclasses import dataclass
 from typing import Final
 
 from orinkit.arms import ArmModel
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import tr
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.engine.motor_loads import RATED_SPEED, MotorLoads
 
 LAG: Final = 3
 """Cycles by which the encoders lag behind the command."""
 
 AXES: Final = 8
-LOG_LENGTH: Final = 12_500
-"""Capacity of the control log in records (100 s); the oldest records are dropped first."""
+LOG_TIME: Final = 100
+"""Initial duration of the control log, s; the oldest records are dropped first."""
+LOG_INTERVAL: Final = 8
+"""Initial interval of the control log, ms: the length of a cycle."""
+_LONGEST_LOG: Final = 600  # s
+_LONGEST_INTERVAL: Final = 1000  # ms
 
-_ACCELERATION_LOAD: Final = 33.3  # % of the rated torque
-_FRICTION_LOAD: Final = 12.5  # % of the rated torque
-_GRAVITY_LOADS: Final = (0.0, 30.0, 20.0, 0.0, 5.0, 0.0, 0.0, 0.0)  # % of the rated torque, for each axis
+ACCURATE_LAG: Final = 1
+"""Cycles by which the encoders lag behind the command with HighPathAccuracy."""
+
 _RATED_CURRENT: Final = 3.0  # A
 _COMPLIANCE: Final = 1e-4  # deg for each percent of load
-_AT_REST: Final = 1e-9  # deg/s; a slower axis has no friction
+_SPACING: Final = 62  # cycles between the samples of the load factor: about 0.5 s
+_SAMPLES: Final = 20  # of the load factor: 10 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,53 +64,102 @@ class Servo:
         command: The newest command position, deg (mm for a linear axis).
         encoder: The newest encoder values, deg (mm for a linear axis).
         frozen: True if the arm does not follow the command (machine lock).
+        lag: Cycles by which the encoders lag behind the command; it may change at standstill only.
+        loads: Loads of the motors.
+        travelled: Distance that each axis has moved since the controller was switched on, deg (mm for a linear axis).
     """
 
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
         self._model = model
         self.command = self.encoder = tuple(joints)
         self.frozen = False
-        self._late: deque[tuple[float, ...]] = deque([self.command] * (LAG + 1), maxlen=LAG + 1)
+        self.lag = LAG
+        self.loads = MotorLoads(model)
+        self.travelled = [0.0] * len(self.encoder)
+        self._late: deque[tuple[float, ...]] = deque([self.command] * (LAG + 3), maxlen=LAG + 3)
         self._encoders: deque[tuple[float, ...]] = deque([self.encoder] * 3, maxlen=3)
+        self._factor: deque[tuple[tuple[float, ...], ...]] = deque(maxlen=_SAMPLES)
+        self._count = 0
 
     @property
     def settled(self) -> bool:
         """True if the encoders have reached the command, or the arm is frozen."""
         return self.frozen or self.encoder == self.command
 
+    @property
+    def earlier_command(self) -> tuple[float, ...]:
+        """The command position one cycle ago."""
+        return self._late[-2]
+
+    @property
+    def earlier_encoder(self) -> tuple[float, ...]:
+        """The encoder values one cycle ago."""
+        return self._encoders[-2]
+
     def step(self, command: tuple[float, ...]) -> bool:
         """Run one cycle; return True if the encoders still move."""
         self.command = command
-        self._late.append(command)
+        late = self._late
+        late.append(command)
         if not self.frozen:
-            self.encoder = self._late[0]
+            encoder = late[-1 - self.lag]
+            if self.loads.limiting:
+                encoder = self._limited(encoder)
+            if encoder != self.encoder:
+                self.travelled = [
+                    way + abs(b - a) for way, a, b in zip(self.travelled, self.encoder, encoder, strict=True)
+                ]
+                self.encoder = encoder
         self._encoders.append(self.encoder)
-        return not self.frozen and any(late != command for late in self._late)
+        self._count += 1
+        if self._count >= _SPACING:
+            self._count = 0
+            self._factor.append(tuple(self._encoders))
+        if self.frozen:
+            return False
+        return self._encoders[0] != command or late[-2] != command or late[-3] != command or self.encoder != command
 
     def place(self, joints: Sequence[float]) -> None:
         """Set command position and encoders to the same joints without a motion, while the arm is at standstill."""
         self.command = self.encoder = tuple(joints)
-        self._late.extend([self.command] * (LAG + 1))
+        self._late.extend([self.command] * (LAG + 3))
         self._encoders.extend([self.encoder] * 3)
+        self.loads.forget()
+
+    def _limited(self, encoder: tuple[float, ...]) -> tuple[float, ...]:
+        late, end = self._late, len(self._late) - self.lag
+        self.loads.yield_to(self.loads.commanded(late[end - 3], late[end - 2], late[end - 1]))
+        return tuple([joint - gone for joint, gone in zip(encoder, self.loads.yielded, strict=True)])
 
     def velocity(self) -> tuple[float, ...]:
         """Return the velocities of the encoders, deg/s (mm/s for a linear axis)."""
         _, before, now = self._encoders
         return tuple((b - a) / PERIOD for a, b in zip(before, now, strict=True))
 
+    def motor_speed(self) -> tuple[float, ...]:
+        """Return the speed of each motor, min^-1."""
+        return tuple(
+            RATED_SPEED * rate / axis.velocity for rate, axis in zip(self.velocity(), self._model.axes, strict=True)
+        )
+
     def load(self, powered: bool) -> tuple[float, ...]:
         """Return the load of each axis, % of the rated torque; 0 if not ``powered``, because the brakes hold."""
         if not powered:
             return (0.0,) * len(self.encoder)
-        first, before, now = self._encoders
-        tilt = [math.sin(math.radians(sum(now[1 : axis + 1]))) for axis in range(len(now))]
-        loads = []
-        for axis, (a, b, c) in enumerate(zip(first, before, now, strict=True)):
-            acceleration = (a - 2 * b + c) / PERIOD**2 / self._model.axes[axis].acceleration
-            speed = (c - b) / PERIOD
-            friction = math.copysign(_FRICTION_LOAD, speed) if abs(speed) > _AT_REST else 0.0
-            loads.append(_ACCELERATION_LOAD * acceleration + friction + _GRAVITY_LOADS[axis] * tilt[axis])
-        return tuple(loads)
+        return self.loads.required(*self._encoders)
+
+    def torque_command(self, powered: bool) -> tuple[float, ...]:
+        """Return the torque command of each axis, %: its load without what the controller compensates."""
+        if not powered:
+            return (0.0,) * len(self.encoder)
+        return self.loads.commanded(*self._encoders)
+
+    def load_factor(self, powered: bool) -> tuple[float, ...]:
+        """Return the effective load of each axis in the last 10 s of operation, %."""
+        if not powered:
+            return (0.0,) * len(self.encoder)
+        loads = [self.loads.required(*each) for each in (*self._factor, tuple(self._encoders))]
+        return tuple(math.sqrt(sum(load * load for load in axis) / len(axis)) for axis in zip(*loads, strict=True))
 
     def deviation(self, powered: bool) -> tuple[float, ...]:
         """Return the following error of each motor, deg: the lag of its encoder plus the compliance under load.
@@ -121,22 +178,72 @@ class Servo:
 
 
 class ControlLog:
-    """The control log of StartLog, one record for each cycle (RC8 provider guide, StartLog and GetLogRecord).
+    """The control log (RC8 provider guide, StartLog, ClearLog, GetLogRecord and SetCtrlLogMaxTime).
+
+    ClearLog begins to record into a ring buffer. After StartLog, recording ends by itself when the log has received as
+    many records as it can hold. StopLog ends it at any time.
 
     Attributes:
-        running: True between StartLog and StopLog.
+        running: True while cycles are recorded.
+        max_time: Duration of the log, s.
+        interval: Time between two records, ms.
     """
 
     def __init__(self) -> None:
         self.running = False
-        self._records: deque[tuple[ServoSample, int, int, int]] = deque(maxlen=LOG_LENGTH)
+        self.max_time = LOG_TIME
+        self.interval = LOG_INTERVAL
+        self._skipped = 0
+        self._left: int | None = None  # records until recording ends by itself; None for a ring buffer
+        self._records: deque[tuple[ServoSample, int, int, int]] = deque(maxlen=self.capacity)
+
+    @property
+    def capacity(self) -> int:
+        """Capacity in records."""
+        return self.max_time * 1000 // self.interval
+
+    def configure(self, max_time: int, interval: int) -> None:
+        """Set duration and interval; the newest records are kept.
+
+        Args:
+            max_time: Duration of the log, s.
+            interval: Time between two records, ms.
+
+        Raises:
+            CallError: VALUE_OUT_OF_RANGE.
+        """
+        if not 1 <= max_time <= _LONGEST_LOG:
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("the duration of the log is 1 to {most} s, not {time}", most=_LONGEST_LOG, time=max_time),
+            )
+        if interval % LOG_INTERVAL or not LOG_INTERVAL <= interval <= _LONGEST_INTERVAL:
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("the interval of the log is a multiple of 8 ms up to {most} ms, not {time}", most=_LONGEST_INTERVAL,
+                   time=interval),
+            )  # fmt: skip
+        self.max_time, self.interval = max_time, interval
+        self._records = deque(self._records, maxlen=self.capacity)
 
     def __len__(self) -> int:
         return len(self._records)
 
+    def copy(self) -> ControlLog:
+        """Return a log that is not running, with the present records, which another thread may read."""
+        copied = ControlLog()
+        copied.max_time, copied.interval = self.max_time, self.interval
+        copied._records = self._records.copy()
+        return copied
+
+    def start(self) -> None:
+        """Record until the log has received as many further records as it can hold."""
+        self.running, self._left = True, self._records.maxlen
+
     def clear(self) -> None:
-        """Delete all records."""
+        """Delete all records, and record into a ring buffer."""
         self._records.clear()
+        self.running, self._left = True, None
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:
         """Record a cycle if the log is running.
@@ -147,8 +254,16 @@ class ControlLog:
             tool: Number of the current tool.
             work: Number of the current work.
         """
-        if self.running:
-            self._records.append((take(), cycle, tool, work))
+        if not self.running:
+            return
+        self._skipped += 1
+        if self._skipped * LOG_INTERVAL < self.interval:
+            return
+        self._skipped = 0
+        self._records.append((take(), cycle, tool, work))
+        if self._left is not None:
+            self._left -= 1
+            self.running = self._left > 0
 
     def record(self, index: int) -> list[Value]:
         """Return a record; index 0 is the oldest.

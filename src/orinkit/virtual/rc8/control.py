@@ -43,6 +43,8 @@ logger = logging.getLogger("orinkit.rc8")
 _HELD: Final = 8
 _SECRET_OPTION: Final = "secret"  # noqa: S105 - the name of the option, not a secret
 _LONGEST: Final = 500  # maximum length of a string in characters; the rest is cut off
+# of a surface: pose, size, stiffness, damping, friction, thickness, radius
+_SURFACE_DEFAULTS: Final = (0.0,) * 6 + (200.0, 200.0, 10.0, 0.0, 0.0, 100.0, 0.0)
 _HEX: Final = re.compile(r"\s*0[xX]([0-9A-Fa-f]{1,8})\s*")
 
 
@@ -245,9 +247,11 @@ def _restart(panel: ControlPanel, _: Variant) -> None:
 
 
 def _status(panel: ControlPanel, _: Variant) -> str:
-    state = panel.rc8.state
+    rc8 = panel.rc8
+    state = rc8.state
     time = state.calendar.now().isoformat(" ", "seconds")
-    return json.dumps({**panel.rc8.pendant.status(), "time": time, "hand": state.hand.status()})
+    hand, workspace = state.hand.status(), rc8.workspace.status()
+    return json.dumps({**rc8.pendant.status(), "time": time, "hand": hand, "workspace": workspace})
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
@@ -259,6 +263,63 @@ def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
 
 def _time(panel: ControlPanel, parameter: Variant) -> None:
     panel.rc8.pendant.set_time(conversion.moment(_first(parameter)))
+
+
+def _surface(panel: ControlPanel, parameter: Variant) -> None:
+    """Place a surface: name, six numbers of its pose, two of its size, then the other numbers; the name alone removes it."""
+    given = parameters.elements(parameter)
+    name = _text(_first(parameter))
+    if len(given) == 1:
+        panel.rc8.workspace.remove(name)
+        return
+    values = [conversion.double(each) for each in given[1:]]
+    if not 6 <= len(values) <= len(_SURFACE_DEFAULTS):
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr(
+                "got {given} parameters, expected {wanted}", given=len(given), wanted=f"7..{1 + len(_SURFACE_DEFAULTS)}"
+            ),
+        )
+    values += _SURFACE_DEFAULTS[len(values) :]
+    x, y, stiffness, damping, friction, thickness, radius = values[6:]
+    panel.rc8.workspace.place(
+        name, values[:6], size=(x, y), stiffness=stiffness, damping=damping, friction=friction, thickness=thickness,
+        radius=radius,
+    )  # fmt: skip
+
+
+def _fence(panel: ControlPanel, parameter: Variant) -> None:
+    """Set one fence: six numbers of a pose, three of a size, and True to stay inside; without numbers, remove all."""
+    given = parameters.elements(parameter)
+    if not given:
+        panel.rc8.workspace.fence()
+        return
+    values = parameters.numbers(parameter, *(None,) * 9, 1.0)
+    panel.rc8.workspace.fence((values[:6], values[6:9], bool(values[9])))
+
+
+def _scene(panel: ControlPanel, parameter: Variant) -> None:
+    """Define a scene: number, sub-scene, tool, work, external speed, and optionally a name."""
+    given = parameters.elements(parameter)
+    name = _text(given[5]) if len(given) > 5 else ""
+    values = [conversion.double(each) for each in given[:5]]
+    if len(values) < 2:
+        raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
+    number, sub, tool, work, speed = [*values, *(-1.0,) * (5 - len(values))]
+    whole = parameters.whole
+    panel.rc8.workspace.scene(whole(number), whole(sub), name=name, tool=whole(tool), work=whole(work), speed=speed)
+
+
+def _press(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.workspace.press(*parameters.whole_numbers(parameter, None))
+
+
+def _lose_calibration(panel: ControlPanel, _: Variant) -> None:
+    panel.rc8.workspace.lose_calibration()
+
+
+def _save_path(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
+    return panel.rc8.state.disk.run(panel.rc8.workspace.path_writer(*parameters.whole_numbers(parameter, None)))
 
 
 _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
@@ -278,6 +339,12 @@ _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
     "Status": _status,
     "Workpiece": _workpiece,
     "Time": _time,
+    "Surface": _surface,
+    "Fence": _fence,
+    "Scene": _scene,
+    "ArmButton": _press,
+    "LoseCalibration": _lose_calibration,
+    "SavePath": _save_path,
 }
 
 CONTROL_NAMES: Final = tuple(_BUTTONS)

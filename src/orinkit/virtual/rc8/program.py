@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal
 
-import numpy as np
-
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MotionOptions
 from orinkit.values.poses import PassMark, Target
-from orinkit.values.variant import ARRAY, Variant, VarType
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.pacscript.host_interface import Plane, PointKind, Value, VariableKind, Wait
 from orinkit.virtual.rc8.robot import queries, state_report
@@ -24,16 +22,16 @@ from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.motion_planner import Plans
-from orinkit.virtual.rc8.robot.moves import CURVE, Moves, OfTool
+from orinkit.virtual.rc8.robot.moves import CURVE, Moves
+from orinkit.virtual.rc8.robot.shared_commands import SHARED_COMMANDS
 from orinkit.virtual.rc8.robot.speeds import KEEP, SQUARE
-from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
-_HAND_PLANES: Final = {"XYH": 2, "YZH": 0, "ZXH": 1}
 _PTP: Final = 1
+_TYPES: Final = {int: VarType.I4, bool: VarType.I4, float: VarType.R8, str: VarType.BSTR}
 _SKIPPED: Final = Deferred[Any]()
 _SKIPPED.set_result()
 
@@ -152,15 +150,16 @@ class TaskHost:
         require("TakeArm", self._arm, self._operator)
         self._arm.take(self._operator, keep=keep)
 
-    def give_arm(self) -> None:
-        """Release the arm semaphore."""
+    def give_arm(self) -> Wait:
+        """Release the arm semaphore at the end of the motions."""
         require("GiveArm", self._arm, self._operator)
-        self._arm.give()
+        return _until(self._arm.give_at_end(self._operator)) if self._arm.holder is self._operator else lambda: True
 
     def motor(self, on: bool) -> Wait:
         """Switch the motor on or off."""
-        require("Motor on" if on else "Motor off", self._arm, self._operator)
-        return _until(self._arm.switch_motor(on))
+        name = "Motor on" if on else "Motor off"
+        require(name, self._arm, self._operator)
+        return _until(self._arm.switch_motor(on, self._operator, lambda: require(name, self._arm, self._operator)))
 
     def move(self, interpolation: int, targets: tuple[Target, ...], options: MotionOptions) -> Wait:
         """Move to one or more poses, or along a stored path."""
@@ -194,9 +193,7 @@ class TaskHost:
         """
 
         def plans() -> Plans:
-            column = _HAND_PLANES.get(plane)
-            axis = self._moves.plane(plane) if column is None else lambda tcp: np.asarray(tcp[:3, column])
-            return self._moves.rotate(axis, self._pivot(plane, pivot), angle, options)
+            return self._moves.rotate(self._moves.plane(plane), self._moves.pivot(plane, pivot), angle, options)
 
         return self._motion("Rotate", options, plans)
 
@@ -251,18 +248,30 @@ class TaskHost:
         value = queries.calculate(self._arm, name, given).value
         return tuple(value) if isinstance(value, list) else int(value)
 
+    def robot_command(self, name: str, arguments: tuple[Value, ...]) -> Wait:
+        """Execute a command that programs share with clients."""
+        result = self._run_shared(name, arguments)
+        return _until(result) if isinstance(result, Deferred) else _complete
+
+    def robot_value(self, name: str, arguments: tuple[Value, ...]) -> Value:
+        """Return the result of a command that programs share with clients."""
+        result = self._run_shared(name, arguments)
+        value = result.value if isinstance(result, Variant) else result
+        return tuple(value) if isinstance(value, list) else value
+
+    def _run_shared(self, name: str, arguments: tuple[Value, ...]) -> Any:
+        given = [
+            Variant(_R8_ARRAY, list(each)) if isinstance(each, tuple) else Variant(_TYPES[type(each)], each)
+            for each in arguments
+        ]
+        return SHARED_COMMANDS[name].run(self._arm, self._operator, Variant(VARIANT_ARRAY, given))
+
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _curve(self, target: Target, options: MotionOptions) -> Wait:
         values = target.value
         number = values if isinstance(values, int) else int(values[0])
         return self._motion("Move", options, lambda: self._moves.follow(number, target.mark, options))
-
-    def _pivot(self, plane: Plane, pivot: Target | None) -> Matrix | OfTool:
-        if pivot is not None and plane not in _HAND_PLANES:
-            return self._moves.point(pivot)
-        values = pivot.value if pivot is not None and isinstance(pivot.value, tuple) else (0.0, 0.0, 0.0)
-        return lambda tcp: np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
 
     def _motion(self, name: str, options: MotionOptions, plans: Callable[[], Plans]) -> Wait:
         """Return a wait that begins a motion as soon as the queue has room.
@@ -302,6 +311,10 @@ class TaskHost:
                     hresult.VARIABLE_CHANGE_FAILED, tr("the type of the value does not match the type of the variable")
                 ) from None
             raise
+
+
+def _complete() -> bool:
+    return True
 
 
 def _until(done: Deferred[None]) -> Wait:

@@ -12,6 +12,7 @@ from orinkit.arms import ArmModel, load_model
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
+from orinkit.rc8.user_io_unit import UserIoUnit, read_unit
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.controller import RC8Controller
@@ -25,6 +26,7 @@ from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
@@ -52,6 +54,10 @@ class VirtualRC8(Provider):
             0x84201482; if the client uses mode 1 of slave mode, the arm instead stops in place. If False, the
             controller's time stands still until the set-point arrives, for up to 250 ms.
             :attr:`set_point_lateness` counts late set-points.
+        user_io_unit: Unit of the size of user I/O in slvMove, ``"bits"`` or ``"bytes"``. If a set-point contains user
+            I/O, the number of its bytes shows the unit.
+        loose_poses: If True, six bare numbers in OutRange are a position, and the pose type L of Move means P, as some
+            clients send them; otherwise they are refused, because their meaning on a real controller is not known.
         strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
             these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
         hands: Numbers of the boards for electric grippers that are fitted, 0 to 7: ``Hand0`` by default.
@@ -67,6 +73,7 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
+        workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
         ValueError: If a count, class, board, language, model, mode, token or limit is not valid, or if the arm cannot reach
@@ -89,9 +96,11 @@ class VirtualRC8(Provider):
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
         strict_time: bool = False,
+        loose_poses: bool = False,
         strict: bool = False,
         hands: Iterable[int] = (0,),
         create_files: bool = False,
+        user_io_unit: UserIoUnit | str = UserIoUnit.BITS,
         permission: Permission | None = None,
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
@@ -116,8 +125,10 @@ class VirtualRC8(Provider):
             slave_licence=bool(slave_licence),
             slave_limit=SlaveLimit.read(slave_limit),
             strict_time=bool(strict_time),
+            loose_poses=bool(loose_poses),
             strict=bool(strict),
             create_files=bool(create_files),
+            user_io_unit=read_unit(user_io_unit),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
         self._forget: Callable[[], object] = lambda: None
@@ -155,6 +166,7 @@ class VirtualRC8(Provider):
                 self.state.files.write(name, text.encode())
         self.guard = self.state.cycles
         self.pendant = Pendant(self.state)
+        self.workspace = Workspace(self.state)
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""

@@ -377,6 +377,17 @@ class RC8State:
             text = self.say("Machine lock on") if on else self.say("Machine lock off")
             self.log(Operation.MACHINE_LOCK, text, origin)
 
+    def lose_calibration(self) -> None:
+        """Lose the reference positions of the encoders, as after a change of their battery.
+
+        Raises:
+            CallError: MOTOR_IS_ON if the motor is not off.
+        """
+        with self.cycles:
+            if self.arm.motor.state is not MotorState.OFF:
+                raise error_for(hresult.MOTOR_IS_ON)
+            self.arm.hardware.calibrated = False
+
     def _halt_all(self, code: int) -> None:
         self.arm.stop_and_power_off(code)
         self.tasks.stop_all()

@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
+from orinkit.rc8.user_io_unit import UserIoUnit
 
 
 class ModeSwitch(IntEnum):
@@ -115,6 +116,8 @@ class Switches:
         slave_limit: Limit of commands in slave mode.
         strict_time: True if a late set-point has the same effect as on a real controller; False if the controller waits
             for the set-point.
+        user_io_unit: Unit of the size of user I/O in slvMove, if the bytes that are sent along do not show it.
+        loose_poses: True to read six bare numbers in OutRange as a position, and the pose type L as P.
         strict: True to follow the b-CAP document where programs that run on real controllers show that these are more
             tolerant.
         create_files: True if File_PutValue creates a missing file that was opened without ``@Create``.
@@ -130,8 +133,10 @@ class Switches:
     slave_licence: bool = True
     slave_limit: SlaveLimit = SlaveLimit.SERVO
     strict_time: bool = False
+    loose_poses: bool = False
     strict: bool = False
     create_files: bool = False
+    user_io_unit: UserIoUnit = UserIoUnit.BITS
 
     @property
     def torque_off(self) -> bool:

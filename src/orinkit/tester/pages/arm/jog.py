@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 from typing import Any
 
 from nicegui import ui
@@ -57,7 +58,8 @@ class JogCard:
             self._errors = ErrorBox("error-jog")
         self._switch.on("click", self._toggle)
         ui.on("ok-jog", self._event, ["key"])
-        session.client.on_disconnect(lambda: self._gone(tr("the page was closed")))
+        session.client.run_javascript(_script())
+        session.while_connected(lambda: None, lambda: self._gone(tr("the page was closed")))
         self._refresh()
         ui.timer(_REFRESH, self._refresh)
 
@@ -113,6 +115,8 @@ class JogCard:
         self._refresh()
 
     async def _event(self, event: GenericEventArguments) -> None:
+        if self._pad.is_deleted:  # the page was built again for another connection
+            return
         key = event.args.get("key") if isinstance(event.args, dict) else None
         if not key:
             self._release()
@@ -187,3 +191,7 @@ class JogCard:
         self._message.classes(replace="ok-jog-message" + (" ok-jog-notice" if jogging.message else ""))
         if jogging.error is not self._shown_error:
             self._show_error(jogging.error)
+
+
+def _script() -> str:
+    return (files("orinkit.tester") / "static" / "jog.js").read_text("utf-8")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable, Iterator
+
 from nicegui import ui
 
 from orinkit.core.i18n import tr
@@ -19,14 +22,14 @@ _REFRESH = 0.05  # s
 _SLOW_REFRESH = 0.5  # s
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents; build them again if the connection changes."""
     ui.label(tr("Arm")).classes("ok-page-title").props("role=heading aria-level=1")
     holder = ui.element("div").classes("ok-arm")
     shown: list[object] = []
     pages: list[ArmPage] = []
 
-    def refresh() -> None:
+    def parts() -> Iterator[None]:
         connection = session.connection
         state = [connection, connection.is_open if connection else False]
         if state == shown:
@@ -38,17 +41,29 @@ def build(session: PageSession) -> None:
         pages.clear()
         with holder:
             if isinstance(connection, ControllerConnection) and connection.is_open:
-                pages.append(ArmPage(session, ArmCell.of(session.workspace, connection)))
+                page = ArmPage(session, ArmCell.of(session.workspace, connection))
+                yield from page.build()
+                pages.append(page)
+                if session.is_present:
+                    page.poll()
             else:
                 _empty(tr("The page requires an open connection to a robot controller."))
 
-    def close() -> None:
+    async def refresh() -> None:
+        for _ in parts():
+            await asyncio.sleep(0)
+
+    def enter() -> None:
+        for page in pages:
+            page.poll()
+
+    def leave() -> None:
         for page in pages:
             page.close()
 
-    refresh()
+    yield from parts()
     ui.timer(_SLOW_REFRESH, refresh)
-    session.client.on_delete(close)
+    session.while_connected(enter, leave)
 
 
 def _empty(text: str) -> None:
@@ -68,25 +83,40 @@ class ArmPage:
 
     def __init__(self, session: PageSession, cell: ArmCell) -> None:
         self._session, self._monitor = session, cell.monitor
-        self._detach = cell.monitor.attach()
+        self._detach: Callable[[], None] = lambda: None
         self._version = -1
         self._tick = 0
+        self._cell = cell
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
+        session, cell = self._session, self._cell
         with ui.element("div").classes("ok-arm-grid"):
             with ui.element("div").classes("ok-arm-column"):
                 self._view = ArmView(session, cell.monitor)
                 with ui.element("div").classes("ok-arm-halves ok-fourth"):
                     self._bars = JointBars(cell.monitor)
                     self._position = PositionReadout(cell.monitor)
+                yield
                 if cell.pendant is not None:
                     PendantCard(session, cell.pendant)
+                    yield
             with ui.element("div").classes("ok-arm-column"):
                 with ui.element("section").classes("ok-card ok-second"):
                     self._chips = StatusChips(cell)
                     ArmControls(session, cell)
+                yield
                 JogCard(session, cell)
+                yield
                 PosesCard(session, cell)
+                yield
         self._update()
         ui.timer(_REFRESH, self._update)
+
+    def poll(self) -> None:
+        """Start polling for this page."""
+        self.close()
+        self._detach = self._monitor.attach()
 
     def close(self) -> None:
         """Stop polling for this page."""

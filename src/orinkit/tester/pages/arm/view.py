@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from importlib.resources import files
+from collections.abc import Callable
+from functools import partial
 
+import nicegui.elements.scene  # noqa: F401 - registers three.js, which the drawing imports
 from nicegui import ui
 
 from orinkit.core.i18n import N_, tr
@@ -14,8 +15,40 @@ from orinkit.tester.ui.session import PageSession
 
 _CAMERAS = {"iso": N_("Perspective"), "front": N_("Front"), "side": N_("Side"), "top": N_("Top")}
 _ICONS = {"iso": "view_in_ar", "front": "crop_portrait", "side": "flip", "top": "vertical_align_bottom"}
-_FPS = 50
 _DIGITS = 3
+
+
+class ArmScene(ui.element, component="arm_view.js", esm={"orinkit-arm": "drawing"}):
+    """The canvas on which a worker of the browser draws the arm.
+
+    Args:
+        dark: True for dark mode.
+        on_init: Callback invoked when the browser can draw; nothing is drawn yet.
+        on_simple: Callback invoked with True if the drawing has become simple, because the computer is slow.
+        on_failed: Callback invoked if the browser cannot draw.
+    """
+
+    def __init__(
+        self,
+        *,
+        dark: bool,
+        on_init: Callable[[], None],
+        on_simple: Callable[[bool], None],
+        on_failed: Callable[[], None],
+    ) -> None:
+        super().__init__()
+        self._props["dark"] = dark
+        self.on("init", lambda _: on_init(), [])
+        self.on("simple", lambda event: on_simple(bool(event.args)))
+        self.on("failed", lambda _: on_failed(), [])
+
+    def call(self, name: str, *values: object) -> None:
+        """Call a method of the drawing."""
+        self.run_method("call", name, *values)
+
+    def toggle_simple(self) -> None:
+        """Change between the simple and the full drawing."""
+        self.run_method("toggle")
 
 
 class ArmView:
@@ -32,23 +65,23 @@ class ArmView:
         self._sent: tuple[float, ...] = ()
         self._ready = False
         self._error_shown = ""
-        ui.add_body_html(f'<script type="module">{_script()}</script>')
         with ui.element("section").classes("ok-card ok-scene-card ok-first"):
             with ui.element("div").classes("ok-scene-bar"):
                 self._title = ui.label().classes("ok-card-title").props("data-testid=arm-type")
                 ui.space()
                 for name, text in _CAMERAS.items():
-                    self._button(_ICONS[name], tr(text), "look", name)
-                self._button("layers_clear", tr("Erase the path"), "clear")
-            self._scene = (
-                ui.scene(grid=False, background_color="#0f151c" if session.dark else "#f5f7f9", fps=_FPS, click_events=[],
-                         camera=ui.scene.perspective_camera(fov=38, near=0.02, far=60))
-                .classes("ok-scene").props(f'data-testid=scene role=img aria-label="{tr("The arm in 3D")}"')
-            )  # fmt: skip
+                    _button(_ICONS[name], tr(text), name, partial(self._call, "look", name))
+                _button("layers_clear", tr("Erase the path"), "clear", partial(self._call, "clear"))
+                self._simple = _button("speed", tr("Simple drawing, for slow computers"), "simple", self._toggle_simple)
+            self._scene: ArmScene = ArmScene(
+                dark=session.dark, on_init=self._initialised, on_simple=self._show_simple, on_failed=self._show_failure
+            )
+            self._scene.classes("ok-scene").props("data-testid=scene role=img").props["aria-label"] = tr(
+                "The arm in 3D"
+            )
             self._errors = ErrorBox("error-arm")
             self._unknown = ui.label().classes("ok-scene-unknown").props("role=status data-testid=arm-unknown")
             self._unknown.visible = False
-        self._scene.on("init", self._initialised)
 
     def update(self) -> None:
         """Draw the arm if its type has become known; send its joints if they have changed."""
@@ -61,10 +94,10 @@ class ArmView:
         if self._drawn != monitor.type_name:
             self._drawn, self._sent = monitor.type_name, joints
             drawing = {"origins": model.origins, "joints": joints}
-            self._call("build", self._scene.id, drawing, self._session.dark, "iso")
+            self._scene.call("build", drawing, "iso")
         elif joints != self._sent:
             self._sent = joints
-            self._call("joints", joints)
+            self._scene.call("joints", joints)
 
     def _show_state(self) -> None:
         monitor = self._monitor
@@ -83,20 +116,25 @@ class ArmView:
             )
             self._unknown.visible, self._scene.visible = unknown, not unknown
 
-    def _initialised(self) -> None:
-        self._ready, self._drawn = True, ""  # also after the loss of the graphics context
-
-    def _button(self, icon: str, text: str, name: str, *values: str) -> None:
-        button = ui.button(icon=icon, on_click=lambda: self._call(name, *values))
-        button.props(
-            f'flat dense round size=sm aria-label="{text}" data-testid="scene-{values[0] if values else name}"'
-        )
-        button.tooltip(text)
-
     def _call(self, name: str, *values: object) -> None:
-        call = json.dumps([name, *values])
-        self._session.client.run_javascript(f"(window.okArm ??= []).push({call})")
+        self._scene.call(name, *values)
+
+    def _toggle_simple(self) -> None:
+        self._scene.toggle_simple()
+
+    def _initialised(self) -> None:
+        self._ready, self._drawn = True, ""  # also if the browser has discarded the canvas
+
+    def _show_simple(self, simple: bool) -> None:
+        self._simple.props(f"aria-pressed={'true' if simple else 'false'}")
+        self._simple.classes(add="ok-current" if simple else "", remove="" if simple else "ok-current")
+
+    def _show_failure(self) -> None:
+        self._errors.show_text(tr("This browser cannot draw the arm: WebGL 2 is not available."))
 
 
-def _script() -> str:
-    return (files("orinkit.tester") / "static" / "arm.js").read_text("utf-8")
+def _button(icon: str, text: str, name: str, handler: Callable[[], None]) -> ui.button:
+    button = ui.button(icon=icon, on_click=handler).props(f'flat dense round size=sm data-testid="scene-{name}"')
+    button.props["aria-label"] = text
+    button.tooltip(text)
+    return button

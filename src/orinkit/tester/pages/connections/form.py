@@ -1,86 +1,115 @@
-"""The form for a new connection: the parameters of RC8 table 5-1, and saved connections."""
+"""The form for a new connection: the parameters of RC8 table 5-1, as fields and as one string; saved connections."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
 from nicegui import ui
+from nicegui.elements.mixins.value_element import ValueElement
 
 from orinkit.core.errors import InvalidAddress, InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.tester.pages.connections.string_field import StringField
 from orinkit.tester.state.connection_spec import VRC, ConnectionSpec
+from orinkit.tester.state.connection_text import spec_of_string, string_of
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import CONNECTION_COOKIE, PageSession
+from orinkit.transport.address import parse_address
 
-_EXAMPLES = {
-    "tcp": "tcp://192.168.0.1:5007",
-    "udp": "udp://192.168.0.1:5007",
-    "serial": "serial:///dev/ttyUSB0?baudrate=38400",
-    "http": "http://192.168.0.1:8080",
-    "can": "can://socketcan/can0",
+_EXAMPLES: Final = {
+    "tcp": "192.168.0.1:5007",
+    "udp": "192.168.0.1:5007",
+    "serial": "/dev/ttyUSB0?baudrate=38400",
+    "http": "192.168.0.1:8080",
+    "can": "socketcan/can0",
 }
-_PROVIDERS = (VRC, "CaoProv.DENSO.VRC9", "CaoProv.DENSO.NetwoRC", "")
+_PROVIDERS: Final = (VRC, "CaoProv.DENSO.VRC9", "CaoProv.DENSO.NetwoRC", "")
+_SOCKETS: Final = ("tcp", "udp")
+_SCHEMES: Final = {**{scheme: scheme for scheme in _EXAMPLES}, "https": "http"}
 
 
 class ConnectionForm:
-    """The form."""
+    """The form. The fields and the connection string follow each other."""
 
     def __init__(self, session: PageSession) -> None:
         self._session = session
-        with ui.element("section").classes("ok-card").props("data-testid=connection-form"):
+        self._adopting = False  # True while the fields follow the string, or a saved connection
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
+        session = self._session
+        with ui.element("section").classes("ok-card ok-new").props("data-testid=connection-form"):
             ui.label(tr("New connection")).classes("ok-card-title")
             self._build_saved()
+            yield
             self._build_fields()
+            with ui.expansion(tr("More parameters")).props("dense").classes("ok-more"):
+                yield
+                self._build_parameters()
+            self._string = StringField(session, self._take_string, lambda error: self._errors.show(error))
             self._errors = ErrorBox("error-form")
-            with ui.element("div").classes("ok-row"):
-                self._connect = (
-                    ui.button(tr("Connect"), icon="link").props("unelevated no-caps").props("data-testid=connect")
-                )
-                save = ui.button(tr("Save"), icon="bookmark_add").props("flat no-caps").props("data-testid=save")
-        self._connect.on_click(session.guarded(self._open, self._errors.show))
-        save.on_click(session.guarded(self._save, self._errors.show))
+            self._build_buttons()
+        self._saved.on_value_change(self._load)
+        self._scheme.on_value_change(self._scheme_changed)
+        self._url.on_value_change(self._url_changed)
+        for field in self._parameters():
+            field.on_value_change(self._changed)
 
     def _build_saved(self) -> None:
         saved = [each.name for each in self._session.workspace.profiles]
-        self._saved = ui.select(saved, label=tr("Saved connections"), on_change=self._load, clearable=True)
+        self._saved = ui.select(saved, label=tr("Saved connections"), clearable=True)
         self._saved.props("outlined dense").props("data-testid=saved")
         self._saved.visible = bool(saved)
 
     def _build_fields(self) -> None:
-        self.scheme = ui.toggle(
-            {"tcp": "TCP", "udp": "UDP", "serial": "Serial", "http": "HTTP", "can": "CAN"}, value="tcp"
+        self._scheme = ui.toggle(
+            {"tcp": "TCP", "udp": "UDP", "serial": tr("Serial"), "http": "HTTP", "can": "CAN"}, value="tcp"
         )
-        self.scheme.props("no-caps unelevated dense spread").props("data-testid=scheme")
-        self.url = ui.input(tr("Address"), placeholder=_EXAMPLES["tcp"], validation=_check_url)
-        self.url.props("outlined dense").classes("ok-mono").props("data-testid=url").without_auto_validation()
-        self.name = ui.input(tr("Name")).props("outlined dense").props("data-testid=name")
-        with ui.expansion(tr("More parameters")).props("dense"):
-            self._build_parameters()
-        self.scheme.on_value_change(lambda: self.url.props(f"placeholder={_EXAMPLES[self.scheme.value]}"))
+        self._scheme.props("no-caps unelevated dense spread").props("data-testid=scheme")
+        with ui.element("div").classes("ok-form"):
+            self._url = ui.input(tr("Address"), placeholder=_EXAMPLES["tcp"]).classes("ok-mono")
+            self._url.props("outlined dense debounce=250 maxlength=4000 data-testid=url").without_auto_validation()
+            self._name = ui.input(tr("Name")).props("outlined dense maxlength=60 data-testid=name")
 
     def _build_parameters(self) -> None:
         with ui.element("div").classes("ok-form"):
-            self.provider = ui.select(
+            self._provider = ui.select(
                 list(_PROVIDERS), label=tr("Provider"), value=VRC, with_input=True, new_value_mode="add-unique"
             )
-            self.machine = ui.input(tr("Machine"), placeholder="localhost")
-            self.option = ui.input(tr("Option"))
-            self.timeout = ui.number(tr("Time-out (ms)"), min=0, max=3_600_000, precision=0, placeholder=tr("default"))
-            self.tries = ui.number(tr("Attempts (UDP, serial)"), value=5, min=1, max=7, precision=0)
-            self.token = ui.input(tr("Access token (HTTP)"), password=True)
-            self.driver = ui.number(tr("Driver address (CAN)"), value=1, min=1, max=63, precision=0)
-            self.dialect = ui.select(["v1", "v2"], label=tr("Dialect (CAN)"), value="v1")
-            for field in (
-                self.provider,
-                self.machine,
-                self.option,
-                self.timeout,
-                self.tries,
-                self.token,
-                self.driver,
-                self.dialect,
-            ):
-                field.props("outlined dense")
-        self.messages = ui.checkbox(tr("Fetch messages (Message)"), value=True)
-        self.debug = ui.checkbox(tr("Debug: $LAST_SEND_PACKET$, $LAST_RECEIVE_PACKET$"))
+            self._machine = ui.input(tr("Machine"), placeholder="localhost")
+            self._option = ui.input(tr("Option"))
+            self._timeout = ui.number(tr("Time-out (ms)"), min=0, max=3_600_000, precision=0, placeholder=tr("default"))
+            self._tries = ui.number(tr("Attempts (UDP, serial)"), value=5, min=1, max=7, precision=0)
+            self._token = ui.input(tr("Access token (HTTP)"), password=True)
+            self._driver = ui.number(tr("Driver address (CAN)"), value=1, min=1, max=63, precision=0)
+            self._dialect = ui.select(["v1", "v2"], label=tr("Dialect (CAN)"), value="v1")
+            for field, marker in (
+                (self._provider, "provider"), (self._machine, "machine"), (self._option, "option"),
+                (self._timeout, "timeout"), (self._tries, "tries"), (self._token, "token"),
+                (self._driver, "driver"), (self._dialect, "dialect"),
+            ):  # fmt: skip
+                field.props("outlined dense debounce=250 maxlength=4000").props(f"data-testid=field-{marker}")
+        self._messages = ui.checkbox(tr("Fetch messages (Message)"), value=True).props("data-testid=field-messages")
+        self._debug = ui.checkbox(tr("Debug: $LAST_SEND_PACKET$, $LAST_RECEIVE_PACKET$"))
+        self._debug.props("data-testid=field-debug")
+
+    def _build_buttons(self) -> None:
+        guarded = self._session.guarded
+        with ui.element("div").classes("ok-row"):
+            self._connect = ui.button(tr("Connect"), icon="link", on_click=guarded(self._open, self._errors.show))
+            self._connect.props("unelevated no-caps data-testid=connect")
+            save = ui.button(tr("Save"), icon="bookmark_add", on_click=guarded(self._save, self._errors.show))
+            save.props("flat no-caps data-testid=save")
+
+    def _parameters(self) -> tuple[ValueElement[Any], ...]:
+        """Return the fields of the connection string besides transport and address."""
+        return (
+            self._provider, self._machine, self._option, self._timeout, self._tries, self._messages, self._debug,
+        )  # fmt: skip
+
+    # --- the parameters -----------------------------------------------------------------------------------------
 
     def spec(self) -> ConnectionSpec:
         """Return the entered parameters.
@@ -88,30 +117,97 @@ class ConnectionForm:
         Raises:
             InvalidAddress, InvalidValue: If a parameter is invalid.
         """
-        url = (self.url.value or "").strip()
+        self._string.check()
+        entered = self._entered()
+        if not entered.url:
+            raise InvalidValue(tr("the address is empty. Try: {example}", example=_EXAMPLES[self._scheme.value]))
+        return entered.renamed(entered.name or entered.url.partition("://")[2]).check()
+
+    def _entered(self) -> ConnectionSpec:
+        """Return the entered parameters, which may be invalid."""
+        url = (self._url.value or "").strip()
         if url and "://" not in url:
-            url = f"{self.scheme.value}://{url}"
-        if not url:
-            raise InvalidValue(tr("the address is empty. Try: {example}", example=_EXAMPLES[self.scheme.value]))
+            url = f"{self._scheme.value}://{url}"
         return ConnectionSpec(
-            (self.name.value or "").strip() or url.partition("://")[2],
+            (self._name.value or "").strip(),
             url,
-            provider=self.provider.value or "",
-            machine=(self.machine.value or "").strip(),
-            option=(self.option.value or "").strip(),
-            messages=self.messages.value,
-            timeout=int(self.timeout.value or 0),
-            tries=int(self.tries.value or 1),
-            debug=self.debug.value,
-            token=self.token.value or "",
-            driver=int(self.driver.value or 0),
-            dialect=self.dialect.value or "",
-        ).check()
+            provider=self._provider.value or "",
+            machine=(self._machine.value or "").strip(),
+            option=(self._option.value or "").strip(),
+            messages=self._messages.value,
+            timeout=int(self._timeout.value or 0),
+            tries=int(self._tries.value or 1),
+            debug=self._debug.value,
+            token=self._token.value or "",
+            driver=int(self._driver.value or 0),
+            dialect=self._dialect.value or "",
+        )
+
+    def _adopt(self, spec: ConnectionSpec) -> None:
+        """Display parameters in the fields."""
+        with self._following():
+            self._scheme.value = _SCHEMES.get(spec.scheme, "tcp")
+            self._url.value, self._name.value = spec.url, spec.name
+            self._machine.value, self._option.value = spec.machine, spec.option
+            self._provider.set_options(list(dict.fromkeys([*_PROVIDERS, spec.provider])), value=spec.provider)
+            self._timeout.value, self._tries.value = spec.timeout or None, spec.tries
+            self._messages.value, self._debug.value = spec.messages, spec.debug
+            self._driver.value, self._dialect.value = spec.driver, spec.dialect
+        self._show_scheme()
+
+    @contextmanager
+    def _following(self) -> Iterator[None]:
+        self._adopting = True
+        try:
+            yield
+        finally:
+            self._adopting = False
+
+    def _scheme_changed(self) -> None:
+        """Replace the scheme of the address; without one that fits, the address is removed."""
+        scheme, (given, separator, rest) = self._scheme.value, (self._url.value or "").partition("://")
+        if not self._adopting and separator and _SCHEMES.get(given) != scheme:
+            with self._following():
+                self._url.value = f"{scheme}://{rest}" if scheme in _SOCKETS and given in _SOCKETS else ""
+        self._changed()
+
+    def _url_changed(self) -> None:
+        """Select the transport of an address that begins with its scheme."""
+        given, separator, _ = (self._url.value or "").partition("://")
+        if not self._adopting and separator and given in _SCHEMES:
+            with self._following():
+                self._scheme.value = _SCHEMES[given]
+        self._changed()
+
+    def _changed(self) -> None:
+        """Update what depends on the fields, unless they follow the string."""
+        if not self._adopting:
+            self._show_scheme()
+            self._string.show(string_of(self._entered()))
+
+    def _show_scheme(self) -> None:
+        """Display the errors of the address, and what depends on the transport."""
+        scheme = self._scheme.value
+        self._url.props(f"placeholder={_EXAMPLES[scheme]}")
+        self._url.error = _problem(self._entered().url)
+        self._string.input.visible = scheme != "can"
+
+    def _take_string(self, text: str) -> None:
+        """Let the fields follow the connection string.
+
+        Raises:
+            InvalidAddress, InvalidValue: If the string is not valid; the fields then remain.
+        """
+        self._adopt(spec_of_string(text, self._entered()))
+
+    # --- buttons ------------------------------------------------------------------------------------------------
 
     async def _open(self) -> None:
+        spec = self.spec()
+        self._string.remember(string_of(spec))
         self._connect.props("loading")
         try:
-            connection = self._session.workspace.add(self.spec())
+            connection = self._session.workspace.add(spec)
             await connection.open()
             self._session.chosen = connection.name
             self._session.set_cookie(CONNECTION_COOKIE, connection.name)
@@ -125,27 +221,15 @@ class ConnectionForm:
 
     def _load(self) -> None:
         spec = self._session.workspace.profiles.get(self._saved.value or "")
-        if spec is None:
-            return
-        self.scheme.value = spec.scheme if spec.scheme in _EXAMPLES else "http"
-        self.url.value, self.name.value, self.option.value, self.machine.value = (
-            spec.url,
-            spec.name,
-            spec.option,
-            spec.machine,
-        )
-        self.provider.set_options(list(dict.fromkeys([*_PROVIDERS, spec.provider])), value=spec.provider)
-        self.timeout.value, self.tries.value = spec.timeout or None, spec.tries
-        self.messages.value, self.debug.value = spec.messages, spec.debug
-        self.driver.value, self.dialect.value = spec.driver, spec.dialect
+        if spec is not None:
+            self._adopt(spec)
+            self._string.show(string_of(spec))
 
 
-def _check_url(text: str) -> str | None:
-    from orinkit.transport.address import parse_address
-
+def _problem(url: str) -> str | None:
     try:
-        if text:
-            parse_address(text)
+        if url:
+            parse_address(url)
     except (InvalidAddress, InvalidValue) as error:
         return f"{error}"
     return None

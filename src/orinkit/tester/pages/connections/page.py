@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from nicegui import ui
 
 from orinkit.core.i18n import tr
@@ -16,7 +18,7 @@ _REFRESH = 0.5  # s
 _ICONS = {"rc8": "precision_manufacturing", "ve026a": "front_loader", "abh3": "electric_rickshaw"}
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents."""
     ui.label(tr("Connections")).classes("ok-page-title").props("role=heading aria-level=1")
     ui.label(
@@ -24,15 +26,17 @@ def build(session: PageSession) -> None:
             "Connect to a controller, or start a virtual one on this computer. No hardware is required to try everything."
         )
     ).classes("ok-page-hint")
-    with ui.element("div").classes("ok-grid"):
+    with ui.element("div").classes("ok-grid ok-simulators"):
         for key in KINDS:
             _simulator_card(session, key)
+    yield
     ui.element("div").style("height: 16px")
-    with ui.element("div").classes("ok-columns"):
+    with ui.element("div").classes("ok-columns ok-even"):
         with ui.element("section").classes("ok-card"):
             ui.label(tr("Open connections")).classes("ok-card-title")
             _connection_list(session)
-        ConnectionForm(session)
+        yield
+        yield from ConnectionForm(session).build()
 
 
 def _simulator_card(session: PageSession, key: str) -> None:

@@ -11,6 +11,7 @@ from nicegui import ui
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.pages.monitor.watches import MAX_PLOTTED, Watches, csv_text
+from orinkit.tester.ui.chart import Chart
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession
@@ -54,7 +55,7 @@ class PlotCard:
             self._hint = ui.label(tr("Choose the variables to plot with the chart button of the watch list.")).classes(
                 "ok-dim"
             )
-            self._chart = ui.echart(_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
+            self._chart = Chart(_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
             self._chart.props["aria-label"] = tr("History of the chosen variables")
         self._show_pause()
         export.on_click(reported(session, self._export, errors.show))
@@ -103,7 +104,7 @@ class PlotCard:
             for label in plotted
         ]  # fmt: skip
         axis = {"min": round(since * 1000), "max": round(end * 1000)}
-        self._chart.run_chart_method("setOption", {"xAxis": axis, "series": series}, {"replaceMerge": ["series"]})
+        self._chart.change({"xAxis": axis, "series": series}, ["series"])
 
 
 def _layout(dark: bool) -> dict[str, Any]:

@@ -8,9 +8,9 @@ from nicegui import ui
 
 from orinkit.core.i18n import N_, tr
 from orinkit.tester.pages.objects.context import ObjectContext
-from orinkit.tester.pages.objects.fields import Field, TextField, field_for
 from orinkit.tester.pages.objects.results import ResultBox
 from orinkit.tester.state.objects import Outcome, creators_of, names_function
+from orinkit.tester.ui.fields import Field, TextField, field_for
 
 ICONS: Final = {
     "Service": "dns", "Controller": "developer_board", "Robot": "precision_manufacturing", "Task": "list_alt",

@@ -9,11 +9,11 @@ from typing import Any
 from nicegui import ui
 
 from orinkit.cao.table import Function
-from orinkit.tester.pages.objects.fields import Field, read_fields
 from orinkit.tester.pages.objects.results import ResultBox
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.motion_call import call_function
 from orinkit.tester.state.objects import Outcome, RemoteObject
+from orinkit.tester.ui.fields import Field, read_fields
 from orinkit.tester.ui.session import PageSession
 
 

@@ -9,9 +9,9 @@ from nicegui import ui
 from orinkit.cao.table import Function
 from orinkit.core.i18n import tr
 from orinkit.tester.pages.objects.context import ObjectContext
-from orinkit.tester.pages.objects.fields import field_for
 from orinkit.tester.pages.objects.results import ResultBox
 from orinkit.tester.state.objects import functions_of
+from orinkit.tester.ui.fields import field_for
 from orinkit.values.types import VarType, type_name
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from nicegui import ui
 
@@ -32,13 +32,13 @@ TABS: dict[str, tuple[tuple[str, Callable[[ObjectContext], None]], ...]] = {
 """The tabs of an object by its interface; all others have the functions only."""
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents."""
     ui.label(tr("Objects")).classes("ok-page-title").props("role=heading aria-level=1")
     ui.label(
         tr("The objects of the controller and all functions that can be called on them. All pages share these objects.")
     ).classes("ok-page-hint")
-    ObjectsPage(session)
+    yield from ObjectsPage(session).build()
 
 
 class ObjectsPage:
@@ -51,6 +51,14 @@ class ObjectsPage:
         self._shown: object = None
         self._holder = ui.element("div").style("display: contents")
         self._connection: ControllerConnection | None = None
+
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
+        yield
+        connection = self._session.connection
+        if isinstance(connection, ControllerConnection) and connection.is_open:
+            self._begin(connection)
+            yield from self._parts(connection.objects.controller or connection.objects.root)
         self.refresh()
         ui.timer(_REFRESH, self.refresh)
 
@@ -58,15 +66,25 @@ class ObjectsPage:
         """Update what has changed."""
         connection = self._session.connection
         usable = connection if isinstance(connection, ControllerConnection) and connection.is_open else None
-        state = (connection, usable, connection.error if connection else None)
-        if state != self._built:
-            self._connection, self._built = usable, state
-            self._selected = self._shown = None
-            self._holder.clear()
+        if self._begin(connection) and usable is None:
             with self._holder:
-                self._build_columns() if usable else self._build_empty(connection)
+                self._build_empty(connection)
         if usable is not None:
             self._refresh_tree(usable)
+
+    def _begin(self, connection: Connection | None) -> bool:
+        """Begin again if the connection has changed; return True if it has."""
+        usable = connection if isinstance(connection, ControllerConnection) and connection.is_open else None
+        state = (connection, usable, connection.error if connection else None)
+        if state == self._built:
+            return False
+        self._connection, self._built = usable, state
+        self._selected = self._shown = None
+        self._holder.clear()
+        if usable is not None:
+            with self._holder:
+                self._build_columns()
+        return True
 
     def _build_empty(self, connection: Connection | None) -> None:
         with ui.element("section").classes("ok-card"), ui.element("div").classes("ok-empty").props("data-testid=empty"):
@@ -129,15 +147,23 @@ class ObjectsPage:
     def _select(self, item: RemoteObject) -> None:
         if self._connection is None or item is self._selected:
             return
+        for _ in self._parts(item):
+            pass
+        self._refresh_tree(self._connection)
+
+    def _parts(self, item: RemoteObject) -> Iterator[None]:
+        """Build the elements for an object in several parts."""
+        assert self._connection is not None
         self._selected = item
         context = ObjectContext(self._session, self._connection, item, self.refresh, self._select)
         self._adding.clear()
         with self._adding:
             build_adding(context)
+        yield
         self._detail.clear()
         with self._detail:
             self._build_detail(context)
-        self._refresh_tree(self._connection)
+        yield
 
     def _build_detail(self, context: ObjectContext) -> None:
         item = context.target

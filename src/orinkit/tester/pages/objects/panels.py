@@ -10,10 +10,10 @@ from orinkit.cao import functions as f
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.commands import COMMANDS
 from orinkit.tester.pages.objects.context import ObjectContext
-from orinkit.tester.pages.objects.fields import Field, TextField, ValueField
 from orinkit.tester.pages.objects.results import ResultBox
 from orinkit.tester.state.objects import Outcome
 from orinkit.tester.state.value_text import value_text
+from orinkit.tester.ui.fields import Field, TextField, ValueField
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 
 INTERPOLATIONS: Final = {1: "1: MOVE P", 2: "2: MOVE L", 3: "3: MOVE C", 4: "4: MOVE S"}

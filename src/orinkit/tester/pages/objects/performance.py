@@ -6,9 +6,9 @@ from nicegui import ui
 
 from orinkit.core.i18n import tr
 from orinkit.tester.pages.objects.context import ObjectContext
-from orinkit.tester.pages.objects.fields import NumberField, read_fields
 from orinkit.tester.state.performance import BINS, Performance, PerformanceReport
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.fields import NumberField, read_fields
 from orinkit.values.variant import VarType
 
 _REFRESH = 0.3  # s

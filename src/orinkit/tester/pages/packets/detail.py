@@ -9,11 +9,11 @@ from nicegui import ui
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.tester.pages.packets.elements import PacketBytes
 from orinkit.tester.state.packet_facts import Summaries
 from orinkit.tester.state.packet_log import LoggedPacket, PacketLog
 from orinkit.tester.state.packet_text import as_bytes_literal, as_c_array, as_call, as_hex, time_text
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.packet_bytes import PacketBytes
 from orinkit.tester.ui.session import notify
 
 _COPY = """

@@ -1,4 +1,4 @@
-"""Elements of the page Packets: a list of which only the visible rows exist, and the bytes and fields of a packet."""
+"""A list of packets of which only the visible rows exist: :class:`PacketList`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from orinkit.core.i18n import tr
-from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail, detail_of
-from orinkit.tester.state.packet_log import LoggedPacket
 
 LARGEST_WINDOW = 200
 """Maximum number of rows that are sent at once."""
@@ -55,43 +53,3 @@ class PacketList(ui.element, component="packet_list.js"):
 def _window(event: GenericEventArguments, supply: Callable[[int, int], None]) -> None:
     start, size = int(event.args["start"]), int(event.args["size"])
     supply(max(start, 0), max(min(size, LARGEST_WINDOW), 1))
-
-
-class PacketBytes(ui.element, component="packet_detail.js"):
-    """The bytes of a packet as a hex dump, beside its fields.
-
-    Args:
-        marker: Value of ``data-testid``.
-    """
-
-    def __init__(self, marker: str) -> None:
-        super().__init__()
-        self.props(f'data-testid="{marker}"')
-        self._props["labels"] = {"bytes": tr("Bytes of the packet"), "fields": tr("Fields of the packet")}
-        self._props["packet"] = {"hex": "", "fields": [], "note": ""}
-
-    def show(self, packet: LoggedPacket | None) -> None:
-        """Show a packet; ``None`` shows nothing."""
-        detail = detail_of(packet) if packet is not None else PacketDetail(b"", 0, [])
-        self._props["packet"] = {
-            "hex": detail.data.hex(),
-            "fields": [
-                [each.offset, len(each.raw), each.name, each.meaning, each.error, each.level] for each in detail.fields
-            ],
-            "note": _note(detail),
-        }
-        self.update()
-
-
-def _note(detail: PacketDetail) -> str:
-    if detail.omitted:
-        return tr(
-            "Only the first {most} fields are shown; there are {count} more.", most=SHOWN_FIELDS, count=detail.omitted
-        )
-    if detail.is_partial:
-        return tr(
-            "Only the first {shown} of {size} bytes are shown. Save the packets to examine all.",
-            shown=f"{len(detail.data):,}",
-            size=f"{detail.size:,}",
-        )
-    return ""

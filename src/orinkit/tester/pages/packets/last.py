@@ -5,10 +5,10 @@ from __future__ import annotations
 from nicegui import ui
 
 from orinkit.core.i18n import tr
-from orinkit.tester.pages.packets.elements import PacketBytes
 from orinkit.tester.state.packet_facts import Summaries
 from orinkit.tester.state.packet_log import Direction, PacketLog
 from orinkit.tester.state.packet_text import time_text
+from orinkit.tester.ui.packet_bytes import PacketBytes
 
 
 class LastPackets:

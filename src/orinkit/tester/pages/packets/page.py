@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from time import perf_counter
 from typing import Any
 
@@ -26,10 +26,11 @@ _SEARCH = 0.15  # s of searching between two updates of the page
 _SUMMARIES = Summaries()
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents."""
     ui.label(tr("Packets")).classes("ok-page-title").props("role=heading aria-level=1")
     page = PacketsPage(session)
+    yield from page.build()
     ui.timer(_REFRESH, page.refresh)
 
 
@@ -56,20 +57,23 @@ class PacketsPage:
             session.workspace, session.client.id, lambda: self._view.numbers(), _SUMMARIES.in_language("en")
         )
         session.client.on_delete(self._exports.close)
-        self._build()
 
-    def _build(self) -> None:
+    def build(self) -> Iterator[None]:
+        """Build the elements in several parts."""
         with ui.element("div").classes("ok-row ok-packet-bar"):
             self._tab = ui.toggle({"all": tr("All packets"), "last": tr("Last sent and received")}, value="all")
             self._tab.props("no-caps unelevated dense data-testid=packet-tabs")
             ui.space()
             self._build_actions()
+        yield
         self._errors = ErrorBox("error-packets")
         self._list_part = ui.element("div").classes("ok-packet-parts")
         with self._list_part:
             with ui.element("section").classes("ok-card"):
-                self._build_list()
+                yield from self._build_list()
+            yield
             self._detail = DetailCard(self._log, _SUMMARIES, self._select)
+        yield
         self._last = LastPackets(self._log, _SUMMARIES)
         self._last_part = self._last.element
         self._last_part.visible = False
@@ -89,8 +93,9 @@ class PacketsPage:
                 item.props(f"data-testid=save-{kind}")
         self._show_recording()
 
-    def _build_list(self) -> None:
+    def _build_list(self) -> Iterator[None]:
         self._filter = FilterBar(self._set_filter)
+        yield
         with ui.element("div").classes("ok-row"):
             self._count = ui.label().classes("ok-dim ok-packet-facts").props("role=status data-testid=packet-count")
             ui.space()

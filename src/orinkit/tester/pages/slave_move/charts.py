@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-from nicegui import ui
-
 from orinkit.core.i18n import tr
 from orinkit.tester.state.slave_trace import TracePoint
+from orinkit.tester.ui.chart import Chart
 from orinkit.values.pose_numbers import FIELDS
 
 COLOURS: Final = ("#0891b2", "#d97706", "#16a34a", "#dc2626", "#7c3aed", "#db2777", "#64748b", "#a16207")
@@ -126,12 +125,12 @@ def histogram_patch(bars: Sequence[tuple[float, int]]) -> dict[str, Any]:
     }
 
 
-def chart(options: dict[str, Any], label: str, marker: str) -> ui.echart:
+def chart(options: dict[str, Any], label: str, marker: str) -> Chart:
     """Build a plot with a text for screen readers."""
-    built = ui.echart(options).classes("ok-sm-chart")
+    built = Chart(options).classes("ok-sm-chart")
     return built.props(f'role=img aria-label="{label}"').props(f"data-testid={marker}")
 
 
-def show(target: ui.echart, patch: dict[str, Any]) -> None:
+def show(target: Chart, patch: dict[str, Any]) -> None:
     """Send new data to a plot, without its other options."""
-    target.run_chart_method("setOption", patch, {"replaceMerge": ["series"]} if "xAxis" not in patch else {})
+    target.change(patch, ["series"] if "xAxis" not in patch else [])

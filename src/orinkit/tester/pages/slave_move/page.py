@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from nicegui import ui
 
 from orinkit.core.i18n import tr
@@ -13,7 +15,7 @@ from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.ui.session import PageSession
 
 
-def build(session: PageSession) -> None:
+def build(session: PageSession) -> Iterator[None]:
     """Build the contents."""
     ui.label(tr("Slave Move")).classes("ok-page-title").props("role=heading aria-level=1")
     ui.label(
@@ -30,11 +32,14 @@ def build(session: PageSession) -> None:
         with ui.element("div").classes("ok-sm-stack"):
             source_place = ui.element("div").classes("ok-sm-stack")
             trajectory = TrajectoryCard(session, connection)
+            yield
             live_place = ui.element("div").classes("ok-sm-stack")
         with ui.element("div").classes("ok-sm-stack ok-sm-side"):
             run = RunCard(session, connection, trajectory)
+    yield
     with source_place:
         SourceCard(session, connection, trajectory)
+    yield
     with live_place:
         LiveCard(session, connection)
     trajectory.on_options(run.limits_of_run)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import logging
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,12 +10,10 @@ from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-
-logger = logging.getLogger("orinkit.tester")
+from orinkit.tester.state.json_file import JsonFile
 
 MAX_POSES: Final = 500
 LONGEST_NAME: Final = 60
-_LARGEST_FILE: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +44,7 @@ class StoredPose:
 
 
 class PoseStore:
-    """The stored poses of a user, in a JSON file.
-
-    A file that cannot be read is reported in the log. When a pose is saved, its contents are kept beside it, with the
-    suffix ``.bak``.
+    """The stored poses of a user, in a file (:class:`JsonFile`).
 
     Args:
         path: Path of the file.
@@ -60,8 +52,9 @@ class PoseStore:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._damaged = False
-        self._poses = {(pose.arm, pose.name): pose for pose in self._load()}
+        self._file = JsonFile(path)
+        found = self._file.read(lambda rows: [_pose(each) for each in rows])
+        self._poses = {(pose.arm, pose.name): pose for pose in found}
         self.version = 0
 
     def of(self, arm: str) -> Iterator[StoredPose]:
@@ -90,29 +83,12 @@ class PoseStore:
         self._write({key: each for key, each in self._poses.items() if each != pose})
 
     def _write(self, poses: dict[tuple[str, str], StoredPose]) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._damaged:
-            self.path.replace(self.path.with_suffix(".json.bak"))
-            self._damaged = False
-        draft = self.path.with_suffix(f".{os.getpid()}.tmp")
-        rows = [asdict(pose) for pose in poses.values()]
-        draft.write_text(json.dumps(rows, indent=2, ensure_ascii=False) + "\n", "utf-8")
-        draft.replace(self.path)
+        self._file.write([asdict(pose) for pose in poses.values()])
         self._poses = poses
         self.version += 1
 
-    def _load(self) -> list[StoredPose]:
-        try:
-            if self.path.stat().st_size > _LARGEST_FILE:
-                raise ValueError(tr("larger than {most} bytes", most=_LARGEST_FILE))
-            found: Any = json.loads(self.path.read_text("utf-8"))
-            return [
-                StoredPose(str(each["name"]), str(each["arm"]), tuple(float(joint) for joint in each["joints"])).check()
-                for each in found
-            ]
-        except FileNotFoundError:
-            return []
-        except (OSError, ValueError, KeyError, TypeError, InvalidValue) as error:
-            logger.warning("%s: cannot read the stored poses: %s", self.path, error)
-            self._damaged = self.path.exists()
-            return []
+
+def _pose(saved: dict[str, Any]) -> StoredPose:
+    return StoredPose(
+        str(saved["name"]), str(saved["arm"]), tuple(float(joint) for joint in saved["joints"])
+    ).check()  # fmt: skip

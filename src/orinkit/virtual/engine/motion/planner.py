@@ -50,6 +50,8 @@ class Rates:
         decel: Fraction of the deceleration limits, above 0 and at most 1.
         time: Duration of the motion in seconds; ``None`` for as fast as the other rates allow. A time that is too short
             is not an error: the motion is then as fast as possible.
+        avoid_singular: True to slow a path down near a singular point as much as necessary; False to refuse a path that
+            would have to be slowed down too much.
 
     Raises:
         ValueError: If a value is out of range.
@@ -59,6 +61,7 @@ class Rates:
     accel: float = 1.0
     decel: float = 1.0
     time: float | None = None
+    avoid_singular: bool = False
 
     def __post_init__(self) -> None:
         for value in (self.speed, self.accel, self.decel):
@@ -220,6 +223,7 @@ def plan_rotation(
     mark: PassMark = AT_TARGET,
     *,
     keep_orientation: bool = False,
+    extra_end: Sequence[float] | None = None,
 ) -> Motion:
     """Plan a rotation of the TCP about an axis.
 
@@ -233,13 +237,14 @@ def plan_rotation(
         rates: Velocity and acceleration.
         mark: The pass mark.
         keep_orientation: True if the tool keeps its orientation; False if it turns about the axis too.
+        extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
 
     Raises:
         CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the axis has no direction, or the angle is more
             than 100 turns.
     """
     course = courses.rotation(_tcp(kinematics, start, tool), axis, point, degrees, keep_orientation=keep_orientation)
-    return _plan_course(kinematics, start, course, tool, rates, mark, None)
+    return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
 
 
 def plan_curve(
@@ -335,7 +340,7 @@ def _within_joints(model: ArmModel, path: Path, profile: MotionProfile, rates: R
     stretch = max(float(fast.max()), math.sqrt(float(hard.max()))) * _MARGIN
     if stretch <= 1:
         return profile
-    if _too_slow(stretch, profile):
+    if _too_slow(stretch, profile, rates):
         raise singular()
     return profile.stretched(profile.duration * stretch)
 
@@ -346,10 +351,12 @@ def _hopeless(model: ArmModel, rows: Array, profile: MotionProfile, rates: Rates
     pace = profile.states_at(profile.moments((np.arange(steps) + 0.5) / steps))[1]
     fast = np.abs(np.diff(rows, axis=0)) * steps * pace[:, None]
     limit = np.array([axis.velocity for axis in model.axes[:6]]) * rates.speed
-    return _too_slow(float((fast / limit).max()), profile)
+    return _too_slow(float((fast / limit).max()), profile, rates)
 
 
-def _too_slow(stretch: float, profile: MotionProfile) -> bool:
+def _too_slow(stretch: float, profile: MotionProfile, rates: Rates) -> bool:
+    if rates.avoid_singular:
+        return False
     return stretch > _SINGULAR_STRETCH and profile.duration * stretch > _SINGULAR_TIME
 
 

@@ -126,6 +126,7 @@ class MotionQueue:
         self._waiting: deque[Ticket] = deque()
         self._begin_at: float | None = None  # elapsed time of the newest motion at which the next one begins
         self._pace = 0.0  # seconds by which the elapsed times increased in the last cycle
+        self._stop_fraction = 1.0  # acceleration of a stop, as a fraction of the limits of the arm model
         self._changed: deque[Ticket] = deque()
         self._followed: Joints | None = None  # external command for the next cycle
         self._brake: Brake | None = None
@@ -255,10 +256,11 @@ class MotionQueue:
         self._followed = joints
         self.state = QueueState.FOLLOWING
 
-    def halt(self) -> None:
+    def halt(self, *, as_set: bool = False) -> None:
         """Stop the arm on its path, as fast as the acceleration limits allow; then drop all motions.
 
-        External commands have no path; in this case each joint brakes in its present direction (:class:`Brake`).
+        With ``as_set``, stop with the acceleration and deceleration of the running motions instead, unless the arm is
+        already stopping. External commands have no path; in this case each joint brakes in its present direction (:class:`Brake`).
         """
         if self.state is QueueState.HELD:
             self._drop()
@@ -266,6 +268,10 @@ class MotionQueue:
         elif self.state in (QueueState.FOLLOWING, QueueState.BRAKING):
             self.state = QueueState.BRAKING
         elif self.state is not QueueState.IDLE:
+            if not as_set:
+                self._stop_fraction = 1.0
+            elif self.state is not QueueState.STOPPING:
+                self._stop_fraction = self._fraction_of_running()
             self.state = QueueState.STOPPING
             self._begin_at = None
 
@@ -308,10 +314,13 @@ class MotionQueue:
         if self.state is QueueState.MOVING:
             return self._cycle
         if self.state is QueueState.RESUMING:
-            running = [*self._active, self._waiting[0]] if self._begin_at is not None else self._active
-            fraction = max(max(each.motion.rates.accel, each.motion.rates.decel) for each in running)
-            return self._nearest_to(self._cycle, fraction)
-        return self._nearest_to(0.0, 1.0)
+            return self._nearest_to(self._cycle, self._fraction_of_running())
+        return self._nearest_to(0.0, self._stop_fraction if self.state is QueueState.STOPPING else 1.0)
+
+    def _fraction_of_running(self) -> float:
+        """Return the largest acceleration of the running motions, as a fraction of the limits of the arm model."""
+        running = [*self._active, self._waiting[0]] if self._begin_at is not None else self._active
+        return max((max(each.motion.rates.accel, each.motion.rates.decel) for each in running), default=1.0)
 
     def _nearest_to(self, desired: float, fraction: float) -> float:
         # The last pace is always possible, apart from rounding, because each motion is within the limits.

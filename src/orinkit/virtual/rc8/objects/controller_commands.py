@@ -19,6 +19,7 @@ from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import program_commands as programs
 from orinkit.virtual.rc8.objects.hand_commands import CONTROLLER_COMMANDS as HAND_COMMANDS
 from orinkit.virtual.rc8.objects.hand_commands import of_controller
+from orinkit.virtual.rc8.objects.slave_use import SlaveUse
 from orinkit.virtual.rc8.objects.system_info import system_info
 from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.switches import ModeSwitch, TokenKind
@@ -33,11 +34,13 @@ class ControllerCommand:
         name: Name as documented; case-insensitive for clients.
         run: Executes the command.
         writes: If True, the command requires the right to write, else the right to read.
+        slave_mode: Use by the client that is in slave mode; the provider guide restricts no command of the controller.
     """
 
     name: str
     run: Callable[[ClientContext, Variant], Any]
     writes: bool = False
+    slave_mode: SlaveUse = SlaveUse.ANSWERED
 
 
 def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
@@ -49,7 +52,7 @@ def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
     command = COMMANDS.get(name.strip().lower())
     if command is None:
         raise error_for(hresult.E_INVALID_CMD_NAME, name)
-    caller.require_not_slave()
+    command.slave_mode.require(caller)
     if command.writes:
         caller.require_write()
     else:
@@ -108,7 +111,7 @@ def system_state(state: RC8State) -> int:
         11: switches.auto_enable,
         12: switches.protective_stop,
         13: state.arm.stopping,
-        17: True,  # CALSET done: a virtual arm needs no calibration
+        17: state.arm.hardware.calibrated,
         18: switches.mode is ModeSwitch.MANUAL,
         19: state.tasks.cycle_complete,
         20: state.arm.busy,
@@ -129,6 +132,14 @@ def _manual_reset(caller: ClientContext, _: Variant) -> Value:
         raise error_for(hresult.EMERGENCY_STOP_NOT_RELEASED)
     if switches.protective_stop:
         raise error_for(hresult.PROTECTIVE_STOP_ON)
+    return None
+
+
+def _motion_preparation(caller: ClientContext, parameter: Variant) -> Value:
+    """Prepare the robot for motions; this fails during a stop, and while there is an error."""
+    _manual_reset(caller, parameter)
+    if caller.state.faults.code:
+        raise error_for(hresult.ERROR_PRESENT)
     return None
 
 
@@ -161,6 +172,7 @@ COMMANDS: Final[dict[str, ControllerCommand]] = {
         ControllerCommand("ManualReset", _manual_reset, writes=True),
         ControllerCommand("ManualResetPreparation", _manual_reset, writes=True),
         ControllerCommand("ResetStoState", _manual_reset, writes=True),
+        ControllerCommand("MotionPreparation", _motion_preparation, writes=True),
         *(ControllerCommand(each.name, of_controller(each), each.writes) for each in HAND_COMMANDS),
     )
 }

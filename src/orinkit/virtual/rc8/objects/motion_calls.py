@@ -8,6 +8,8 @@ from typing import Any, TypeAlias
 from orinkit.cao.provider import Deferred
 from orinkit.rc8.motion_options import MotionOptions
 from orinkit.virtual.engine.motion.queue import Ticket
+from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.motion_planner import Plans
 from orinkit.virtual.rc8.state import RC8State
 
@@ -30,3 +32,11 @@ def begin_motions(state: RC8State, plans: Plans, options: MotionOptions) -> Moti
         return None if options.next else state.arm.when_done(tickets[-1])
 
     return state.moves.begin(plans, completion)
+
+
+def switch_motor(caller: ClientContext, on: bool) -> Deferred[None]:
+    """Begin to switch the motor on or off; return a Deferred that resolves when the motor is on or off."""
+    arm = caller.state.arm
+    name = "Motor on" if on else "Motor off"
+    require(name, arm, caller)
+    return arm.switch_motor(on, caller, lambda: require(name, arm, caller))

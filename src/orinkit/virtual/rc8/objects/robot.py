@@ -13,7 +13,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions, parse_options
-from orinkit.rc8.pose_arguments import read_targets
+from orinkit.rc8.pose_arguments import line_type_as_position, read_targets
 from orinkit.values.poses import PassMark, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
@@ -28,7 +28,9 @@ from orinkit.virtual.rc8.robot.moves import CURVE
 from orinkit.virtual.rc8.variables import conversion
 
 _PATH: Final = re.compile(r"\s*(?:(@\s*(?:[PE]|[0-9.]+))\s+)?([0-9]{1,9})\s*", re.IGNORECASE)
-_FRAME: Final = re.compile(r"\s*(tool|work)\s*([0-9]{1,9})\s*", re.IGNORECASE)
+_FRAME: Final = re.compile(r"\s*(tool|work)\s*([0-9]{1,9})?\s*", re.IGNORECASE)
+_BETWEEN: Final = re.compile(r"(V\s*(?:[0-9]+|\[[^\]]*\]|\([^)]*\)))[ \t]+(?=V)", re.IGNORECASE)
+_PLANE: Final = re.compile(r"\s*(?:XY|YZ|ZX)H?\s*", re.IGNORECASE)
 _TIP: Final = -1
 _ALL_AXES: Final = 0
 _PLANE_POINTS: Final = 3
@@ -54,23 +56,28 @@ class RC8Robot(RobotObject):
         """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with option NEXT."""
         require("Move", self._arm, self._caller)
         options = parse_options(option)
+        if self._state.switches.loose_poses:
+            pose = line_type_as_position(pose)
         number = path_number(pose) if interpolation == CURVE else None
         if number is not None:
             return self._begin(self._moves.follow(*number, options), options)
         return self._begin(self._moves.move(interpolation, read_targets(pose), options), options)
 
-    def drive(self, axis: int, value: float, option: str) -> MotionResult:
-        """Move one joint by a distance in deg (mm for a linear axis)."""
-        require("Drive", self._arm, self._caller)
-        options = parse_options(option)
-        return self._begin(self._moves.drive([(axis, value)], False, None, options), options)
+    def drive(self, axis: int, value: float, option: str) -> MotionResult:  # noqa: ARG002
+        """Refuse the call, as a real controller does; DriveEx and DriveAEx move single joints.
+
+        Raises:
+            CallError: E_NOTIMPL.
+        """
+        raise error_for(hresult.E_NOTIMPL, tr("Drive is not supported. Try: DriveEx or DriveAEx"))
 
     def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> MotionResult:
         """Rotate by an angle in deg about a pivot, in a plane of the work frame or in a plane through three points."""
         require("Rotate", self._arm, self._caller)
         options = parse_options(option)
-        axis = self._normal(plane)
-        return self._begin(self._moves.rotate(axis, self._moves.point(_pivot(pivot)), angle, options), options)
+        name = _plane_name(plane)
+        axis = self._moves.plane(name) if name else self._normal(plane)
+        return self._begin(self._moves.rotate(axis, self._moves.pivot(name, _pivot(pivot)), angle, options), options)
 
     def chuck(self, option: str) -> Deferred[None]:
         """Hold with the first gripper as the data of a point say (GRASP); the option is its number, 0 by default."""
@@ -88,12 +95,26 @@ class RC8Robot(RobotObject):
     def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
         """Stop and discard the motions, also those of another client; the call completes at standstill.
 
-        Waiting starts of programs are cancelled, because a program may move the arm.
+        Waiting starts of programs are cancelled, because a program may move the arm. If a program holds the arm, the
+        call fails at standstill, because such a motion is to be stopped with Task_Stop.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; ARM_TAKEN_BY_PACSCRIPT if a program holds the arm.
         """
         require("Halt", self._arm, self._caller)
+        holder = self._arm.holder
         self._caller.state.tasks.starts.cancel()
         self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
-        return self._arm.when_still()
+        still = self._arm.when_still()
+        if holder is None or not holder.program:
+            return still
+        refused = Deferred[None]()
+        error = error_for(
+            hresult.ARM_TAKEN_BY_PACSCRIPT,
+            tr("the arm is stopped, but the program {program} holds it. Try: Task_Stop", program=holder),
+        )
+        still.add_done_callback(lambda: refused.set_exception(error))
+        return refused
 
     def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
         """Pause the motion, also a motion of another client; the call completes at standstill."""
@@ -128,7 +149,7 @@ class RC8Robot(RobotObject):
                 tr("invalid frame {name}. Try: Tool1 or Work2", name=quoted(name)),
             )
         frames = self._arm.space.tools if found[1].lower() == "tool" else self._arm.space.works
-        frames.current = frames.check(int(found[2]))
+        frames.current = frames.check(int(found[2] or 0))
 
     # --- commands and variables ---------------------------------------------------------------------------------
 
@@ -161,8 +182,8 @@ class RC8Robot(RobotObject):
         return gripper
 
     def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:
-        if isinstance(plane.value, str) and "(" not in plane.value and "," not in plane.value:
-            return self._moves.plane(plane.value)
+        if isinstance(plane.value, str):
+            plane = Variant(VarType.BSTR, _BETWEEN.sub(r"\1,", parameters.check_length(plane.value)))
         points = [self._moves.point(target) for target in read_targets(plane)]
         if len(points) != _PLANE_POINTS:
             raise _no_plane()
@@ -172,6 +193,19 @@ class RC8Robot(RobotObject):
         if not length > _ON_A_LINE * float(np.linalg.norm(across) * np.linalg.norm(along)):
             raise _no_plane()
         return np.asarray(normal / length)
+
+
+def _plane_name(plane: Variant) -> str:
+    """Return the name of a plane of the work frame or of the tool; an empty string for three vectors.
+
+    Raises:
+        CallError: E_INVALIDARG if a string is neither.
+    """
+    if not isinstance(plane.value, str) or any(sign.isdecimal() for sign in plane.value):
+        return ""
+    if _PLANE.fullmatch(plane.value) is None:
+        raise _no_plane()
+    return plane.value.strip().upper()
 
 
 def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
@@ -215,5 +249,5 @@ def _axis(axis: int) -> bool:
 def _no_plane() -> Exception:
     return error_for(
         hresult.E_INVALIDARG,
-        tr("a plane must be XY, YZ, ZX or three points that are not on a line"),
+        tr("a plane must be XY, YZ, ZX, XYH, YZH, ZXH or three points that are not on a line"),
     )

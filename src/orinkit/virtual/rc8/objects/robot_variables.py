@@ -13,10 +13,12 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, Translate, tr
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.objects.motion_calls import switch_motor
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.hardware.areas import Area
 from orinkit.virtual.rc8.robot.speeds import KEEP
 from orinkit.virtual.rc8.variables import conversion
 
@@ -57,9 +59,7 @@ class RobotVariable:
 
 
 def _servo(caller: ClientContext, given: Variant) -> Deferred[None]:
-    on = conversion.boolean(given)
-    require("Motor on" if on else "Motor off", caller.state.arm, caller)
-    return caller.state.arm.switch_motor(on)
+    return switch_motor(caller, conversion.boolean(given))
 
 
 def _tool(caller: ClientContext, given: Variant) -> None:
@@ -199,7 +199,7 @@ def find_robot_variable(caller: ClientContext, name: str) -> VariableObject:
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND.
     """
-    entry = ROBOT_VARIABLES.get(name.strip().upper()) or find_frame(name)
+    entry = ROBOT_VARIABLES.get(name.strip().upper()) or find_frame(name) or find_area(name)
     if entry is None:
         raise not_found(name)
     return RobotVariableObject(caller, name, entry)
@@ -244,6 +244,33 @@ def _frame(number: int, *, tool: bool) -> RobotVariable:
     return RobotVariable(f"{'TOOL' if tool else 'WORK'}{number}", _R8_ARRAY, read, text, write)
 
 
+_AREA: Final = re.compile(r"\s*AREA\[?([0-9]{1,4})\]?\s*", re.IGNORECASE | re.ASCII)
+AREA_NAME: Final = "Area*"
+"""Name of the variables of areas; the number replaces the ``*``."""
+
+
+def find_area(name: str) -> RobotVariable | None:
+    """Return the variable of an area, such as ``Area1``; None for other names.
+
+    Reading or writing it raises VALUE_OUT_OF_RANGE if the area does not exist.
+    """
+    found = _AREA.fullmatch(name)
+    if found is None:
+        return None
+    number = int(found[1])
+
+    def write(caller: ClientContext, given: Variant) -> None:
+        hardware = caller.state.arm.hardware
+        require("SetAreaDef", caller.state.arm, caller)
+        elements = [conversion.double(each) for each in parameters.elements(given)]
+        hardware.define_area(number, Area.of_elements(elements, hardware.areas.area(number)))
+
+    return RobotVariable(
+        f"AREA{number}", _R8_ARRAY, lambda arm: arm.hardware.areas.area(number).elements(),
+        N_("Area: the 34 elements of GetAreaDef"), write,
+    )  # fmt: skip
+
+
 def robot_variable_names() -> list[str]:
     """Return the names of the robot's variables."""
-    return [*ROBOT_VARIABLES, *FRAME_NAMES]
+    return [*ROBOT_VARIABLES, *FRAME_NAMES, AREA_NAME]

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Final
 
 from orinkit.cao.provider import Deferred, ResultWithCode
-from orinkit.core.errors import CallError
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.hresult import CodeFamily
 from orinkit.rc8.slave_formats import (
     OFF,
@@ -93,6 +93,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
     """Accept a set-point and return the feedback in this client's format.
 
     Raises:
+        CallError: The code of the error that has ended slave mode, once; then SLAVE_MODE_OFF.
         CallError: E_INVALIDARG or DISP_E_TYPEMISMATCH if the parameter is malformed; E_BUF_FULL if the buffer is full
             in mode 0. These errors change nothing. Other errors of
             :func:`~orinkit.virtual.rc8.robot.slave_mode.set_point.joints_of` are errors of the controller and end slave
@@ -100,9 +101,12 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
     """
     state, formats = caller.state, caller.formats
     arm, slave = state.arm, state.arm.slave
+    ended = slave.report_end(caller)
+    if ended:
+        raise error_for(ended)
     require("slvMove", arm, caller)
     assert slave.mode is not None
-    point = read_set_point(slave.mode.kind, parameter, formats.send, formats.receive)
+    point = read_set_point(slave.mode.kind, parameter, formats.send, formats.receive, state.switches.user_io_unit)
     outputs = io.outputs_of(state.variables, point)
     if point.window is not None:
         io.require_window(state.variables, point.window)
@@ -118,4 +122,5 @@ def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:
     except CallError as error:
         if error.info.family not in _MALFORMED:  # the arm cannot reach the set-point (RC8 4.7)
             slave.fail(error.code, error.detail)
+            slave.report_end(caller)  # this call reports it
         raise

@@ -15,6 +15,7 @@ from orinkit.virtual.rc8.pacscript.expressions import Expressions, fixed
 from orinkit.virtual.rc8.pacscript.host_interface import DelayWait, Wait
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import Store, as_target, store
+from orinkit.virtual.rc8.pacscript.robot_words import STATEMENTS
 from orinkit.virtual.rc8.pacscript.scope import check_count
 from orinkit.virtual.rc8.pacscript.tree import Apply, Command, Expression, LetPart, Name, SetOutput, TakeArm
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, truth
@@ -150,10 +151,6 @@ def _change_work(world: Any, value: AnyValue) -> None:
     world.change_work(rounded_to_integer(value))
 
 
-def _give_arm(world: Any) -> None:
-    world.give_arm()
-
-
 def _print_debug(world: Any, *parts: AnyValue) -> None:
     world.show("dbg", values.check_length(" ".join(map(values.text, parts))))
 
@@ -169,7 +166,6 @@ _ACTIONS: Final[Mapping[str, Callable[..., None]]] = {
     "ChangeWork": _change_work,
     "Decel": _decel,
     "ExtSpeed": _ext_speed,
-    "GiveArm": _give_arm,
     "PrintDbg": _print_debug,
     "PrintMsg": _print_message,
     "Speed": _speed,
@@ -178,6 +174,10 @@ _ACTIONS: Final[Mapping[str, Callable[..., None]]] = {
 
 def _motor(expressions: Expressions, node: Command) -> None:
     waiting(expressions, switch_motor(*_runs(expressions, node)))
+
+
+def _give_arm(expressions: Expressions, _: Command) -> None:
+    waiting(expressions, give_arm())
 
 
 def _hold(expressions: Expressions, _: Command) -> None:
@@ -197,6 +197,11 @@ def _wait(expressions: Expressions, node: Command) -> None:
     waiting(expressions, wait_until(met, timeout, put))
 
 
+def _robot(expressions: Expressions, node: Command) -> None:
+    """Emit a command of the robot that clients have, too."""
+    waiting(expressions, robot_command(STATEMENTS[node.word].name, _runs(expressions, node)))
+
+
 _COMMANDS: Final[Mapping[str, _Row]] = {
     "Accel": _Row(1, 2, _with_values),
     "ChangeTool": _Row(1, 1, _with_values),
@@ -204,13 +209,14 @@ _COMMANDS: Final[Mapping[str, _Row]] = {
     "Decel": _Row(1, 1, _with_values),
     "Delay": _Row(1, 1, _delay),
     "ExtSpeed": _Row(1, 3, _with_values),
-    "GiveArm": _Row(0, 0, _with_values),
+    "GiveArm": _Row(0, 0, _give_arm),
     "Hold": _Row(0, 0, _hold),
     "Motor": _Row(1, 1, _motor),
     "PrintDbg": _Row(1, _MAX_PRINTED, _with_values),
     "PrintMsg": _Row(1, 3, _with_values),
     "Speed": _Row(1, 1, _with_values),
     "Wait": _Row(1, 3, _wait),
+    **{word: _Row(each.least, each.most, _robot) for word, each in STATEMENTS.items()},
 }
 
 
@@ -268,9 +274,21 @@ def command(word: str, runs: tuple[Evaluate, ...]) -> _Run:
 
 
 @maker
+def robot_command(name: str, runs: tuple[Evaluate, ...]) -> Callable[[Frame], Wait]:
+    """Return the function of a command of the robot."""
+    return lambda f: f[WORLD].robot_command(name, tuple(run(f) for run in runs))
+
+
+@maker
 def switch_motor(on: Evaluate) -> Callable[[Frame], Wait]:
     """Return the function of Motor."""
     return lambda f: f[WORLD].motor(truth(on(f)))
+
+
+@maker
+def give_arm() -> Callable[[Frame], Wait]:
+    """Return the function of GiveArm."""
+    return lambda f: f[WORLD].give_arm()
 
 
 @maker

@@ -15,6 +15,7 @@ from typing import Any, Final
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import values
 from orinkit.virtual.rc8.pacscript.errors import out_of_range
+from orinkit.virtual.rc8.pacscript.robot_words import VALUES
 from orinkit.virtual.rc8.pacscript.values import AnyValue, number, rounded_to_integer, string
 
 _LEADING_NUMBER: Final = re.compile(
@@ -247,6 +248,18 @@ def _convert(name: str, *takes: Callable[[AnyValue], AnyValue]) -> Callable[...,
     return run
 
 
+def _robot_value(name: str) -> Callable[..., AnyValue]:
+    """Return a function that reads a value of the robot; six numbers become a position without a figure."""
+
+    def run(frame: list[Any], *arguments: AnyValue) -> AnyValue:
+        value = frame[0].robot_value(name, arguments)
+        if not isinstance(value, tuple):
+            return value
+        return (*value, -1.0) if len(value) == values.P_LENGTH - 1 else value
+
+    return run
+
+
 def _timer(frame: list[Any]) -> int:
     return int(frame[0].now() * 1000) % 2**31
 
@@ -295,6 +308,7 @@ def _table() -> Mapping[str, Function]:
         ("Dev", 2, 2, _convert("Dev", _POSITION, _POSITION)), ("DevH", 2, 2, _convert("DevH", _POSITION, _POSITION)),
         ("OutRange", 1, 3, _convert("OutRange", _ANY_POSE, _tool, _tool)),
         ("Timer", 0, 0, _timer), ("Rnd", 0, 0, _random),
+        *((word, each.least, each.most, _robot_value(each.name)) for word, each in VALUES.items()),
     )  # fmt: skip
     every = [Function(*row) for row in fixed] + [Function(*row, framed=True) for row in framed]
     return {function.name.lower(): function for function in every}

@@ -80,8 +80,8 @@ class HostInterface(Protocol):
     def take_arm(self, group: int, keep: bool) -> None:
         """Take an arm group; without ``keep``, speeds, tool and work are reset to their defaults."""
 
-    def give_arm(self) -> None:
-        """Release the arm group."""
+    def give_arm(self) -> Wait:
+        """Release the arm group at the end of its motions."""
 
     def motor(self, on: bool) -> Wait:
         """Switch the motor on or off."""
@@ -141,3 +141,9 @@ class HostInterface(Protocol):
 
         The arguments are poses; for OutRange, one pose and optionally the numbers of the tool and the work.
         """
+
+    def robot_command(self, name: str, arguments: tuple[Value, ...]) -> Wait:
+        """Execute a command of Robot_Execute; the wait is complete at its end."""
+
+    def robot_value(self, name: str, arguments: tuple[Value, ...]) -> Value:
+        """Return the result of a command of Robot_Execute that only reads."""

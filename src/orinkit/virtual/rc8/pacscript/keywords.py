@@ -29,6 +29,8 @@ PAIRS: Final[Mapping[tuple[str, str], str]] = {
 
 _COMMANDS: Final = """
     accel changetool changework decel delay extspeed givearm hold motor printdbg printmsg speed wait
+    curlmt forcechangetable forcectrl forceparam forcesensor forcewaitcondition grvctrl grvoffset highpathaccuracy
+    payload resetarea setarea tool work zforce
 """
 STARTERS: Final[Mapping[str, str]] = (
     dict.fromkeys(("move", "approach", "depart", "drive", "drivea", "rotate", "rotateh"), "MOTION")
@@ -53,18 +55,16 @@ NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE
 """Matches the name of a global variable or of an I/O point, for example ``P12`` or ``IO128``."""
 
 _REFUSED_WORDS: Final = """
-    ArchMove AreaPos AreaSize Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom
-    Com_Encom Com_State Comm ContinueRun CPMode Create_Sem CreateSem CurAcc CurCPMode CurDec CurErr CurExtAcc
-    CurExtDec CurExtSpd CurLmt CurPayload CurSpd CurSpeedMode CurTool CurWork Date DefArea DefDbl DefInt DefIO
-    DefJnt DefPos DefSng DefStr DefTrn DefVec Delete_Sem DeleteSem Draw ErAlw ErrMsg ExtAccel ExtDecel Extern Flush
-    Flush_Sem FlushSem ForceChangeTable ForceCtrl ForceParam ForceSensor ForceValue ForceWaitCondition Fork
-    GetErrLvl GetJntData GetSrvData GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome GrvCtrl GrvOffset Halt
-    HighPathAccuracy In Input InputBox Interrupt IOBlock IOF JAccel JDecel Join JSpeed Kill KillAll LetA LetO LetP
-    LetR LetT LineInput LinePrint MotionComplete MotionSkip MotionTimeout MotorState MoveBackTraceLog MPS MsgBox
-    OffSrv On OnErr OnSrv Out Pallet PayLoad PosClr Print PrintLbl Private Program RaiseError ReDim Repeat
-    Replace ResetArea Resume RobInfo Run SetArea SetHoming ShutDown SingularAvoid SpeedMode Split Sprintf SrvLock
-    SrvUnLock StartLog Static Status Stop StopEnd StopLog StrReverse Suspend SuspendAll SyncMoveEnd SyncMoveStart
-    SysLog SysState Take_Sem TakeSem TakeVis Time Tool ToolPos UnChuck WaitMotion Work WorkPos ZForce
+    ArchMove AreaPos Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom Com_Encom
+    Com_State Comm ContinueRun CPMode Create_Sem CreateSem CurAcc CurCPMode CurDec CurErr CurExtAcc CurExtDec
+    CurExtSpd CurPayload CurSpd CurSpeedMode Date DefArea DefDbl DefInt DefIO DefJnt DefPos DefSng DefStr DefTrn
+    DefVec Delete_Sem DeleteSem Draw ErAlw ErrMsg ExtAccel ExtDecel Extern Flush Flush_Sem FlushSem Fork GetErrLvl
+    GetJntData GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome Halt In Input InputBox Interrupt IOBlock IOF JAccel
+    JDecel Join JSpeed Kill KillAll LetA LetO LetP LetR LetT LineInput LinePrint MotionComplete MotionSkip
+    MotionTimeout MotorState MoveBackTraceLog MPS MsgBox OffSrv On OnErr OnSrv Out Pallet PosClr Print PrintLbl
+    Private Program RaiseError ReDim Repeat Replace Resume Run SetHoming ShutDown SingularAvoid SpeedMode Split
+    Sprintf SrvLock SrvUnLock StartLog Static Status Stop StopEnd StopLog StrReverse Suspend SuspendAll SyncMoveEnd
+    SyncMoveStart SysLog SysState Take_Sem TakeSem TakeVis Time ToolPos UnChuck WaitMotion WorkPos
 """
 REFUSED: Final[Mapping[str, str]] = {word.lower(): word for word in _REFUSED_WORDS.split()}
 """Words of PacScript that this interpreter does not support, in lower case, each with its documented spelling."""
@@ -84,6 +84,7 @@ def canonical(word: str) -> str:
 
 _MIXED: Final = """
     ElseIf ByRef ByVal DriveA RotateH ChangeTool ChangeWork ExtSpeed GiveArm PrintDbg PrintMsg TakeArm LetX LetY LetZ
-    LetRX LetRY LetRZ LetF LetJ
+    LetRX LetRY LetRZ LetF LetJ CurLmt ForceChangeTable ForceCtrl ForceParam ForceSensor ForceWaitCondition GrvCtrl
+    GrvOffset HighPathAccuracy PayLoad ResetArea SetArea ZForce
 """
 _WRITTEN: Final[Mapping[str, str]] = {word.lower(): word for word in _MIXED.split()}

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
@@ -19,55 +17,20 @@ from orinkit.virtual.engine.motion.planner import Motion
 from orinkit.virtual.engine.motion.queue import ROOM, MotionQueue, QueueState, Ticket, TicketState
 from orinkit.virtual.engine.servo import ControlLog, Servo
 from orinkit.virtual.rc8.error_list import ErrorList
+from orinkit.virtual.rc8.robot.accuracy import Accuracy
 from orinkit.virtual.rc8.robot.arm_owner import Operator
+from orinkit.virtual.rc8.robot.hardware.arm_hardware import ArmHardware
 from orinkit.virtual.rc8.robot.motor import Motor
 from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext
+from orinkit.virtual.rc8.robot.standstill import StandstillActions
+from orinkit.virtual.rc8.robot.target import FrameContext
+from orinkit.virtual.rc8.robot.waiting_calls import PendingMotions, WaitingCall, WaitingTaker
 from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 _PASSED = (TicketState.PASSED, TicketState.DONE)
 _TAKERS: Final = 100  # operators waiting for the arm that are answered in a cycle
-
-
-@dataclass(slots=True)
-class _Waiting:
-    """A call that waits for a motion.
-
-    Attributes:
-        ticket: The motion.
-        passing: True if the call completes when the motion reaches its pass mark.
-        arrived: True if the call completes only when the encoders have reached the end of the motion.
-        done: The Deferred of the call.
-    """
-
-    ticket: Ticket
-    passing: bool
-    arrived: bool
-    done: Deferred[None]
-
-
-@dataclass(slots=True)
-class _Taker:
-    """The arguments of :meth:`RC8Arm.take_later`, and the Deferred that it returned."""
-
-    keep: bool
-    check: Callable[[], None]
-    done: Deferred[None]
-
-
-@dataclass(slots=True, eq=False)
-class PendingMotions:
-    """Motions of one call that are being planned.
-
-    Attributes:
-        count: Number of motions.
-        done: The Deferred of the call.
-    """
-
-    count: int
-    done: Deferred[Any]
 
 
 class RC8Arm:
@@ -91,7 +54,10 @@ class RC8Arm:
         speeds: Internal and external speeds.
         space: Frames and kinematics.
         log: Control log.
+        accuracy: Tolerances of the encoders.
+        powering_off: True if the motor will be switched off at the end of the motions.
         slave: Slave mode, in which a client sends a set-point for each cycle.
+        hardware: Hardware around the arm: force sensor, areas, buttons.
     """
 
     def __init__(
@@ -109,14 +75,19 @@ class RC8Arm:
         self.servo = Servo(model, model.home)
         self.log = ControlLog()
         self.slave = RC8SlaveMode(self, cycles, fault)
+        self.hardware = ArmHardware(self, cycles, variables, seconds, fault)
+        self.accuracy = Accuracy()
+        self._fault = fault
         self.holder: Operator | None = None
         self.held = False
+        self.powering_off = False
         self._cycles = cycles
         self._objects: Counter[Operator] = Counter()
         self._pending: list[PendingMotions] = []
-        self._waiting: list[_Waiting] = []
+        self._waiting: list[WaitingCall] = []
         self._still: list[Deferred[None]] = []
-        self._takers: dict[Operator, _Taker] = {}  # operators waiting for standstill to take the arm
+        self._takers: dict[Operator, WaitingTaker] = {}  # operators waiting for standstill to take the arm
+        self._at_standstill = StandstillActions()
         self._stop_code: int | None = None  # during a stop: the code with which motions fail; 0 if they are skipped
         self._cut = False
 
@@ -150,6 +121,11 @@ class RC8Arm:
         return self._stop_code is not None
 
     @property
+    def awaited(self) -> bool:
+        """True if a call waits for a motion, or for its planning."""
+        return bool(self._waiting or self._pending)
+
+    @property
     def settled(self) -> bool:
         """True if no motion is in progress and the encoders have reached the command position."""
         return not self.busy and self.servo.settled
@@ -164,6 +140,7 @@ class RC8Arm:
         self.holder = operator
         if not keep:
             self.speeds.reset()
+            self.accuracy.reset()
             self.space.tools.current = self.space.works.current = 0
 
     def take_later(self, operator: Operator, *, keep: bool, check: Callable[[], None]) -> Deferred[None]:
@@ -177,7 +154,7 @@ class RC8Arm:
         """
         if operator in self._takers:
             return self._takers[operator].done
-        taker = self._takers[operator] = _Taker(keep, check, Deferred[None]())
+        taker = self._takers[operator] = WaitingTaker(keep, check, Deferred[None]())
         if self._at_rest():
             self._serve_takers()
         return taker.done
@@ -194,8 +171,37 @@ class RC8Arm:
                 taker.done.set_result()
 
     def give(self) -> None:
-        """Release the arm semaphore; running motions are not affected."""
+        """Release the arm semaphore; running motions are not affected, force control ends."""
         self.holder = None
+        self.hardware.released()
+
+    def give_at_end(self, operator: Operator) -> Deferred[None]:
+        """Release the arm semaphore when all motions of its holder have ended; slave mode is left before.
+
+        Returns:
+            A Deferred that resolves when the arm is released.
+        """
+        if self.slave.owner is operator:
+            self.slave.leave()
+
+        def give() -> None:
+            if self.holder is operator:
+                self.give()
+
+        return self._when_at_standstill(operator, give)
+
+    def _when_at_standstill(
+        self, operator: Operator | None, run: Callable[[], Deferred[None] | None], *, revocable: bool = False
+    ) -> Deferred[None]:
+        done = self._at_standstill.add(operator, run, revocable=revocable)
+        self._stand_still()
+        if not done.done():
+            self._cycles.wake()
+        return done
+
+    def _stand_still(self) -> None:
+        if self._at_standstill and not self.busy and not self.slave.on:
+            self._at_standstill.run()
 
     def add_robot_object(self, operator: Operator) -> None:
         """Count a Robot object of a client; a client can keep the arm while it has at least one Robot object."""
@@ -216,8 +222,10 @@ class RC8Arm:
         taker = self._takers.pop(operator, None)
         if taker is not None:
             taker.done.set_exception(error_for(hresult.E_ABORT))
+        self.hardware.waits.cancel(hresult.E_ABORT, operator)
+        self._at_standstill.drop(error_for(hresult.E_ABORT), operator)
         if self.holder is operator:
-            self.holder = None
+            self.give()
             self.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     # --- motion -------------------------------------------------------------------------------------------------
@@ -247,8 +255,18 @@ class RC8Arm:
 
         The Deferred fails if the motion is stopped, except by :meth:`skip`.
         """
-        mark = ticket.motion.mark.mode
-        wait = _Waiting(ticket, mark in ("P", "n"), mark == "E", Deferred[None]())
+        return self._wait_for(WaitingCall(ticket, Deferred[None]()))
+
+    def when_arrived(self, progress: float) -> Deferred[None]:
+        """Return a Deferred that resolves when the running motion has covered a share of its path, 0 to 1.
+
+        If there is no motion, it is resolved already. It fails as for :meth:`when_done`.
+        """
+        if not self.queue.tickets:
+            return self.when_still()
+        return self._wait_for(WaitingCall(self.queue.tickets[0], Deferred[None](), progress))
+
+    def _wait_for(self, wait: WaitingCall) -> Deferred[None]:
         if not self._finish(wait):
             self._waiting.append(wait)
         return wait.done
@@ -262,20 +280,22 @@ class RC8Arm:
             self._still.append(done)
         return done
 
-    def stop(self, code: int) -> None:
+    def stop(self, code: int, *, as_set: bool = False) -> None:
         """Stop the arm within its limits, discard its motions and end slave mode.
 
         Args:
             code: Error code with which the motions fail; if the arm is already stopping, the code of the earlier stop
                 applies.
+            as_set: True to decelerate as set for the motion, False to decelerate as fast as possible.
         """
         self.held = False
         if self.slave.on:
             self.slave.end(code)
+        self.hardware.stopped(code)
         self._discard_pending(code)
         if self._moving:
             self._stop_code = code if self._stop_code is None else self._stop_code
-            self.queue.halt()
+            self.queue.halt(as_set=as_set)
             self._answer()  # a paused arm is already at standstill, so its calls complete now
             self._cycles.wake()
 
@@ -309,26 +329,52 @@ class RC8Arm:
             self.queue.unhold()
             self._cycles.wake()
 
-    def skip(self) -> None:
-        """Stop the arm and discard its motions; the calls that wait for these motions succeed."""
+    def skip(self, *, as_set: bool = False) -> None:
+        """Stop the arm and discard its motions, see :meth:`stop`; the calls that wait for these motions succeed."""
         if self.busy:
-            self.stop(hresult.S_OK)
+            self.stop(hresult.S_OK, as_set=as_set)
 
-    def switch_motor(self, on: bool) -> Deferred[None]:
+    def switch_motor(
+        self, on: bool, operator: Operator | None = None, check: Callable[[], None] | None = None
+    ) -> Deferred[None]:
         """Begin to switch the motor on or off; return a Deferred that resolves when the motor is on or off.
+
+        While the arm moves, the motor is switched off at the end of its motions.
+
+        Args:
+            on: True to switch the motor on, False to switch it off.
+            operator: The operator; ``None`` for the pendant.
+            check: During a stop after which the motor is switched off, the motor is switched on at standstill if this
+                function then raises no exception; otherwise the Deferred fails with the exception. Without it, and in a
+                strict controller, a call during such a stop is refused.
 
         Raises:
             CallError: MOTOR_SWITCHING_OFF if ``on`` is True while the motor is being switched off, or during a stop
                 after which it will be switched off.
         """
         self._cycles.require_open()
-        if on and self._cut:
+        if on and self.powering_off:
             raise error_for(hresult.MOTOR_SWITCHING_OFF)
+        if on and self._cut:
+            if check is None or self.switches.strict:
+                raise error_for(hresult.MOTOR_SWITCHING_OFF)
+            return self._when_at_standstill(operator, lambda: self._switch_on_again(check), revocable=True)
         if not on and self.slave.on:
             self.slave.end(hresult.MOTOR_NOT_ON)
+        if not on and self.busy:
+            self.powering_off = True
+            return self._when_at_standstill(operator, self._switch_off)
         done = self.motor.switch(on)
         self._cycles.wake()
         return done
+
+    def _switch_off(self) -> Deferred[None]:
+        self.powering_off = False
+        return self.motor.switch(False)
+
+    def _switch_on_again(self, check: Callable[[], None]) -> Deferred[None]:
+        check()
+        return self.motor.switch(True)
 
     def lock(self, on: bool) -> None:
         """Set or clear the machine lock, which keeps the arm in place.
@@ -348,18 +394,7 @@ class RC8Arm:
             ValueError: If there are fewer joints than the arm has, or more than axes, or if a joint is outside its
                 limits.
         """
-        axes = len(self.model.axes)
-        position = (*map(float, joints), *self.model.home[len(joints) :])
-        complete = len(joints) >= ROBOT_AXES and len(position) == axes and all(map(math.isfinite, position))
-        if not complete or self.space.kinematics.limits_exceeded(position):
-            raise ValueError(
-                tr(
-                    "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
-                    name=self.model.name,
-                    joints=", ".join(f"{value:g}" for value in joints),
-                    count=ROBOT_AXES if axes == ROBOT_AXES else f"{ROBOT_AXES}-{axes}",
-                )
-            )
+        position = self.space.complete(joints)
         self.queue.place(position)
         self.servo.place(position)
 
@@ -369,6 +404,8 @@ class RC8Arm:
         if self.slave.on:
             self.slave.end(hresult.E_ABORT)
         self._discard_pending(hresult.E_ABORT)
+        self.hardware.close()
+        self._at_standstill.drop(error)
         for done in (
             *(taker.done for taker in self._takers.values()),
             *(wait.done for wait in self._waiting),
@@ -386,8 +423,11 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
-        moving = self.servo.step(self.queue.joints)
+        moving = self.servo.step(self.hardware.command(self.queue.joints))
+        if self.accuracy.deviation and not self.stopping:
+            self.accuracy.report_deviation(self.servo, self._fault)
         switching = self.motor.step()
+        moving = self.hardware.step() or moving
         self.log.add(
             lambda: self.servo.sample(self.motor.on),
             self._cycles.number,
@@ -399,7 +439,8 @@ class RC8Arm:
             self.slave.complete_waiting()
         paused = self.queue.state is QueueState.HELD
         commanding = (self._moving and not paused) or not self.queue.standing or self.slave.has_work
-        return commanding or moving or switching or self.log.running or bool(self._takers)
+        waiting = bool(self._takers or self._at_standstill)
+        return commanding or moving or switching or self.log.running or waiting
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""
@@ -407,7 +448,7 @@ class RC8Arm:
         self._waiting += [wait for wait in waiting if not self._finish(wait)]
         self._come_to_rest()
 
-    def _finish(self, wait: _Waiting) -> bool:
+    def _finish(self, wait: WaitingCall) -> bool:
         state = wait.ticket.state
         if state is TicketState.STOPPED:
             if self._stop_code == hresult.S_OK:
@@ -415,13 +456,30 @@ class RC8Arm:
             else:
                 wait.done.set_exception(error_for(self._stop_code or hresult.STOPPED_DURING_PC_MOTION))
             return True
-        if state is TicketState.DONE and (not wait.arrived or self.servo.settled):
-            wait.done.set_result()
-            return True
-        if wait.passing and state in _PASSED:
-            wait.done.set_result()
-            return True
-        return False
+        if not self._complete(wait):
+            return self._late(wait)
+        wait.done.set_result()
+        return True
+
+    def _complete(self, wait: WaitingCall) -> bool:
+        state, mark = wait.ticket.state, wait.ticket.motion.mark.mode
+        if wait.progress is not None:
+            return wait.ticket.progress >= wait.progress
+        if mark in ("P", "n"):
+            return state in _PASSED
+        return state is TicketState.DONE and self.accuracy.arrived(mark, self.servo, self.space)
+
+    def _late(self, wait: WaitingCall) -> bool:
+        """Let a call fail whose encoders have not arrived within the time of MotionTimeout; return True if it failed."""
+        if wait.ticket.state is not TicketState.DONE or self.accuracy.timeout is None:
+            return False
+        wait.ended = self.seconds() if wait.ended is None else wait.ended
+        if (self.seconds() - wait.ended) * 1000 < self.accuracy.timeout:
+            return False
+        wait.done.set_exception(
+            error_for(hresult.E_TIMEOUT, tr("the encoders have not arrived in time (MotionTimeout)"))
+        )
+        return True
 
     def _at_rest(self) -> bool:
         return self.queue.state in (QueueState.IDLE, QueueState.HELD)
@@ -438,3 +496,4 @@ class RC8Arm:
                 done.set_result()
         if self._takers and self._at_rest():
             self._serve_takers()
+        self._stand_still()

@@ -11,11 +11,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
+import numpy as np
+
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_options import MotionOptions, VariableRef, resolve
-from orinkit.values.poses import AT_COMMAND, FIG_WITHIN_LIMITS, PassMark, Target
+from orinkit.values.poses import AT_COMMAND, FIG_WITHIN_LIMITS, Extra, PassMark, Target
 from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.joint_path import MAX_STEPS
 from orinkit.virtual.engine.motion.planner import Motion, Rates
@@ -76,8 +78,8 @@ class MotionPlanner:
         self._options = options
         self._targets = targets
         self._most_steps = _QUICK_STEPS
-        self._joint_rates: Callable[[], Rates] = lambda: _rates(speeds.joint, speeds.external, options, variables)
-        self._path_rates: Callable[[], Rates] = lambda: _rates(speeds.path, speeds.external, options, variables)
+        self._joint_rates: Callable[[], Rates] = lambda: _rates(speeds.joint, speeds, options, variables)
+        self._path_rates: Callable[[], Rates] = lambda: _rates(speeds.path, speeds, options, variables)
 
     def capture(self) -> None:
         """Read everything that the motions depend on, so that they can be planned in another thread, without haste."""
@@ -125,29 +127,71 @@ class MotionPlanner:
         )  # fmt: skip
 
     def approach(
-        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, start: Joints
-    ) -> Motion:
+        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, start: Joints,
+        extra: Extra | None = None,
+    ) -> Motion:  # fmt: skip
         """Plan a motion to the position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
-        goal = self._space.goal(target, start)
+        goal = self._with_extra(self._space.goal(target, start), extra, start)
         return self._retreat(interpolation, goal, distance, mark or target.mark, start)
 
-    def depart(self, interpolation: int, distance: float, mark: PassMark | None, start: Joints) -> Motion:
+    def depart(
+        self, interpolation: int, distance: float, mark: PassMark | None, start: Joints, extra: Extra | None = None
+    ) -> Motion:
         """Plan a motion by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
-        here = Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
-        return self._retreat(interpolation, here, distance, mark, start)
+        goal = self._with_extra(self._here(start), extra, start)
+        return self._retreat(interpolation, goal, distance, mark, start)
 
-    def drive(self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, start: Joints) -> Motion:
+    def draw(self, interpolation: int, vector: Target, start: Joints) -> Motion:
+        """Plan a motion by a vector of the work frame, mm, with the smallest change of the joints."""
+        values = vector.value
+        if isinstance(values, int):
+            values = self._space.read_variable("V", values)
+        check_reach(*values)
+        here = self._here(start)
+        end = here.tcp.copy()
+        end[:3, 3] += self._space.works.matrix()[:3, :3] @ np.asarray(values)
+        return self._go(interpolation, end, here, vector.mark, start)
+
+    def arch(self, target: Target, heights: ArchHeights, stage: int, first: Joints, start: Joints) -> Motion:
+        """Plan one of the three lines of an arch: up, across, and down to a pose.
+
+        Args:
+            target: The pose at the end of the arch.
+            heights: The shape of the arch.
+            stage: 0 up, 1 across, 2 down.
+            first: Joint position at the start of the arch.
+            start: Joint position at the start of the line.
+        """
+        goal = self._space.path_goal(target, first)
+        begin, up = self._space.tcp(first), self._space.works.matrix()[:3, 2]
+        top = max(begin[:3, 3] @ up, goal.tcp[:3, 3] @ up) + heights.top
+        end = (begin if stage == 0 else goal.tcp).copy()
+        if stage == 2:
+            return self._line(end, goal.extra, target.mark or self._options.mark, start)
+        lift = float(top - end[:3, 3] @ up)
+        check_reach(lift)
+        end[:3, 3] += lift * up
+        vertical = heights.start if stage == 0 else heights.end
+        mark = PassMark("n", lift - vertical) if 0 < vertical < lift else AT_COMMAND
+        return self._line(end, start[ROBOT_AXES:] if stage == 0 else goal.extra, mark, start)
+
+    def drive(
+        self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, start: Joints,
+        extra: Extra | None = None,
+    ) -> Motion:  # fmt: skip
         """Plan a motion of axes, which must exist, by distances or to positions, in deg (mm for linear axes)."""
         joints = list(start)
         for axis, value in pairs:
             joints[axis - 1] = value if absolute else joints[axis - 1] + value
-        return self.ptp(tuple(joints), mark or self._options.mark, start)
+        end = self._space.with_extra(extra, start, tuple(joints))
+        return self.ptp(end, mark or self._options.mark, start)
 
-    def rotate(self, axis: Matrix, point: Matrix, angle: float, start: Joints) -> Motion:
+    def rotate(self, axis: Matrix, point: Matrix, angle: float, start: Joints, extra: Extra | None = None) -> Motion:
         """Plan a rotation by ``angle`` deg about an axis through a point, vectors of the base frame in mm."""
         return planner.plan_rotation(
             self._space.kinematics, start, axis, point, angle, self._tool(), self._path_rates(),
             self._options.mark or AT_COMMAND, keep_orientation=self._options.pose == _KEEP_ORIENTATION,
+            extra_end=self._space.with_extra(extra, start, start)[ROBOT_AXES:],
         )  # fmt: skip
 
     def tcp(self, start: Joints) -> Matrix:
@@ -165,12 +209,23 @@ class MotionPlanner:
             self._space.kinematics, start, end, self._tool(), rates, mark or AT_COMMAND, extra, self._most_steps
         )
 
+    def _here(self, start: Joints) -> Goal:
+        return Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
+
+    def _with_extra(self, goal: Goal, extra: Extra | None, start: Joints) -> Goal:
+        if extra is None:
+            return goal
+        return goal._replace(extra=self._space.with_extra(extra, start, start)[ROBOT_AXES:])
+
     def _retreat(self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, start: Joints) -> Motion:
         check_reach(distance)
-        mark = mark or self._options.mark
         back = IDENTITY.copy()
         back[2, 3] = -distance
-        end = goal.tcp @ back
+        return self._go(interpolation, goal.tcp @ back, goal, mark, start)
+
+    def _go(self, interpolation: int, end: Matrix, goal: Goal, mark: PassMark | None, start: Joints) -> Motion:
+        """Plan a motion to a frame near a goal, by PTP or on a line, with the figure and the extended joints of the goal."""
+        mark = mark or self._options.mark
         if interpolation == PTP:
             solved = self._space.solve(end, goal.figure, start)
             return self.ptp((*solved, *goal.extra), mark, start)
@@ -178,13 +233,27 @@ class MotionPlanner:
             raise error_for(
                 hresult.INTERPOLATION_NOT_SUPPORTED,
                 tr(
-                    "interpolation {interpolation} is not supported for approach and depart motions. Try: 1 (PTP) "
-                    "or 2 (linear)",
+                    "interpolation {interpolation} is not supported for approach, depart and draw motions. Try: 1 "
+                    "(PTP) or 2 (linear)",
                     interpolation=interpolation,
                 ),
             )
         self._space.check_figure(goal, start)
         return self._line(end, goal.extra, mark, start)
+
+
+class ArchHeights(NamedTuple):
+    """The shape of an arch motion (ArchMove), mm, in the direction of Z of the work frame.
+
+    Attributes:
+        top: Height of the arch above the higher one of its ends.
+        start: Height above the start from which the tool may also move across; 0 for the whole way up.
+        end: Height above the end from which the tool only moves down; 0 for the whole way down.
+    """
+
+    top: float
+    start: float
+    end: float
 
 
 class Plans(NamedTuple):
@@ -212,7 +281,9 @@ class Plans(NamedTuple):
         return motions
 
 
-def _rates(internal: SpeedSet, external: SpeedSet, options: MotionOptions, variables: VariableTable) -> Rates:
+def _rates(internal: SpeedSet, speeds: Speeds, options: MotionOptions, variables: VariableTable) -> Rates:
+    external = speeds.external
+
     def amount(given: float | VariableRef | None, default: float) -> float:
         if given is None:
             return default
@@ -229,7 +300,7 @@ def _rates(internal: SpeedSet, external: SpeedSet, options: MotionOptions, varia
         max(_LEAST_RATE, part / FULL**2)
         for part in (speed * external.speed, accel * external.accel, decel * external.decel)
     )
-    return Rates(speed, accel, decel, time)
+    return Rates(speed, accel, decel, time, speeds.avoid_singular)
 
 
 def _number(variables: VariableTable, kind: str, index: int) -> Any:

@@ -8,21 +8,23 @@ from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 
+from orinkit.arms import frames
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions
-from orinkit.values.poses import PassMark, Target
+from orinkit.values.poses import Extra, PassMark, Target
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.lane import Lane
 from orinkit.virtual.engine.motion.joint_path import TooManySteps
 from orinkit.virtual.engine.motion.planner import Motion
 from orinkit.virtual.engine.motion.queue import Ticket
-from orinkit.virtual.rc8.robot.arm import PendingMotions, RC8Arm
-from orinkit.virtual.rc8.robot.motion_planner import LINE, PTP, MotionPlanner, Plans
-from orinkit.virtual.rc8.robot.target import FrameContext, Joints, check_reach
+from orinkit.virtual.rc8.robot.arm import RC8Arm
+from orinkit.virtual.rc8.robot.motion_planner import LINE, PTP, ArchHeights, MotionPlanner, Plans
+from orinkit.virtual.rc8.robot.target import NO_FRAME, FrameContext, Joints, check_reach, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
+from orinkit.virtual.rc8.robot.waiting_calls import PendingMotions
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 ARC: Final = 3
@@ -32,7 +34,8 @@ _NO_OPTIONS: Final = MotionOptions()
 _RAISED_LEVEL: Final = 3
 _LONGEST_PATH: Final = 5000
 _PATHS: Final = 20
-_AXES: Final = {"XY": (0.0, 0.0, 1.0), "YZ": (1.0, 0.0, 0.0), "ZX": (0.0, 1.0, 0.0)}
+_OF_TOOL: Final = "H"
+_NORMALS: Final = {"XY": 2, "YZ": 0, "ZX": 1}  # index of the axis perpendicular to the plane
 
 T = TypeVar("T")
 
@@ -152,6 +155,8 @@ class Moves:
                     hresult.E_INVALIDARG,
                     tr("an arc requires two poses: the via point and the end point"),
                 )  # fmt: skip
+            if (targets[0].kind or "P") != (targets[1].kind or "P"):
+                raise error_for(hresult.E_INVALIDARG, tr("the two poses of an arc must have the same type"))
             return Plans(planner, [partial(planner.arc, targets[0], targets[1])])
         if interpolation == CURVE:
             return Plans(planner, [partial(planner.curve, targets, targets[-1].mark)])
@@ -175,21 +180,50 @@ class Moves:
         return Plans(planner, [partial(planner.curve, self._stored(number), mark)])
 
     def approach(
-        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions
-    ) -> Plans:
+        self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions,
+        extra: Extra | None = None,
+    ) -> Plans:  # fmt: skip
         """Move to a position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
         planner = self._planner(options, (target,))
-        make = partial(planner.approach, interpolation, target, distance, mark)
+        make = partial(planner.approach, interpolation, target, distance, mark, extra=extra)
         return Plans(planner, [make], quick=True)
 
-    def depart(self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions) -> Plans:
+    def depart(
+        self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions,
+        extra: Extra | None = None,
+    ) -> Plans:  # fmt: skip
         """Move by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
         planner = self._planner(options)
-        return Plans(planner, [partial(planner.depart, interpolation, distance, mark)], quick=True)
+        return Plans(planner, [partial(planner.depart, interpolation, distance, mark, extra=extra)], quick=True)
+
+    def draw(self, interpolation: int, vector: Target, options: MotionOptions) -> Plans:
+        """Move by a vector of the work frame, mm, with the smallest change of the joints."""
+        planner = self._planner(options, (vector,))
+        return Plans(planner, [partial(planner.draw, interpolation, vector)], quick=True)
+
+    def arch(self, target: Target, heights: ArchHeights, options: MotionOptions) -> Plans:
+        """Move up, across and down to a pose, on lines that are blended into each other.
+
+        Raises:
+            CallError: VALUE_OUT_OF_RANGE if a height is negative.
+        """
+        for height in heights:
+            if height < 0:
+                raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("the height {height:g} mm is negative", height=height))
+        planner = self._planner(options, (target,))
+        first: list[Joints] = []
+
+        def make(stage: int, start: Joints) -> Motion:
+            if stage == 0:
+                first[:] = [start]
+            return planner.arch(target, heights, stage, first[0], start)
+
+        return Plans(planner, [partial(make, stage) for stage in range(3)])
 
     def drive(
-        self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions
-    ) -> Plans:
+        self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, options: MotionOptions,
+        extra: Extra | None = None,
+    ) -> Plans:  # fmt: skip
         """Move axes by distances, or with ``absolute`` to positions, in deg (mm for linear axes).
 
         Each pair is the number of an axis, counted from 1, and its distance or position.
@@ -205,9 +239,12 @@ class Moves:
                     tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=count),
                 )
         planner = self._planner(options)
-        return Plans(planner, [partial(planner.drive, pairs, absolute, mark)], quick=True)
+        return Plans(planner, [partial(planner.drive, pairs, absolute, mark, extra=extra)], quick=True)
 
-    def rotate(self, axis: Matrix | OfTool, point: Matrix | OfTool, angle: float, options: MotionOptions) -> Plans:
+    def rotate(
+        self, axis: Matrix | OfTool, point: Matrix | OfTool, angle: float, options: MotionOptions,
+        extra: Extra | None = None,
+    ) -> Plans:  # fmt: skip
         """Rotate by ``angle`` deg about an axis through a point (RC8 provider guide, Rotate).
 
         The direction of the axis and the point (mm) are vectors of the base frame, three numbers each. They may depend
@@ -218,35 +255,71 @@ class Moves:
         def make(start: Joints) -> Motion:
             tcp = planner.tcp(start)
             direction, origin = (part(tcp) if callable(part) else part for part in (axis, point))
-            return planner.rotate(direction, origin, angle, start)
+            return planner.rotate(direction, origin, angle, start, extra)
 
         return Plans(planner, [make])
 
-    def rotate_hand(self, angle: float, mark: PassMark | None, options: MotionOptions) -> Plans:
+    def rotate_hand(
+        self, angle: float, mark: PassMark | None, options: MotionOptions, extra: Extra | None = None
+    ) -> Plans:
         """Rotate by an angle (deg) about the tool's Z axis."""
         rotation = MotionOptions(
             options.speed, options.accel, options.decel, options.time, options.next, mark or options.mark
         )
-        return self.rotate(lambda tcp: tcp[:3, 2], lambda tcp: tcp[:3, 3], angle, rotation)
+        return self.rotate(lambda tcp: tcp[:3, 2], lambda tcp: tcp[:3, 3], angle, rotation, extra)
 
     def home(self) -> Plans:
         """Move to the home pose by PTP."""
         planner = self._planner(_NO_OPTIONS)
         return Plans(planner, [partial(planner.ptp, self._arm.model.home, None)], quick=True)
 
-    def plane(self, name: str) -> Matrix:
-        """Return the normal of a plane of the work frame, in the base frame.
+    def plane(self, name: str) -> Matrix | OfTool:
+        """Return the normal of a plane, in the base frame: XY, YZ, ZX of the work frame, or XYH, YZH, ZXH of the tool.
 
         Raises:
-            CallError: E_INVALIDARG if the name is not XY, YZ or ZX.
+            CallError: E_INVALIDARG if there is no plane of this name.
         """
-        normal = _AXES.get(name.strip().upper())
+        word = name.strip().upper()
+        normal = _NORMALS.get(word.removesuffix(_OF_TOOL))
         if normal is None:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("plane {name} does not exist. Try: XY, YZ or ZX", name=quoted(name)),
+                tr("plane {name} does not exist. Try: XY, YZ, ZX, XYH, YZH or ZXH", name=quoted(name)),
             )
-        return np.asarray(self._space.works.matrix()[:3, :3] @ np.asarray(normal))
+        if word.endswith(_OF_TOOL):
+            return lambda tcp: np.asarray(tcp[:3, normal])
+        return np.asarray(self._space.works.matrix()[:3, normal])
+
+    def pivot(self, plane: str, target: Target | None) -> Matrix | OfTool:
+        """Return the pivot of a rotation, in the base frame.
+
+        The pivot is a pose or a vector in the frame of the plane. Without a pivot, it is the tool's origin.
+
+        Raises:
+            CallError: As for :meth:`point`.
+        """
+        of_tool = plane.strip().upper().endswith(_OF_TOOL)
+        if target is not None and not of_tool:
+            return self.point(target)
+        values = self.vector(target) if target is not None else (0.0, 0.0, 0.0)
+        return lambda tcp: np.asarray((tcp @ np.array([*values[:3], 1.0]))[:3])
+
+    def vector(self, target: Target) -> Sequence[float]:
+        """Return the first three numbers of a vector or a position; if it refers to a variable, those of the variable.
+
+        Raises:
+            CallError: VARIABLE_INDEX_INVALID; DISP_E_TYPEMISMATCH for a joint position; TARGET_OUT_OF_RANGE.
+        """
+        if target.kind == "J":
+            raise error_for(
+                hresult.DISP_E_TYPEMISMATCH,
+                tr("{target} is not a vector. Try: V1 or V(x, y, z)", target=target),
+            )
+        values = target.value
+        if isinstance(values, int):
+            values = self._space.read_variable(target.kind or "P", values)
+        check_reach(*values[:3])
+        return values[:3]
 
     def point(self, target: Target) -> Matrix:
         """Return the position of a pose, or of a vector in the work frame, as a point in the base frame, mm.
@@ -255,11 +328,7 @@ class Moves:
             CallError: As for :meth:`FrameContext.resolve`.
         """
         if target.kind == "V":
-            values = target.value
-            if isinstance(values, int):
-                values = self._space.read_variable("V", values)
-            check_reach(*values)
-            return np.asarray((self._space.works.matrix() @ np.array([*values, 1.0]))[:3])
+            return np.asarray((self._space.works.matrix() @ np.array([*self.vector(target), 1.0]))[:3])
         start = self._arm.queue.end_joints
         kind, values = self._space.resolve(target, start)
         frame = (
@@ -286,6 +355,47 @@ class Moves:
     def clear_path(self, number: int) -> None:
         """Remove the poses of a stored path."""
         self._paths.pop(_path(number), None)
+
+    def set_path(self, number: int, points: Sequence[Target]) -> None:
+        """Replace the poses of a stored path.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist; E_OUTOFMEMORY if there are too many poses.
+        """
+        if len(points) > _LONGEST_PATH:
+            raise error_for(hresult.E_OUTOFMEMORY, tr("a path holds at most {most} points", most=_LONGEST_PATH))
+        self._paths[_path(number)] = list(points)
+
+    def path_point(self, number: int, point: int) -> list[float]:
+        """Return a pose of a stored path as P: seven numbers; points are counted from 1.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist; VALUE_OUT_OF_RANGE if the point does not exist.
+        """
+        path = self._paths.get(_path(number), [])
+        if not 1 <= point <= len(path):
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("path {number} has {count} points, not {point}", number=number, count=len(path), point=point),
+            )
+        return self.as_position(path[point - 1])
+
+    def path_targets(self, number: int) -> list[Target]:
+        """Return all poses of a stored path.
+
+        Raises:
+            CallError: E_INVALIDARG if the path does not exist.
+        """
+        return list(self._paths.get(_path(number), ()))
+
+    def as_position(self, target: Target) -> list[float]:
+        """Return a pose of a stored path as P: seven numbers."""
+        start = self._arm.queue.end_joints
+        kind, values = self._space.resolve(target, start)
+        if kind == "J":
+            return self._space.position(self._space.joints(target, start))
+        frame = self._space.frame_in_base(kind, values, NO_FRAME)
+        return [*frames.position_of_matrix(frame).tolist(), float(figure_of(kind, values))]
 
     def path_length(self, number: int) -> int:
         """Return the number of poses of a stored path."""

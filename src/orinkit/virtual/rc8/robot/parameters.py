@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,9 +14,6 @@ from orinkit.values.types import ARRAY, EMPTIES, VARIANT_ARRAY, VarType
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.variables import conversion
 
-_MARK: Final = re.compile(r"@\s*(?:[PE]|[0-9.]+)", re.IGNORECASE)
-_PAIRS: Final = re.compile(r"\(([^(),]*),([^(),]*)\)")
-_BETWEEN: Final = re.compile(r"[\s,]*")
 MOST_ELEMENTS: Final = 64
 """Maximum number of elements of an array; only values of Public variables have more."""
 _LONGEST: Final = 1024  # maximum length of a string that is not a pose, in characters
@@ -91,6 +86,21 @@ def flag(value: float) -> bool:
     return bool(value)
 
 
+def at_least(parameter: Variant, count: int) -> list[Variant]:
+    """Return the elements of a parameter (:func:`elements`) after checking that there are at least ``count``.
+
+    Raises:
+        CallError: E_INVALIDARG if there are fewer.
+    """
+    given = elements(parameter)
+    if len(given) < count:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("expected at least {needed} parameters, got {count}", count=len(given), needed=count),
+        )
+    return given
+
+
 def pose(parameter: Variant) -> Target:
     """Return the single pose of a parameter.
 
@@ -158,56 +168,6 @@ def pass_mark(text: str) -> PassMark:
         raise error_for(hresult.E_INVALIDARG, f"{quoted(text)}: {error}") from None
 
 
-def marked(given: Variant) -> tuple[PassMark | None, str]:
-    """Return the pass mark at the start of a string such as ``"@P 10"``, and the rest of the string.
-
-    For a number, return no pass mark, and the number as a string.
-
-    Raises:
-        CallError: E_INVALIDARG if the mark is not valid or the string is too long; DISP_E_TYPEMISMATCH if the parameter
-            is neither a string nor a number.
-    """
-    text = check_length(given.value).strip() if isinstance(given.value, str) else repr(conversion.double(given))
-    found = _MARK.match(text)
-    return (pass_mark(found[0]), text[found.end() :].strip()) if found else (None, text)
-
-
-def marked_number(given: Variant) -> tuple[PassMark | None, float]:
-    """Return the pass mark and the number in a string such as ``"@P 10"``; for a number, return no pass mark.
-
-    Raises:
-        CallError: DISP_E_TYPEMISMATCH if the mark is not followed by a number.
-    """
-    mark, text = marked(given)
-    return mark, conversion.double(Variant(VarType.BSTR, text))
-
-
-def mark_and_axis_values(given: Sequence[Variant]) -> tuple[PassMark | None, list[tuple[int, float]]]:
-    """Return the pass mark and the pairs of axis and value from one string such as ``"@0 (1,10),(2,20)"``.
-
-    Instead of the string, there may be an array of two elements for each pair; the pass mark is then ``None``.
-
-    Raises:
-        CallError: E_INVALIDARG if there are no pairs, or if the string has other characters than commas and
-            blanks between the pairs.
-    """
-    if len(given) == 1 and isinstance(given[0].value, str):
-        mark, text = marked(given[0])
-        pairs = [(found[1], found[2]) for found in _PAIRS.finditer(text)]
-        if not pairs or not _BETWEEN.fullmatch(_PAIRS.sub("", text)):
-            raise _no_pairs(text)
-        return mark, [_pair(Variant(VarType.BSTR, axis), Variant(VarType.BSTR, value)) for axis, value in pairs]
-    found_pairs = []
-    for each in given:
-        pair = elements(each)
-        if len(pair) != 2:
-            raise _no_pairs(str(each.plain))
-        found_pairs.append(_pair(*pair))
-    if not found_pairs:
-        raise _no_pairs("")
-    return None, found_pairs
-
-
 def check_length(text: str) -> str:
     """Return a string after checking its length.
 
@@ -220,17 +180,6 @@ def check_length(text: str) -> str:
             tr("string of {count} characters exceeds the limit of {longest}", count=len(text), longest=_LONGEST),
         )  # fmt: skip
     return text
-
-
-def _pair(axis: Variant, value: Variant) -> tuple[int, float]:
-    return conversion.whole(axis), conversion.double(value)
-
-
-def _no_pairs(text: str) -> Exception:
-    return error_for(
-        hresult.E_INVALIDARG,
-        tr('{text} is not a list of axes and values. Try: for example "@0 (1,10),(2,20)"', text=quoted(text)),
-    )
 
 
 def _count(given: int, least: int, most: int) -> Exception:

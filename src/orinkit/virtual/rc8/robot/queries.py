@@ -1,8 +1,7 @@
-"""Robot commands that calculate or report without moving: poses, conversions, range checks, servo data."""
+"""Robot commands that calculate or report without moving: poses, conversions, range checks."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
@@ -13,13 +12,14 @@ from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.validation import rounded_to_single
 from orinkit.values.poses import Kind, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
-from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8.robot import parameters, state_report
+from orinkit.virtual.rc8.robot.accuracy import check_axis
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.state_report import ArmPosition, Numbers
-from orinkit.virtual.rc8.robot.target import figure_of
+from orinkit.virtual.rc8.robot.target import NO_FRAME, ROBOT_AXES, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables import conversion
 
@@ -27,6 +27,8 @@ _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _UNREACHABLE: Final = -1
 _SINGULAR: Final = -2
 _IN_USE: Final = -1
+_FULL: Final = 100.0
+_DEGREES_PER_SECOND: Final = 6.0  # for a turn per minute
 _COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (6, 7, 8), "T": (9, 10)}
 
 Answer = Callable[[RC8Arm, Variant], Variant]
@@ -64,6 +66,12 @@ def conversion_command(given: Kind, wanted: Kind) -> Answer:
                 hresult.DISP_E_TYPEMISMATCH,
                 tr("{target} is not of type {given}", target=target, given=given),
             )
+        if given == "J" and not isinstance(target.value, int) and len(target.value) < ROBOT_AXES:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                tr("{target} has {count} values, expected at least {least}", target=target, count=len(target.value),
+                   least=ROBOT_AXES),
+            )  # fmt: skip
         if "J" not in (given, wanted):
             return Variant(_R8_ARRAY, _retyped(arm, target, wanted))
         source = ArmPosition(arm, arm.space.joints(target, arm.servo.command))
@@ -76,18 +84,21 @@ def _named(parameter: Variant, kind: Kind) -> Target:
     """Return the pose of a parameter; untyped values have the pose type ``kind`` if their count matches this type."""
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.unwrap_single(parameter))
-    untyped = not target.kind or all(isinstance(each.value, int | float) for each in given)
-    if not untyped or isinstance(target.value, int) or len(target.value) not in _COUNTS[kind]:
+    numbers = all(isinstance(each.value, int | float) for each in given)
+    if isinstance(target.value, int) or (target.kind and not numbers):
+        return target
+    values = tuple(float(each.value) for each in given) if numbers else target.value
+    if len(values) not in _COUNTS[kind]:
         return target
     if kind != "J":
-        figure_of(kind, target.value)
-    return Target(kind, target.value)
+        figure_of(kind, values)
+    return Target(kind, values)
 
 
 def _retyped(arm: RC8Arm, target: Target, wanted: Kind) -> Numbers:
     """Convert a P to a T, or a T to a P, in the same frame, even if the pose is out of reach; keep the given figure."""
     kind, values = arm.space.resolve(target, arm.servo.command)
-    frame = arm.space.frame_in_base(kind, values, 0)
+    frame = arm.space.frame_in_base(kind, values, NO_FRAME)
     result = frames.position_of_matrix(frame) if wanted == "P" else frames.trans_of_matrix(frame)
     return [*map(float, result), float(figure_of(kind, values))]
 
@@ -116,13 +127,83 @@ def _two(arm: RC8Arm, parameter: Variant) -> tuple[Matrix, Matrix, float]:
     kind, values = arm.space.resolve(base, arm.servo.command)
     if kind == "J":
         joints = arm.space.joints(base, arm.servo.command)
-        first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.kinematics.figure(joints))
+        first, fig = arm.space.in_work(arm.space.tcp(joints)), float(arm.space.figure(joints))
     else:
-        first, fig = arm.space.frame_in_base(kind, values, 0), float(figure_of(kind, values))
+        first, fig = arm.space.frame_in_base(kind, values, NO_FRAME), float(figure_of(kind, values))
     kind, values = arm.space.resolve(parameters.position(offset), arm.servo.command)
     if kind == "J":
         raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("the offset must be of type P or T"))
-    return first, arm.space.frame_in_base(kind, values, 0), fig
+    return first, arm.space.frame_in_base(kind, values, NO_FRAME), fig
+
+
+def t_multiply(arm: RC8Arm, parameter: Variant) -> Variant:
+    """TMul: return the product of two T, with the figure of the first."""
+    (first, fig), (second, _) = (_trans(arm, target) for target in parameters.poses(parameter, 2))
+    return _trans_of(np.asarray(first @ second), fig)
+
+
+def t_invert(arm: RC8Arm, parameter: Variant) -> Variant:
+    """TInv: return the inverse of a T, with its figure."""
+    frame, fig = _trans(arm, _named(parameter, "T"))
+    return _trans_of(frames.inverse_of(frame), fig)
+
+
+def t_normalize(arm: RC8Arm, parameter: Variant) -> Variant:
+    """TNorm: return a T whose orient and approach vector have the length 1 and are perpendicular."""
+    return _trans_of(*_trans(arm, _named(parameter, "T")))
+
+
+def _trans(arm: RC8Arm, target: Target) -> tuple[Matrix, float]:
+    """Return the frame of a T and its figure."""
+    kind, values = arm.space.resolve(target, arm.servo.command)
+    if kind != "T":
+        raise error_for(hresult.DISP_E_TYPEMISMATCH, tr("{target} is not of type {given}", target=target, given="T"))
+    return arm.space.frame_in_base(kind, values, 0), float(figure_of(kind, values))
+
+
+def _trans_of(frame: Matrix, fig: float) -> Variant:
+    return Variant(_R8_ARRAY, [*map(float, frames.trans_of_matrix(frame)), fig])
+
+
+def mps(arm: RC8Arm, parameter: Variant) -> Variant:
+    """MPS: return the value of SPEED, %, for a velocity of the tool, mm/s."""
+    (velocity,) = parameters.numbers(parameter, None)
+    return _percent(velocity, arm.model.path_speed)
+
+
+def rpm(arm: RC8Arm, parameter: Variant) -> Variant:
+    """RPM: return the value of SPEED, %, for a velocity of an axis in turns per minute."""
+    axis, turns = parameters.numbers(parameter, None, None)
+    return _percent(turns * _DEGREES_PER_SECOND, _velocity(arm, axis))
+
+
+def dps(arm: RC8Arm, parameter: Variant) -> Variant:
+    """DPS: return the value of SPEED, %, for a velocity in deg/s: of an axis by PTP, or of the tool on a path."""
+    one_text = isinstance(parameter.value, str) and "," in parameter.value
+    if one_text or len(parameters.elements(parameter)) > 1:
+        axis, velocity = parameters.numbers(parameter, None, None)
+        return _percent(velocity, _velocity(arm, axis))
+    (velocity,) = parameters.numbers(parameter, None)
+    return _percent(velocity, arm.model.path_rotation)
+
+
+def _velocity(arm: RC8Arm, axis: float) -> float:
+    return arm.model.axes[check_axis(arm.model, parameters.whole(axis)) - 1].velocity
+
+
+def _percent(velocity: float, largest: float) -> Variant:
+    """Return a velocity as a percentage of the largest one, a VT_R4.
+
+    Raises:
+        CallError: VALUE_OUT_OF_RANGE if it is not above 0 and at most 100 %.
+    """
+    share = velocity / largest * _FULL
+    if not 0 < share <= _FULL:
+        raise error_for(
+            hresult.VALUE_OUT_OF_RANGE,
+            tr("{velocity:g} is not above 0 and at most {largest:g}", velocity=velocity, largest=largest),
+        )
+    return Variant(VarType.R4, rounded_to_single(share))
 
 
 def _position(frame: Matrix, fig: float) -> Variant:
@@ -137,6 +218,8 @@ def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
     """
     space, start = arm.space, arm.servo.command
     target, rest = parameters.pose_and_rest(parameter, 2)
+    if arm.switches.loose_poses:
+        target = parameters.position(target)
     tool, work = [conversion.whole(each) for each in rest] + [_IN_USE] * (2 - len(rest))
     try:
         joints = space.joints(target, start, space.tools.check(tool, _IN_USE), space.works.check(work, _IN_USE))
@@ -150,42 +233,18 @@ def out_range(arm: RC8Arm, parameter: Variant) -> Variant:
     return Variant(VarType.I4, _SINGULAR if space.kinematics.is_singular(joints) else 0)
 
 
-_DEVIATION: Final = 2
-_LOAD: Final = 4
-_TIP_SPEED: Final = 17
-
-
-def servo_data(arm: RC8Arm, parameter: Variant) -> Variant:
-    """GetSrvData: return an item of servo data as eight numbers.
-
-    Item 2 is the deviation of each axis (deg), item 4 the load of each axis (%), and item 17 the velocity of the tool
-    tip (mm/s, in the first element).
-    """
-    (item,) = parameters.whole_numbers(parameter, None)
-    if item == _DEVIATION:
-        return Variant(_R8_ARRAY, state_report.eight(arm.servo.deviation(arm.motor.on)))
-    if item == _LOAD:
-        return Variant(_R8_ARRAY, state_report.eight(arm.servo.load(arm.motor.on)))
-    if item == _TIP_SPEED:
-        return Variant(_R8_ARRAY, state_report.eight((_tip_speed(arm),)))
-    raise error_for(
-        hresult.E_INVALIDARG,
-        tr("item {item} does not exist. Try: 2 (deviation), 4 (load) or 17 (tip speed)", item=item),
-    )
-
-
-def _tip_speed(arm: RC8Arm) -> float:
-    now, velocity = arm.servo.encoder, arm.servo.velocity()
-    before = tuple(joint - rate * PERIOD for joint, rate in zip(now, velocity, strict=True))
-    return math.dist(arm.space.tcp(now)[:3, 3], arm.space.tcp(before)[:3, 3]) / PERIOD
-
-
 _KINDS: Final[tuple[Kind, ...]] = ("P", "J", "T")
 CALCULATIONS: Final[Mapping[str, Answer]] = {
     **{f"{a}2{b}": conversion_command(a, b) for a in _KINDS for b in _KINDS if a != b},
     "Dev": dev,
     "DevH": dev_hand,
     "OutRange": out_range,
+    "TMul": t_multiply,
+    "TInv": t_invert,
+    "TNorm": t_normalize,
+    "MPS": mps,
+    "RPM": rpm,
+    "DPS": dps,
 }
 """Commands that programs can call as functions, by name."""
 

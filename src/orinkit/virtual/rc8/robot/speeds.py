@@ -32,15 +32,21 @@ class Speeds:
         path: Internal speeds for motions along a path (``@SPEED``, ``@ACCEL``, ``@DECEL``).
         joint: Internal speeds for point-to-point motions (``@JSPEED``, ``@JACCEL``, ``@JDECEL``).
         external: External speeds, which apply to every motion (``@EXTSPEED``, ``@EXTACCEL``, ``@EXTDECEL``).
+        avoid_singular: True to slow paths down near singular points instead of refusing them (SingularAvoid).
+        mode: Number of the mode of optimal speed (SpeedMode), 0 to 3. The planner always uses the limits of the model,
+            so that the mode has no effect.
     """
 
     path: SpeedSet = field(default_factory=SpeedSet)
     joint: SpeedSet = field(default_factory=SpeedSet)
     external: SpeedSet = field(default_factory=SpeedSet)
+    avoid_singular: bool = False
+    mode: int = 0
 
     def reset(self) -> None:
-        """Set the internal speeds to 100 %, as TakeArm without ``Keep`` does (RC8 3.3.2)."""
+        """Set the internal speeds to 100 % and the modes to off, as TakeArm without ``Keep`` does (RC8 3.3.2)."""
         self.path, self.joint = SpeedSet(), SpeedSet()
+        self.avoid_singular, self.mode = False, 0
 
     def set_internal(self, speed: float, *, joint_only: bool = False) -> None:
         """Set the internal speed for all motions, or only for point-to-point motions."""

@@ -34,7 +34,7 @@ class ArmPosition:
 
     def figure(self) -> int:
         """Return the figure (Fig)."""
-        return self.arm.space.kinematics.figure(self.joints)
+        return self.arm.space.figure(self.joints)
 
 
 def current(arm: RC8Arm) -> ArmPosition:

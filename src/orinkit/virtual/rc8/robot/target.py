@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
@@ -15,14 +16,25 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.poses import Extra, Kind, Target
-from orinkit.virtual.rc8.robot.tools import FrameSet, Matrix, tool_frames, work_frames
+from orinkit.virtual.rc8.robot.tools import (
+    FIXED_TOOL,
+    IDENTITY,
+    FrameSet,
+    Matrix,
+    base_frames,
+    tool_frames,
+    work_frames,
+)
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
 ROBOT_AXES: Final = 6
-_LEAST_VALUES: Final = {"P": 6, "T": 9, "J": ROBOT_AXES}
+_LEAST_VALUES: Final = {"P": 6, "T": 9, "J": 1}
 _FIGURE_AT: Final = {"P": 6, "T": 9}
 _BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # type of an untyped pose by its length
+NO_FRAME: Final = -2
+"""Number of a work frame that means none: a pose is converted in its own frame."""
+
 _FIGURE_AUTO: Final = -1
 _FIGURE_LEAST: Final = -3
 _FARTHEST: Final = 1e6  # mm; beyond the reach of any arm, and small enough for calculations
@@ -53,6 +65,7 @@ class FrameContext:
 
     Attributes:
         tools, works: The tool frames and the work frames, each with the number of the current frame.
+        bases: The base frames; number 0 is the place of the arm in the world, in which works are defined.
         kinematics: Kinematics of the arm.
         read_variable: Function that returns the value of a global variable.
     """
@@ -62,6 +75,7 @@ class FrameContext:
         self.kinematics = Kinematics(model)
         self.tools: FrameSet = tool_frames()
         self.works: FrameSet = work_frames()
+        self.bases: FrameSet = base_frames()
         self.read_variable: ReadVariable = lambda kind, index: tuple(variables.read(CLASSES[kind], index).value)
 
     def copy(self, read_variable: ReadVariable) -> FrameContext:
@@ -71,19 +85,55 @@ class FrameContext:
         copied.read_variable = read_variable
         return copied
 
+    def define_base(self, number: int, values: Sequence[float], attribute: int) -> None:
+        """Set a base frame; number 0 moves the arm in the world, so that the works move against the arm.
+
+        Raises:
+            CallError: VALUE_OUT_OF_RANGE.
+        """
+        self.bases.define(number, values, attribute)
+        base = self.bases.matrix(0)
+        self.works.place_origin(None if np.array_equal(base, IDENTITY) else frames.inverse_of(base))
+
     # --- from joints to a pose ----------------------------------------------------------------------------------
+
+    def complete(self, joints: Sequence[float]) -> Joints:
+        """Return a joint position with all axes; omitted extended joints are at home.
+
+        Raises:
+            ValueError: If there are fewer joints than the arm has, or more than axes, or if a joint is outside its
+                limits.
+        """
+        axes = len(self.model.axes)
+        position = (*map(float, joints), *self.model.home[len(joints) :])
+        complete = len(joints) >= ROBOT_AXES and len(position) == axes and all(map(math.isfinite, position))
+        if not complete or self.kinematics.limits_exceeded(position):
+            raise ValueError(
+                tr(
+                    "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
+                    name=self.model.name,
+                    joints=", ".join(f"{value:g}" for value in joints),
+                    count=ROBOT_AXES if axes == ROBOT_AXES else f"{ROBOT_AXES}-{axes}",
+                )
+            )
+        return position
 
     def tcp(self, joints: Sequence[float]) -> Matrix:
         """Return the tool frame at a joint position, in the base frame."""
         return np.asarray(self.kinematics.forward(joints) @ self.tools.matrix())
 
     def in_work(self, tcp: Matrix) -> Matrix:
-        """Convert a frame from the base frame to the current work frame."""
+        """Convert a frame from the base frame to the current work frame.
+
+        If the tool is fixed (attribute of the work), return the fixed tool in the frame that the arm holds.
+        """
+        if self.works.attribute() == FIXED_TOOL:
+            return np.asarray(frames.inverse_of(tcp) @ self.works.matrix())
         return np.asarray(frames.inverse_of(self.works.matrix()) @ tcp)
 
     def position(self, joints: Sequence[float]) -> list[float]:
         """Return a joint position as P: X, Y, Z in mm, RX, RY, RZ in deg, Fig, in the current work frame."""
-        return [*self.values(self.tcp(joints)), float(self.kinematics.figure(joints))]
+        return [*self.values(self.tcp(joints)), float(self.figure(joints))]
 
     def values(self, tcp: Matrix) -> list[float]:
         """Convert a frame from the base frame to X, Y, Z (mm), RX, RY, RZ (deg) in the current work frame."""
@@ -92,7 +142,11 @@ class FrameContext:
     def trans(self, joints: Sequence[float]) -> list[float]:
         """Return a joint position as T: X, Y, Z in mm, orient and approach vector, Fig, in the current work frame."""
         values = frames.trans_of_matrix(self.in_work(self.tcp(joints)))
-        return [*map(float, values), float(self.kinematics.figure(joints))]
+        return [*map(float, values), float(self.figure(joints))]
+
+    def figure(self, joints: Sequence[float]) -> int:
+        """Return the figure that the controller reports at a joint position."""
+        return self.kinematics.figure(joints) | self.model.figure_bits
 
     # --- from a pose to joints ----------------------------------------------------------------------------------
 
@@ -117,7 +171,7 @@ class FrameContext:
             )
         if isinstance(values, int):
             values = self.read_variable(kind, values)
-        elif kind == "J" and len(values) > ROBOT_AXES:
+        elif kind == "J":  # joints that are not given keep their positions
             values = (*values, *start[len(values) :])
         if len(values) < _LEAST_VALUES[kind]:
             raise error_for(
@@ -241,7 +295,10 @@ class FrameContext:
         return tuple(joints)
 
     def frame_in_base(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
-        """Convert P or T values in a work frame (-1 for the current one) to a frame in the base frame.
+        """Convert P or T values in a work frame to a frame in the base frame.
+
+        Work -1 is the current one, :data:`NO_FRAME` none. If the tool is fixed (attribute of the work), the values are
+        the pose of the fixed tool in the frame that the arm holds.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE if the position is beyond the reach of any arm; E_INVALIDARG if the vectors
@@ -249,7 +306,12 @@ class FrameContext:
         """
         check_reach(*values[:3])
         make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
-        return np.asarray(self.works.matrix(work) @ make(values[: _FIGURE_AT[kind]]))
+        frame = np.asarray(make(values[: _FIGURE_AT[kind]]))
+        if work == NO_FRAME:
+            return frame
+        if self.works.attribute(work) == FIXED_TOOL:
+            return np.asarray(self.works.matrix(work) @ frames.inverse_of(frame))
+        return np.asarray(self.works.matrix(work) @ frame)
 
 
 def check_reach(*lengths: float) -> None:

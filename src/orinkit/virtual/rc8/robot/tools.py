@@ -1,4 +1,4 @@
-"""Tool and work frames: their definitions, and the current ones."""
+"""Tool, work and base frames: their definitions, and the current ones."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 
 TOOLS: Final = 64
 WORKS: Final = 8
+BASES: Final = 8
 STANDARD, FIXED_TOOL = 0, 1
 """Attributes of a work frame: the arm holds the tool; the tool is fixed, and the arm holds the workpiece."""
 
@@ -28,17 +29,21 @@ _ZERO: Final = (0.0,) * 6
 
 @dataclass(slots=True)
 class FrameSet:
-    """The tool frames or the work frames; number 0 is the flange or the base and cannot be changed.
+    """The tool, work or base frames; number 0 of tools and works is the flange or the base and cannot be changed.
 
     Attributes:
         count: Number of frames.
         code: Error code for a number out of range.
         current: Number of the current frame.
+        first: Lowest number that can be changed.
+        origin: Frame in which the frames are defined; ``None`` for the base frame of the arm.
     """
 
     count: int
     code: int
     current: int = 0
+    first: int = 1
+    origin: Matrix | None = None
     _attributes: dict[int, int] = field(default_factory=dict)
     _values: dict[int, tuple[float, ...]] = field(default_factory=dict)
     _matrices: dict[int, Matrix] = field(default_factory=dict)
@@ -46,8 +51,9 @@ class FrameSet:
     def copy(self) -> FrameSet:
         """Return a copy with the present frames."""
         return FrameSet(
-            self.count, self.code, self.current, dict(self._attributes), dict(self._values), dict(self._matrices)
-        )
+            self.count, self.code, self.current, self.first, self.origin, dict(self._attributes), dict(self._values),
+            dict(self._matrices),
+        )  # fmt: skip
 
     def check(self, number: int, first: int = 0) -> int:
         """Return the number of a frame after checking that it is at least ``first`` and less than ``count``.
@@ -75,7 +81,7 @@ class FrameSet:
         Raises:
             CallError: If the frame does not exist, or cannot be changed; VALUE_OUT_OF_RANGE.
         """
-        self.check(number, 1)
+        self.check(number, self.first)
         if attribute not in (STANDARD, FIXED_TOOL):
             raise error_for(
                 hresult.VALUE_OUT_OF_RANGE,
@@ -95,6 +101,11 @@ class FrameSet:
         """Return the attribute of a frame; -1 is the current frame."""
         return self._attributes.get(self.current if number == -1 else self.check(number), STANDARD)
 
+    def place_origin(self, origin: Matrix | None) -> None:
+        """Set the frame in which the frames are defined."""
+        self.origin = origin
+        self._matrices.clear()
+
     def values(self, number: int) -> tuple[float, ...]:
         """Return X, Y, Z, RX, RY, RZ of a frame."""
         return self._values.get(self.check(number), _ZERO)
@@ -104,7 +115,10 @@ class FrameSet:
         number = self.current if number == -1 else self.check(number)
         matrix = self._matrices.get(number)
         if matrix is None:
-            matrix = self._matrices[number] = frames.matrix_of_position(self.values(number))
+            matrix = frames.matrix_of_position(self.values(number))
+            if self.origin is not None:
+                matrix = np.asarray(self.origin @ matrix)
+            self._matrices[number] = matrix
         return matrix
 
 
@@ -116,6 +130,11 @@ def tool_frames() -> FrameSet:
 def work_frames() -> FrameSet:
     """Return the work frames: 0 is the base, 1 to 7 are definable."""
     return FrameSet(WORKS, hresult.WORK_NUMBER_OUT_OF_RANGE)
+
+
+def base_frames() -> FrameSet:
+    """Return the base frames: 0 is that of the arm in the world, 1 to 7 are kept for other arms."""
+    return FrameSet(BASES, hresult.VALUE_OUT_OF_RANGE, first=0)
 
 
 IDENTITY: Final[Matrix] = np.eye(4)

@@ -50,8 +50,8 @@ class SlaveLimits:
                 return _fault(hresult.SENT_SPEED_OVER_AXIS1 + number, axis, (c - b) / PERIOD, axis.velocity * speed, 1)
         for number, (axis, a, b, c) in enumerate(zip(self._axes, before, now, wanted, strict=True)):
             change = (c - b) - (b - a)
-            if abs(change) > axis.acceleration * acceleration * tolerance * PERIOD**2:
-                limit = axis.acceleration * acceleration
+            limit = axis.slave_acceleration * acceleration
+            if abs(change) > limit * tolerance * PERIOD**2:
                 return _fault(hresult.COMMAND_ACCELERATION_OVER_AXIS1 + number, axis, change / PERIOD**2, limit, 2)
         return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from orinkit.cao.provider import Deferred, ResultWithCode
 from orinkit.core import hresult
@@ -81,6 +81,7 @@ class RC8SlaveMode(SetPointBuffer):
         self._fault = fault
         self._limits = SlaveLimits(arm.model, arm.switches, arm.speeds)
         self._leaving: list[Deferred[None]] = []  # calls waiting for the end of the mode
+        self._unreported: tuple[Operator, int] | None = None  # the client that has not received the code of the end
 
     # --- state --------------------------------------------------------------------------------------------------
 
@@ -127,7 +128,7 @@ class RC8SlaveMode(SetPointBuffer):
                 been processed; see :class:`~orinkit.virtual.engine.elastic_time.CyclePacer`.
         """
         self._cycles.require_open()
-        self.mode, self.owner = mode, owner
+        self.mode, self.owner, self._unreported = mode, owner, None
         self.newest = self._arm.queue.joints
         self._open(when_input_processed, strict=self._arm.switches.strict_time)
 
@@ -194,13 +195,22 @@ class RC8SlaveMode(SetPointBuffer):
     def end(self, code: int) -> None:
         """Switch slave mode off immediately and clear the buffer; calls that wait fail with the code.
 
-        The caller stops the arm.
+        If no call waits, the owner's next slvMove fails with the code, except with a strict controller. The caller
+        stops the arm.
         """
-        leaving = self._leaving
-        for reply in self._turn_off():
-            reply.set_exception(error_for(code))
-        for done in leaving:
-            done.set_exception(error_for(code))
+        owner, leaving = self.owner, self._leaving
+        calls: list[Deferred[Any]] = [*leaving, *self._turn_off()]
+        if owner is not None and not self._arm.switches.strict and all(call.done() for call in calls):
+            self._unreported = owner, code
+        for call in calls:
+            call.set_exception(error_for(code))
+
+    def report_end(self, operator: Operator) -> int:
+        """Return the code with which slave mode of this operator has ended, once; otherwise 0."""
+        if self._unreported is None or self._unreported[0] is not operator:
+            return 0
+        code, self._unreported = self._unreported[1], None
+        return code
 
     def fail(self, code: int, detail: str = "") -> None:
         """Raise an error of the controller, which ends slave mode and stops the arm (RC8 4.7)."""

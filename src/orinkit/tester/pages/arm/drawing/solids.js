@@ -1,73 +1,36 @@
-// The 3D view of an arm, and the buttons of jogging. Loaded by the page Arm as a module.
-import { THREE } from "nicegui-scene";
+// The solids of an arm, drawn from its model, the ground below it, and the trail of its tool.
 
 const DEGREE = Math.PI / 180;
 const AXES = ["z", "y", "y", "z", "y", "z"];
 const TRAIL = 600; // points
 const TRAIL_STEP = 0.002; // m between two points of the trail
-const SMOOTH = 0.05; // s: time constant with which the drawing follows the joints
-const COLOURS = {
-  light: { body: 0xf4f6f8, joint: 0x33414f, accent: 0x0e9bb8, ground: 0xf5f7f9, grid: 0xc9d2da, major: 0x9fb0bd,
-    sky: 0xffffff, earth: 0xb9c4cd, trail: 0x0e7490, plate: 0x8b98a5 },
-  dark: { body: 0xd7dee5, joint: 0x3a4856, accent: 0x22b8d6, ground: 0x0f151c, grid: 0x22303c, major: 0x35475a,
-    sky: 0xdfeaf5, earth: 0x1a232d, trail: 0x38bdd8, plate: 0x55626f },
-};
 
-class ArmView {
-  constructor(host, model, dark) {
-    this.host = host;
-    this.colours = dark ? COLOURS.dark : COLOURS.light;
-    this.scene = host.scene;
-    this.goal = model.joints.slice(0, 6);
-    this.shown = this.goal.slice();
-    this.turns = [];
-    this.points = [];
-    this.prepare();
-    this.build(model.origins.map((row) => row.map((value) => value / 1000)));
-    this.last = performance.now();
-    this.follow(this.goal);
-    this.frame = () => {
-      if (!host.$el.isConnected) return;
-      requestAnimationFrame(this.frame);
-      this.animate(performance.now());
-    };
-    this.frame();
+let THREE;
+
+/** An arm in a scene. Lengths are in m, joints in deg. */
+export class Arm {
+  constructor(three, scene, colours, origins) {
+    THREE = three;
+    Object.assign(this, { scene, colours, turns: [], points: [], things: [] });
+    this.build(origins);
   }
 
-  prepare() {
-    const { host, scene, colours } = this;
-    for (const each of [...scene.children]) if (each.isLight) scene.remove(each);
-    scene.add(new THREE.HemisphereLight(colours.sky, colours.earth, 1.9));
-    const sun = new THREE.DirectionalLight(0xffffff, 2.1);
-    sun.position.set(1.6, -2.2, 3.2);
-    sun.castShadow = true;
-    sun.shadow.mapSize.set(1024, 1024);
-    Object.assign(sun.shadow.camera, { left: -1.3, right: 1.3, top: 1.3, bottom: -1.3, near: 0.5, far: 8 });
-    sun.shadow.bias = -0.0008;
-    sun.shadow.normalBias = 0.004;
-    scene.add(sun);
-    const rim = new THREE.DirectionalLight(0xd9ecf7, 0.6);
-    rim.position.set(-2, 2, 1.2);
-    scene.add(rim);
-    host.renderer.shadowMap.enabled = true;
-    host.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
-    host.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
-    host.resize();
-    // The component renders continuously. Render only if something has changed, to spare the processor.
-    const render = host.renderer.render.bind(host.renderer);
-    let view = "", resume = 0;
-    this.dirty = true;
-    host.renderer.render = (what, camera) => {
-      camera.updateMatrixWorld();
-      const now = camera.matrixWorld.elements.map((value) => value.toFixed(5)).join() + host.$el.clientWidth + "x" + host.$el.clientHeight;
-      const began = performance.now();
-      if ((!this.dirty && now === view) || began < resume) return;
-      view = now;
-      this.dirty = false;
-      render(what, camera);
-      resume = performance.now() + 2 * (performance.now() - began); // on slow computers, leave time for the heartbeats
-    };
-    new ResizeObserver(() => host.resize()).observe(host.$el);
+  remove() {
+    for (const each of this.things) this.scene.remove(each);
+  }
+
+  show(thing) {
+    this.things.push(thing);
+    this.scene.add(thing);
+  }
+
+  place(joints) {
+    this.turns.forEach((group, index) => (group.rotation[AXES[index]] = joints[index] * DEGREE));
+  }
+
+  clear() {
+    this.points.length = 0;
+    this.line.geometry.setDrawRange(0, 0);
   }
 
   material(colour, rough = 0.42, metal = 0.05) {
@@ -122,7 +85,7 @@ class ArmView {
   }
 
   build(origins) {
-    const { scene, colours } = this;
+    const { colours } = this;
     const body = this.material(colours.body), joint = this.material(colours.joint, 0.5, 0.25);
     const accent = this.material(colours.accent, 0.35, 0.1), plate = this.material(colours.plate, 0.5, 0.1);
     const [o1, o2, o3, o4, o5, o6] = origins;
@@ -130,11 +93,11 @@ class ArmView {
     const upperLength = Math.hypot(o3[0], o3[2]), foreLength = Math.hypot(fore[0], fore[2]);
     const size = upperLength + foreLength, reach = size + Math.abs(o6[2]);
     this.reach = reach;
-    this.height = o1[2] + o2[2];
+    this.shoulder = o1[2] + o2[2];
     this.ground(reach);
     const upright = (mesh) => mesh.rotateX(Math.PI / 2);
     const root = new THREE.Group();
-    scene.add(root);
+    this.show(root);
     this.root = root;
     const [r1, r2, r3, r4, r5] = [0.135, 0.112, 0.094, 0.074, 0.066].map((part) => part * size);
     // base
@@ -208,24 +171,24 @@ class ArmView {
   }
 
   ground(reach) {
-    const { scene, colours } = this, span = Math.max(1.2, Math.ceil(reach * 2 * 5) / 5 + 0.8);
+    const { colours } = this, span = Math.max(1.2, Math.ceil(reach * 2 * 5) / 5 + 0.8);
     const floor = new THREE.Mesh(new THREE.CircleGeometry(span * 3, 64),
       new THREE.MeshBasicMaterial({ color: colours.ground }));
     floor.position.z = -0.0025;
-    scene.add(floor);
+    this.show(floor);
     const shade = new THREE.Mesh(new THREE.PlaneGeometry(span * 2, span * 2), new THREE.ShadowMaterial({ opacity: 0.22 }));
     shade.receiveShadow = true;
     shade.position.z = -0.001;
-    scene.add(shade);
+    this.show(shade);
     for (const [step, colour, lift] of [[0.1, colours.grid, -0.002], [0.5, colours.major, -0.0015]]) {
       const count = Math.round((span * 2) / step), grid = new THREE.GridHelper(count * step, count, colour, colour);
       grid.rotateX(Math.PI / 2);
       grid.position.z = lift;
       grid.material.transparent = true;
       grid.material.opacity = 0.75;
-      scene.add(grid);
+      this.show(grid);
     }
-    scene.fog = new THREE.Fog(colours.ground, reach * 3, reach * 7);
+    this.scene.fog = new THREE.Fog(colours.ground, reach * 3, reach * 7);
   }
 
   trail() {
@@ -237,7 +200,7 @@ class ArmView {
     geometry.setDrawRange(0, 0);
     const line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false, fog: false }));
     line.frustumCulled = false;
-    this.scene.add(line);
+    this.show(line);
     this.line = line;
   }
 
@@ -254,121 +217,5 @@ class ArmView {
     });
     this.places.needsUpdate = this.fades.needsUpdate = true;
     this.line.geometry.setDrawRange(0, points.length);
-    this.host.$el.dataset.trail = points.length;
-  }
-
-  clear() {
-    this.points.length = 0;
-    this.line.geometry.setDrawRange(0, 0);
-    this.dirty = true;
-  }
-
-  turn() {
-    this.place(this.shown);
-    this.dirty = true;
-  }
-
-  place(joints) {
-    this.turns.forEach((group, index) => (group.rotation[AXES[index]] = joints[index] * DEGREE));
-  }
-
-  // Follow new joints. The trail consists of the positions that the controller has reported, even if few frames are drawn.
-  follow(joints) {
-    this.goal = joints;
-    this.place(joints);
-    this.trace();
-    this.turn();
-  }
-
-  animate(now) {
-    const part = 1 - Math.exp(-(now - this.last) / 1000 / SMOOTH);
-    this.last = now;
-    const far = Math.max(...this.goal.map((goal, index) => Math.abs(goal - this.shown[index])));
-    if (far === 0) return;
-    this.shown = this.goal.map((goal, index) => (far < 0.01 ? goal : this.shown[index] + (goal - this.shown[index]) * part));
-    this.turn();
-  }
-
-  look(name) {
-    const r = this.reach, middle = Math.max(this.height * 0.95, r * 0.42);
-    const far = r * 2.15;
-    const places = {
-      iso: [far * 0.72, -far * 0.78, middle + far * 0.36],
-      front: [far * 1.08, 0, middle],
-      side: [0, -far * 1.08, middle],
-      top: [0.001, -0.02, middle + far * 1.1],
-    };
-    this.host.move_camera(...(places[name] || places.iso), r * 0.16, 0, middle * 0.92, 0, 0, 1, 0.4);
   }
 }
-
-let view = null;
-const api = {
-  build(id, model, dark, camera) {
-    const host = getElement(id);
-    if (!host?.renderer) return; // no WebGL
-    view = new ArmView(host, model, dark);
-    view.look(camera);
-    host.$el.dataset.ready = "1";
-  },
-  joints(values) {
-    view?.follow(values);
-  },
-  look(name) {
-    view?.look(name);
-  },
-  clear() {
-    view?.clear();
-  },
-};
-
-// The buttons of jogging: held by pointer, touch, Space or Enter; released in every case in which the user lets go.
-let held = null;
-
-function press(button) {
-  if (held || button.getAttribute("aria-disabled") === "true" || !window.socket?.connected) return;
-  held = button;
-  button.classList.add("ok-held");
-  emitEvent("ok-jog", { key: button.dataset.jog });
-}
-
-function release(key = "") {
-  if (!held) return;
-  held.classList.remove("ok-held");
-  held = null;
-  emitEvent("ok-jog", { key });
-}
-
-const target = (event) => event.target.closest?.("[data-jog]");
-document.addEventListener("pointerdown", (event) => {
-  const button = target(event);
-  if (!button || event.button !== 0) return;
-  if (event.target.hasPointerCapture?.(event.pointerId)) event.target.releasePointerCapture(event.pointerId);
-  press(button);
-});
-document.addEventListener("pointerup", () => release());
-document.addEventListener("pointercancel", () => release());
-document.addEventListener("pointerout", (event) => {
-  if (held && target(event) === held && !held.contains(event.relatedTarget)) release();
-});
-document.addEventListener("contextmenu", (event) => {
-  if (target(event)) event.preventDefault();
-  release();
-});
-document.addEventListener("keydown", (event) => {
-  const button = target(event);
-  if (!button || (event.key !== " " && event.key !== "Enter")) return;
-  event.preventDefault();
-  if (!event.repeat) press(button);
-});
-document.addEventListener("keyup", () => release());
-document.addEventListener("focusout", (event) => {
-  if (target(event) === held) release();
-});
-document.addEventListener("visibilitychange", () => document.hidden && release("gone"));
-window.addEventListener("blur", () => release());
-window.addEventListener("pagehide", () => release("gone"));
-
-const waiting = window.okArm || [];
-window.okArm = { push: ([name, ...values]) => api[name](...values) };
-waiting.forEach((call) => window.okArm.push(call));

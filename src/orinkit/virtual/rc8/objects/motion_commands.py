@@ -1,0 +1,150 @@
+"""The extended commands of Robot_Execute that move the arm, stop it, or wait for its motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from orinkit.cao.provider import Deferred
+from orinkit.core import hresult
+from orinkit.core.errors import error_for
+from orinkit.core.i18n import quoted, tr
+from orinkit.rc8.motion_options import MotionOptions, parse_options
+from orinkit.values.variant import Variant
+from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
+from orinkit.virtual.rc8.robot import parameters, pose_data
+from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.motion_planner import ArchHeights
+from orinkit.virtual.rc8.variables import conversion
+
+_OWN_GROUP: Final = -1
+_LAST_GROUP: Final = 31
+_PERCENT: Final = 100.0
+_SKIP_AS_SET: Final = {0: False, 1: False, 2: True, 3: True}
+"""For each pattern of MotionSkip: True if the arm decelerates as set, False if it decelerates as fast as possible."""
+
+
+def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
+    require("Approach", caller.state.arm, caller)
+    given = parameters.at_least(parameter, 3)
+    length, options = pose_data.amount(given[2]), _options(given[3:])
+    target = parameters.pose(given[1])
+    if target.mark is not None:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("{target}: the pass mark of Approach belongs to the length", target=target),
+        )
+    plans = caller.state.moves.approach(
+        conversion.whole(given[0]), target, length.value, length.mark, options, length.extra
+    )
+    return begin_motions(caller.state, plans, options)
+
+
+def _depart(caller: ClientContext, parameter: Variant) -> MotionResult:
+    require("Depart", caller.state.arm, caller)
+    given = parameters.at_least(parameter, 2)
+    length, options = pose_data.amount(given[1]), _options(given[2:])
+    plans = caller.state.moves.depart(conversion.whole(given[0]), length.value, length.mark, options, length.extra)
+    return begin_motions(caller.state, plans, options)
+
+
+def _draw(caller: ClientContext, parameter: Variant) -> MotionResult:
+    require("Draw", caller.state.arm, caller)
+    given = parameters.at_least(parameter, 2)
+    vector, options = pose_data.vector(given[1]), _options(given[2:])
+    return begin_motions(caller.state, caller.state.moves.draw(conversion.whole(given[0]), vector, options), options)
+
+
+def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], MotionResult]:
+    def run(caller: ClientContext, parameter: Variant) -> MotionResult:
+        require(name, caller.state.arm, caller)
+        axes, rest = pose_data.axis_values(parameters.at_least(parameter, 1))
+        options = _options(rest)
+        plans = caller.state.moves.drive(axes.pairs, absolute, axes.mark, options, axes.extra)
+        return begin_motions(caller.state, plans, options)
+
+    return run
+
+
+def _rotate_hand(caller: ClientContext, parameter: Variant) -> MotionResult:
+    require("RotateH", caller.state.arm, caller)
+    given = parameters.at_least(parameter, 1)
+    angle, options = pose_data.amount(given[0]), _options(given[1:])
+    plans = caller.state.moves.rotate_hand(angle.value, angle.mark, options, angle.extra)
+    return begin_motions(caller.state, plans, options)
+
+
+def _arch_move(caller: ClientContext, parameter: Variant) -> MotionResult:
+    """ArchMove: the target, the height, and optionally the heights at which the arch starts and ends, mm."""
+    require("ArchMove", caller.state.arm, caller)
+    given = parameters.at_least(parameter, 2)
+    if len(given) > 4:
+        raise error_for(
+            hresult.E_INVALIDARG, tr("got {given} parameters, expected {wanted}", given=len(given), wanted="2..4")
+        )
+    heights = [conversion.double(each) for each in given[1:]] + [0.0] * (4 - len(given))
+    options = MotionOptions()
+    plans = caller.state.moves.arch(parameters.pose(given[0]), ArchHeights(*heights), options)
+    return begin_motions(caller.state, plans, options)
+
+
+def _arrive(caller: ClientContext, parameter: Variant) -> Deferred[None]:
+    """Arrive: wait until the running motion has covered a share of its path, %."""
+    require("Arrive", caller.state.arm, caller)
+    (ratio,) = parameters.numbers(parameter, None)
+    if not 0 < ratio <= _PERCENT:
+        raise error_for(
+            hresult.VALUE_OUT_OF_RANGE, tr("the ratio {ratio:g} is not above 0 and at most 100", ratio=ratio)
+        )
+    return caller.state.arm.when_arrived(ratio / _PERCENT)
+
+
+def _motion_skip(caller: ClientContext, parameter: Variant) -> Deferred[None]:
+    require("MotionSkip", caller.state.arm, caller)
+    group, pattern = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
+    _check_group(group)
+    if pattern not in _SKIP_AS_SET:
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("pattern {pattern} is not in 0 to 3", pattern=pattern))
+    caller.state.arm.skip(as_set=_SKIP_AS_SET[pattern])
+    return caller.state.arm.when_still()
+
+
+def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
+    group, mode = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
+    _check_group(group)
+    arm = caller.state.arm
+    return arm.settled if parameters.flag(mode) else not arm.busy
+
+
+def _check_group(group: int) -> None:
+    if not _OWN_GROUP <= group <= _LAST_GROUP:
+        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group} is not in -1 to 31", group=group))
+
+
+def _options(given: list[Variant]) -> MotionOptions:
+    texts = [each.value for each in given if each.value is not None]
+    for text in texts:
+        if not isinstance(text, str):
+            raise error_for(
+                hresult.DISP_E_TYPEMISMATCH,
+                tr("{text} is not an option of a motion", text=quoted(text)),
+            )
+    return parse_options(",".join(texts))
+
+
+MOTION_COMMANDS: Final[dict[str, Callable[[ClientContext, Variant], Any]]] = {
+    "Approach": _approach,
+    "Depart": _depart,
+    "Draw": _draw,
+    "DriveEx": _drive("DriveEx", absolute=False),
+    "DriveAEx": _drive("DriveAEx", absolute=True),
+    "RotateH": _rotate_hand,
+    "ArchMove": _arch_move,
+    "Arrive": _arrive,
+    "MotionSkip": _motion_skip,
+}
+"""The commands that check their conditions themselves, by name."""
+
+MOTION_QUERIES: Final[dict[str, Callable[[ClientContext, Variant], Any]]] = {"MotionComplete": _motion_complete}
+"""The commands that only read, by name."""
