@@ -986,13 +986,15 @@ def test_each_step_takes_one_timeout_at_most(
 
 @TIMES_OUT
 def test_an_arm_that_can_only_be_stopped_by_closing_the_connection(both: Both, scripted: Any, device: Scripted) -> None:
-    """The controller does not reply within the time-out, and is busy with the motion from then on."""
+    """The controller does not reply within the time-out, and is busy with the motion from then on, even for Halt."""
     device.answers["Move"] = [device.never]
+    device.answers["Halt"] = [CallError(hresult.E_BUSY_PROC)] * 100_000
     impatient(scripted, device, "Move")
     with pytest.raises(CallTimeout) as caught:
         holding(both, scripted, lambda: both.run(scripted.move("P1")))
     assert any("closed to stop the arm" in note for note in caught.value.__notes__)
-    assert device.calls == [*TAKEN, ("Move", "")]
+    assert device.calls[: len(TAKEN) + 1] == [*TAKEN, ("Move", "")]
+    assert set(device.calls[len(TAKEN) + 1 :]) <= {"Halt"}
     with pytest.raises(ConnectionClosed):
         both.run(scripted.get_joints())
 
