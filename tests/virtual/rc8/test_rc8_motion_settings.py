@@ -11,10 +11,11 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.engine.control_loop import PERIOD
-from orinkit.virtual.engine.servo import LAG, LOG_LENGTH
+from orinkit.virtual.engine.servo import LAG, ControlLog
 from support.cell import Cell
 
 PTP, LINE = 1, 2
+LOG_LENGTH = ControlLog().capacity
 FAR = "J(60, 45, 90, 0, 45, 0)"
 R4, R8S = VarType.R4, int(VarType.R8) | ARRAY
 
