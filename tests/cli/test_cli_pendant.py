@@ -179,6 +179,11 @@ def test_workpiece(press, rc8):
     assert "hand: workpiece  -\n" in press("workpiece", "none")
 
 
+def test_time(press, rc8):
+    assert press("time", "2030-01-02", "03:04:05") == "time  2030-01-02 03:04:05\n"
+    assert "time  2031-01-02 00:00:0" in press("time", "2031-01-02")
+
+
 def test_packets_are_captured(press, tmp_path):
     path = tmp_path / "pendant.pcapng"
     press("status", "--capture", str(path))
@@ -221,6 +226,8 @@ def test_in_japanese(press):
         (["clear", "all"], "usage: clear"),
         (["status", "--wait"], "--wait does not apply to status"),
         (["workpiece", "wide"], "usage: workpiece WIDTH|none"),
+        (["time", "noon"], "usage: time YYYY-MM-DD"),
+        (["time", "2030-01-02T03:04:05+09:00"], "usage: time YYYY-MM-DD"),
         ([], "ACTION is missing"),
     ],
 )

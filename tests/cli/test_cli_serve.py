@@ -64,14 +64,14 @@ def test_one_line_for_each_listener(serve):
     assert second.startswith("ready tcp://localhost:")
     for url in (first, second.removeprefix("ready ").strip()):
         with orinkit.connect(url) as controller:
-            assert controller.variable("@TYPE").value == "RC8"
+            assert controller.variable("@TYPE").value == "RC8 Controller"
 
 
 @pytest.mark.parametrize("where", [("--udp", "127.0.0.1:0"), ("--udp", "udp:127.0.0.1:0"), ("--pty",)])
 def test_other_listeners_replace_the_default_one(serve, where):
     process, url = serve(where=where)
     with orinkit.connect(url) as controller:
-        assert controller.variable("@TYPE").value == "RC8"
+        assert controller.variable("@TYPE").value == "RC8 Controller"
     code, out, err = stop(process, signal.SIGTERM)
     assert (code, out) == (0, "")  # no other listener
     assert url.startswith("udp://127.0.0.1:" if "--udp" in where else "serial:///dev/")
@@ -90,7 +90,7 @@ def test_every_kind_of_listener(serve, tmp_path):
         assert urls[2] == f"serial://{tmp_path / 'port'}"
         for url in (urls[0], urls[1], urls[3]):
             with orinkit.connect(url) as controller:
-                assert controller.variable("@TYPE").value == "RC8"
+                assert controller.variable("@TYPE").value == "RC8 Controller"
         assert stop(process, signal.SIGTERM)[0] == 0
     finally:
         os.close(far_end)

@@ -94,7 +94,7 @@ def test_a_device_that_cannot_be_loaded_is_a_warning(serve, site):
     process, url = serve("rc8")
     assert width(url) == 30.0
     with orinkit.connect(url) as rc8:
-        assert rc8.variable("@TYPE").value == "RC8"
+        assert rc8.variable("@TYPE").value == "RC8 Controller"
     log = stop(process)
     assert (
         "WARNING orinkit.providers: Test.Bad (zz-bad 1.0) was not loaded: Test.Bad = zz_bad:Bad: ModuleNotFoundError: "

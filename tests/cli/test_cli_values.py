@@ -180,7 +180,7 @@ def test_info(run, url, rc8):
     lines = dict(line.split("  ", 1) for line in done.out.splitlines() if not line.startswith(" "))
     facts = {label.strip(): value.strip() for label, value in lines.items()}
     assert facts["controller"] == url
-    assert facts["type"] == "RC8"
+    assert facts["type"] == "RC8 Controller"
     assert facts["serial number"] == "SN-42"
     assert facts["mode"] == "3 automatic"
     assert facts["emergency stop"] == "released"

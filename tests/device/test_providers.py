@@ -121,7 +121,7 @@ def test_providers_that_cannot_be_loaded_are_omitted(site, caplog):
         orinkit.connect(server.url) as controller,
         orinkit.connect(server.url, provider=GRIPPER) as gripper,
     ):
-        assert (controller.variable("@TYPE").value, gripper.variable("WIDTH").value) == ("RC8", 30.0)
+        assert (controller.variable("@TYPE").value, gripper.variable("WIDTH").value) == ("RC8 Controller", 30.0)
 
 
 def test_providers_can_be_omitted_by_name_and_an_object_is_loaded_once(site):
@@ -157,7 +157,7 @@ def test_the_first_provider_takes_precedence_and_the_conflict_is_logged(site, ca
     )
     with orinkit.serve(providers, "tcp://127.0.0.1:0") as server:
         with orinkit.connect(server.url) as controller:
-            assert controller.variable("@TYPE").value == "RC8"
+            assert controller.variable("@TYPE").value == "RC8 Controller"
         for name, width in ((GRIPPER, 1.0), ("Test.Third", 3.0)):
             with orinkit.connect(server.url, provider=name) as controller:
                 assert controller.variable("WIDTH").value == width

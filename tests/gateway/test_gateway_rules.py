@@ -35,7 +35,7 @@ EMPTY = Variant(VarType.EMPTY)
 REAL_CONTROLLERS = {
     "Controller": {"getautomode"},
     "Robot": {"curspeedmode", "getmotionpreparationstate"},
-    "Task": {"getstatus"},
+    "Task": {"getstatus", "getthreadpriority"},
 }
 SAMPLES = {VarType.I4: 1, VarType.R4: 1.0, VarType.BSTR: "x", VarType.VARIANT: EMPTY}
 

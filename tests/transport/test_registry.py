@@ -114,7 +114,7 @@ def test_a_variable_over_a_transport_of_a_package(both: Both, rc8: VirtualRC8, i
         assert server.urls[0] == url
         controller = both.connect(url)
         variable = both.run(controller.variable("@TYPE"))
-        assert both.run(variable.value if both.loop is None else variable.get_value()) == "RC8"
+        assert both.run(variable.value if both.loop is None else variable.get_value()) == "RC8 Controller"
         assert controller.client.profile.name == "unix"
         both.run(controller.close())
     assert registry.known("unix")
@@ -161,7 +161,7 @@ def test_the_option_of_serve(installed: Path, url: str) -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == f"ready {url}\n"
         with orinkit.connect(url) as rc8:
-            assert rc8.variable("@TYPE").value == "RC8"
+            assert rc8.variable("@TYPE").value == "RC8 Controller"
         process.terminate()
         assert process.wait() == 0
         assert process.stdout.read() == ""

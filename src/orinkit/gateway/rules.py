@@ -44,8 +44,9 @@ READING: Final[Mapping[str, frozenset[str]]] = {
         # RC8 3.3.6, and other commands that clients use (docs/howto/virtual-rc8.md)
         "Controller": """
             GetErrorDescription GetCurErrorCount GetCurErrorInfo GetErrorLogCount GetErrorLog GetOprLogCount GetOprLog
-            SysInfo SysState StoState GetAutoMode
-            HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandMotorState
+            SysInfo SysState StoState GetAutoMode GetPublicValue
+            HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandInposState HandZonState
+            HandMotorState
         """,
         # RC8 3.3.4 and table 4-1, and slvGetLateness of virtual controllers. Only real controllers have the commands of
         # the second half.
@@ -61,9 +62,18 @@ READING: Final[Mapping[str, frozenset[str]]] = {
             GetCtrlLogMaxTime GetCtrlLogInterval GetMechaButtonState CurScene CurSubScene SceneInfo
             GetLogCount GetLogRecord slvGetMode slvGetLateness GetRobotTypeName
             CurSpeedMode GetMotionPreparationState
+            HandCurPos HandCurLoad HandCurPressure HandBusyState HandHoldState HandInposState HandZonState
+            HandMotorState
+            TwofgIsConn TwofgIsBusy TwofgIsGrip TwofgGetErrorCode TwofgGetWidth TwofgGetMinWidth TwofgGetMaxWidth
+            TwofgGetForce TwofgGetOrientation TwofgGetFingerLength TwofgGetFTWidth TwofgGetMode
+            Vgc10IsConn Vgc10IsGrip Vgc10GetVacuum
         """,
-        "Task": "GetStatus",  # RC8 3.2
-        "Extension": "CurPos get_BusyState get_HoldState get_OrgState",  # of the electric hand
+        "Task": "GetStatus GetThreadPriority",  # RC8 3.2
+        # Electric grippers
+        "Extension": """
+            CurPos GetPoint get_EmgState get_ZonState get_OrgState get_HoldState get_InposState get_Error get_BusyState
+            get_MotorState
+        """,
         "File": "",
     }.items()
 }

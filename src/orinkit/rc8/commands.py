@@ -46,6 +46,10 @@ _AREA: Final = N_("number of the area")
 _LOAD: Final = N_("(mass in g), (centre in mm), (inertia in kg cm2)")
 _HAND_POSITION: Final = N_("mm, speed in %, NEXT to return immediately")
 _HAND_HOLD: Final = N_("mm, speed in %, force in N, NEXT to return immediately")
+_GRIPPER_HOLD: Final = N_("mm, speed in %, force in %, NEXT to return immediately")
+_POINT: Final = N_("number of the point, NEXT to return immediately")
+_WAIT: Final = N_("1 to wait until programs and arm have stopped")
+_CHANNEL: Final = N_("channel: 0 both, 1 A, 2 B")
 
 
 def _readings() -> list[ExtendedCommand]:
@@ -62,6 +66,20 @@ def _conversions() -> list[ExtendedCommand]:
     return [ExtendedCommand(f"{a}2{b}", _BSTR, f"{a}1", _POSE) for a in "PJT" for b in "PJT" if a != b]
 
 
+_HAND_OF_CONTROLLER: Final = (
+    ExtendedCommand("HandMoveA", _R8S, "10,50", _HAND_POSITION),
+    ExtendedCommand("HandMoveR", _R8S, "-2,50", _HAND_POSITION),
+    ExtendedCommand("HandMoveAH", _R8S, "10,50,20", _HAND_HOLD),
+    ExtendedCommand("HandMoveRH", _R8S, "-2,50,20", _HAND_HOLD),
+    ExtendedCommand("HandMoveH", VARIANT_ARRAY, "(5,20),(11,True)", N_("(force in N), (True to close, False to open)")),
+    ExtendedCommand("HandMoveZH", VARIANT_ARRAY, "(5,10),(5,20),(5,15),(11,True)",
+                    N_("(zone in mm), (zone in mm), (force in N), (True to close, False to open)")),
+    ExtendedCommand("HandMoveVH", VARIANT_ARRAY, "(5,100),(11,True)", N_("(power in %), (True for suction)")),
+    *(ExtendedCommand(name) for name in (
+        "HandStop", "HandCurPos", "HandCurLoad", "HandCurPressure", "HandBusyState", "HandHoldState", "HandInposState",
+        "HandZonState", "HandMotorState", "HandGrip", "HandRelease",
+    )),
+)  # fmt: skip
 _FORCE: Final = (
     ExtendedCommand("ForceCtrl", _I4S, "1,1,1", N_("1 on or 0 off, parameter table, 0 compliance or 1 force sensor")),
     ExtendedCommand("ForceParam", VARIANT_ARRAY, "(3,1),(3,1),(8,P(0,0,10,0,0,0))",
@@ -170,21 +188,23 @@ ROBOT_COMMANDS: Final = (
     ExtendedCommand("slvSendFormat", _I4, "0", N_("sum of the fields that are sent in addition to the pose")),
     ExtendedCommand("slvRecvFormat", _I4, "2", N_("sum of the fields that are returned")),
     ExtendedCommand("GetRobotTypeName"),
+    *_HAND_OF_CONTROLLER,
+    ExtendedCommand("TwofgGrip", _R8S, "10,20,50,1", N_("width in mm, force in N, speed in %, 1 to wait")),
+    ExtendedCommand("TwofgRelease", _R8S, "35,1", N_("width in mm, 1 to wait")),
+    *(ExtendedCommand(name) for name in (
+        "TwofgStop", "TwofgIsConn", "TwofgIsBusy", "TwofgIsGrip", "TwofgGetErrorCode", "TwofgGetWidth", "TwofgGetMinWidth",
+        "TwofgGetMaxWidth", "TwofgGetForce", "TwofgGetOrientation", "TwofgGetFingerLength", "TwofgGetFTWidth", "TwofgGetMode",
+        "TwofgSwitchToExternal", "TwofgSwitchToInternal",
+    )),
+    ExtendedCommand("TwofgSetOrientation", _I4, "1", N_("1 inward, 2 outward")),
+    ExtendedCommand("TwofgSetFingerLength", _R8, "8.5", N_("length in mm")),
+    ExtendedCommand("TwofgSetFTWidth", _R8, "5", N_("width in mm")),
+    ExtendedCommand("Vgc10Grip", _R8S, "0,60,1", N_("channel 0 both, 1 A, 2 B; vacuum in %; 1 to wait")),
+    *(ExtendedCommand(name, _I4, "0", _CHANNEL) for name in ("Vgc10Release", "Vgc10IsGrip", "Vgc10GetVacuum")),
+    ExtendedCommand("Vgc10IsConn"),
     *(ExtendedCommand(name) for name in ("ClearError", "ManualReset", "ManualResetPreparation", "MotionPreparation")),
 )  # fmt: skip
 """Commands of Robot_Execute (RC8, and DENSO's published implementations)."""
-
-_HAND_OF_CONTROLLER: Final = (
-    ExtendedCommand("HandMoveA", _R8S, "10,50", _HAND_POSITION),
-    ExtendedCommand("HandMoveR", _R8S, "-2,50", _HAND_POSITION),
-    ExtendedCommand("HandMoveAH", _R8S, "10,50,20", _HAND_HOLD),
-    ExtendedCommand("HandMoveRH", _R8S, "-2,50,20", _HAND_HOLD),
-    ExtendedCommand("HandMoveH", VARIANT_ARRAY, "(5,20),(11,True)", N_("(force in N), (True to close, False to open)")),
-    *(ExtendedCommand(name) for name in (
-        "HandStop", "HandCurPos", "HandCurLoad", "HandBusyState", "HandHoldState", "HandMotorState", "HandMoveZH", "HandMoveVH",
-        "HandCurPressure",
-    )),
-)  # fmt: skip
 
 CONTROLLER_COMMANDS: Final = (
     ExtendedCommand("ClearError"),
@@ -195,22 +215,46 @@ CONTROLLER_COMMANDS: Final = (
     ExtendedCommand("GetErrorLog", _I4, "0", _INDEX),
     ExtendedCommand("GetOprLogCount"),
     ExtendedCommand("GetOprLog", _I4, "0", _INDEX),
-    ExtendedCommand("SysInfo", _I4, "0", N_("0 serial number, 15 date of the battery")),
+    ExtendedCommand("KillAll", _I4, "0", _WAIT),
+    ExtendedCommand("KillAllTsr", _I4, "0", _WAIT),
+    ExtendedCommand("RunAllTsr", _I4, "0", N_("0 for the root folder, 1 for all folders")),
+    ExtendedCommand("SuspendAll", _I4, "0", _WAIT),
+    ExtendedCommand("StepStopAll", _I4, "0", _WAIT),
+    ExtendedCommand("ContinueStartAll"),
+    ExtendedCommand("GetPublicValue", VARIANT_ARRAY, "(8,Pro1),(8,count)", N_("(task), (variable), (index), ...")),
+    ExtendedCommand("SetPublicValue", VARIANT_ARRAY, "(3,1),(8,Pro1),(8,count)",
+                    N_("(value), (task), (variable), (index), ...")),
+    ExtendedCommand("SysInfo", _I4, "0", N_("item 0 to 16: 0 serial number, 8 minutes since the first start")),
     *(ExtendedCommand(name) for name in ("SysState", "StoState", "ManualReset", "ManualResetPreparation", "ResetStoState", "MotionPreparation")),
     *_HAND_OF_CONTROLLER,
 )  # fmt: skip
 """Commands of Controller_Execute (RC8)."""
 
-TASK_COMMANDS: Final = (ExtendedCommand("GetStatus"),)
+TASK_COMMANDS: Final = (
+    ExtendedCommand("GetStatus"),
+    ExtendedCommand("GetThreadPriority"),
+    ExtendedCommand("SetThreadPriority", _I4, "0", N_("-2 lowest to 2 highest")),
+)
 """Commands of Task_Execute."""
 
 EXTENSION_COMMANDS: Final = (
-    ExtendedCommand("Chuck", _I4, "1", N_("number of the setting, NEXT to return immediately")),
-    ExtendedCommand("UnChuck", _I4, "1", N_("number of the setting, NEXT to return immediately")),
+    ExtendedCommand("Chuck", _I4, "0", _POINT),
+    ExtendedCommand("UnChuck", _I4, "1", _POINT),
+    ExtendedCommand("MoveP", _I4, "1", _POINT),
+    ExtendedCommand("MoveA", _R8S, "10,50", _HAND_POSITION),
+    ExtendedCommand("MoveR", _R8S, "-2,50", _HAND_POSITION),
+    ExtendedCommand("MoveAH", _R8S, "10,50,50", _GRIPPER_HOLD),
+    ExtendedCommand("MoveRH", _R8S, "-2,50,50", _GRIPPER_HOLD),
+    ExtendedCommand("MoveH", _R8S, "50,50,1", N_("speed in %, force in %, 0 to open")),
+    ExtendedCommand("MoveZH", _R8S, "5,15,50,50,1", N_("zone in mm, zone in mm, speed in %, force in %, 0 to open")),
     ExtendedCommand("Motor", _I4, "1", N_("1 on or 0 off")),
-    *(ExtendedCommand(name) for name in ("Org", "Stop", "CurPos", "get_BusyState", "get_HoldState", "get_OrgState")),
-)
-"""Commands of Extension_Execute of an electric hand, ``Hand0``."""
+    ExtendedCommand("GetPoint", _I4S, "0,0", N_("point, item 0 to 5: mode, distance, speed, force, zone")),
+    *(ExtendedCommand(name) for name in (
+        "Org", "Stop", "CurPos", "get_EmgState", "get_ZonState", "get_OrgState", "get_HoldState", "get_InposState", "get_Error",
+        "get_BusyState", "get_MotorState",
+    )),
+)  # fmt: skip
+"""Commands of Extension_Execute of an electric gripper, ``Hand0`` to ``Hand7`` (provider guide 5.2.36)."""
 
 VE026A_ROBOT_COMMANDS: Final = (
     ExtendedCommand("Motor", _I2, "1", N_("1 on or 0 off")),

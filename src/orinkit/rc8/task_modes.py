@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Literal, TypeAlias
 
-TaskName: TypeAlias = Literal["cycle", "continuous", "step"]
+TaskName: TypeAlias = Literal["cycle", "continuous", "step", "step_back"]
 """The names of :class:`TaskMode`."""
 StopName: TypeAlias = Literal["default", "instant", "step", "cycle", "initialize"]
 """The names of :class:`StopMode`."""
@@ -24,6 +24,7 @@ class TaskMode(_Named):
     CYCLE = 1
     CONTINUOUS = 2
     STEP = 3
+    STEP_BACK = 4
 
 
 class StopMode(_Named):

@@ -82,6 +82,7 @@ CALLS: dict[str, Callable[[Cell], Any]] = {
     "slvSendFormat": _execute("slvSendFormat", 0x20),
     "slvRecvFormat": _execute("slvRecvFormat", [0x11, 1]),
     "Task_Start": lambda cell: cell.controller.get_task("Pro1", "").start(1, ""),
+    "RunAllTsr": lambda cell: cell.controller.execute("RunAllTsr", variant(None)),
     "Task_Stop": lambda cell: cell.controller.get_task("Pro1", "").stop(0, ""),
 }
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
 
 import pytest
 
@@ -203,6 +204,20 @@ def test_workpiece(press, rc8, status):
     rc8.state.hand.position = 5.0
     press("Workpiece", [12.5, True])
     assert rc8.state.hand.workpiece.inside
+
+
+def test_workpieces_of_other_hands(press, rc8, refused):
+    press("Workpiece", [12.5, False, "hand0"])
+    press("Workpiece", [20, False, "2FG7"])
+    hands = rc8.state.hands
+    widths = [hand.workpiece and hand.workpiece.width for hand in (hands.cobotta, hands.grippers[0], hands.two_finger)]
+    assert widths == [None, 12.5, 20]
+    assert refused(press, "Workpiece", [12.5, False, "Hand1"]) == hresult.E_INVALIDARG
+
+
+def test_time(press, rc8, status):
+    press("Time", datetime(2030, 1, 2, 3, 4, 5))
+    assert status()["time"].startswith("2030-01-02 03:04:0")
 
 
 def test_status_is_json_of_plain_values(press, status):

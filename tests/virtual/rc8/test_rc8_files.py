@@ -894,7 +894,7 @@ def test_attributes_of_a_file(open_file, store, clock):
     clock.advance(3600)
     assert plain(file) == "あ"
     assert file.get_date_last_accessed() == "2024-04-01 10:00:01"
-    assert (file.get_variable_names(""), file.get_file_names("")) == ([], [])
+    assert (file.get_variable_names(""), file.get_file_names("")) == (["@CRC"], [])
     assert open_file(file.get_path()).get_path() == file.get_path()
     assert open_file("noext", CREATE).get_type() == ""
 
@@ -1175,7 +1175,7 @@ def test_every_function_of_a_file_answers_as_the_table_types_it(caller, store):
         assert call(function, file) == text("2024-04-01 09:00:00")
     assert call("File_GetFileNames", folder).plain == ["Pro1.pcs"]
     assert call("File_GetFileNames", file).plain == []
-    assert call("File_GetVariableNames", file).plain == []
+    assert call("File_GetVariableNames", file).plain == ["@CRC"]
     assert call("File_Run", file, "") == text("Pro1")
     call("File_Copy", file, "Copy.pcs", "")
     call("File_Move", file, "Moved.pcs", "")

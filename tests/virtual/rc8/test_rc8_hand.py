@@ -16,7 +16,8 @@ from orinkit.values.variant import Variant, VarType, variant
 from orinkit.virtual.clock import ManualClock
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import Permission, VirtualRC8
-from orinkit.virtual.rc8.hand import ACCELERATION, SPEED, STROKE, Taught, Workpiece
+from orinkit.virtual.rc8.hand.cobotta import ACCELERATION, SPEED, STROKE
+from orinkit.virtual.rc8.hand.fingers import Workpiece
 
 EMPTY = Variant(VarType.EMPTY)
 R8, BOOL = VarType.R8, VarType.BOOL
@@ -30,12 +31,6 @@ def hand(rc8):
 @pytest.fixture
 def execute(controller):
     return lambda command, parameter=None: controller.execute(command, variant(parameter))
-
-
-@pytest.fixture
-def hand0(controller):
-    extension = controller.get_extension("Hand0", "")
-    return lambda command, parameter=None: extension.execute(command, variant(parameter))
 
 
 def code(deferred: Deferred[None]) -> int:
@@ -154,9 +149,8 @@ def test_next_answers_at_once(command, parameter, execute, clock, hand):
         ("HandMoveA", [10, "fast"], hresult.DISP_E_TYPEMISMATCH),
         ("HandMoveA", ["9" * 5000, 50], hresult.DISP_E_TYPEMISMATCH),
         ("HandMoveH", [10], hresult.E_INVALIDARG),
-        ("HandMoveZH", [10, 50], hresult.E_NOTIMPL),
-        ("HandMoveVH", [100, True], hresult.E_NOTIMPL),
-        ("HandCurPressure", None, hresult.E_NOTIMPL),
+        ("HandMoveZH", [10, 50], hresult.E_INVALIDARG),
+        ("HandMoveZH", [10, 31, 10, True], hresult.VALUE_OUT_OF_RANGE),
         ("HandMoveX", None, hresult.E_INVALID_CMD_NAME),
     ],
 )
@@ -325,85 +319,24 @@ def test_fingers_never_go_through_a_workpiece(width, target):
     device.close()
 
 
-# --- the extension ----------------------------------------------------------------------------------------------------
+# --- motor, extensions ------------------------------------------------------------------------------------------------
 
 
-def test_chuck_and_unchuck(hand0, clock, hand):
-    hand.put(4)
-    assert code_after(hand0("Chuck", 0), clock) == 0
-    assert (hand.position, hand.force) == (4.0, 20.0)
-    assert hand0("get_HoldState") == Variant(BOOL, True)
-    assert code_after(hand0("unchuck", [2]), clock) == 0
-    assert hand0("CURPOS") == Variant(R8, 15.0)
-    assert code_after(hand0("Chuck", "3"), clock) == 0
-    assert hand.force == 6.0
-    hand.put(None)
-    hand.position = 20.0
-    assert code_after(hand0("Chuck", 1), clock) == hresult.GRIP_NOT_DETECTED
-
-
-def test_positions_can_be_taught(hand0, clock, hand):
-    hand.taught = [Taught(closed=3, opened=8, speed=100, force=9)]
-    assert code_after(hand0("UnChuck", 0), clock) == 0
-    assert hand.position == 8.0
-    hand.put(2)
-    assert code_after(hand0("Chuck", 0), clock) == hresult.GRIP_NOT_DETECTED  # it closes to 3 mm only
-    assert hand.position == 3.0
-
-
-def test_return_to_the_origin_as_users_do_it(hand0, clock, hand):
-    assert hand0("Motor", 1) is None
-    assert hand0("get_BusyState") == Variant(BOOL, False)
-    hand.position = 3.0
-    assert hand0("get_OrgState") == Variant(BOOL, True)
-    assert hand0("Org", "NEXT") is None
-    assert hand0("get_OrgState") == Variant(BOOL, False)
-    assert hand0("get_BusyState") == Variant(BOOL, True)
-    clock.advance(2)
-    assert hand0("get_OrgState") == Variant(BOOL, True)
-    assert hand.position == STROKE
-    hand.position = 3.0
-    deferred = hand0("Org")
-    clock.advance(0.1)
-    hand0("Stop")
-    assert code(deferred) == hresult.STOPPED_DURING_PC_MOTION
-    assert hand0("get_OrgState") == Variant(BOOL, False)
-
-
-def test_the_motor_of_the_hand(hand0, execute, clock, hand, refused, rc8):
+def test_without_the_motor_the_hand_does_not_move(execute, clock, hand, refused, rc8):
     hand.put(5)
     execute("HandMoveH", [10, True])
     clock.advance(1)
-    hand0("Motor", 0)
+    hand.switch_motor(False)
     assert execute("HandMotorState") == Variant(BOOL, False)
     assert not hand.holding
-    for call, arguments in ((hand0, ("Chuck", 0)), (hand0, ("Org",)), (execute, ("HandMoveA", [30, 100]))):
-        assert refused(call, *arguments) == hresult.MOTOR_NOT_ON
-    hand0("Motor")
+    assert refused(execute, "HandMoveA", [30, 100]) == hresult.MOTOR_NOT_ON
+    hand.switch_motor(True)
     deferred = execute("HandMoveA", [30, 100])
     clock.advance(0.1)
-    hand0("Motor", [0])
+    hand.switch_motor(False)
     assert code(deferred) == hresult.MOTOR_NOT_ON
     rc8.emergency_stop(True)
-    assert refused(hand0, "Motor", 1) == hresult.EMERGENCY_STOP_ON
-
-
-@pytest.mark.parametrize(
-    ("command", "parameter", "refusal"),
-    [
-        ("Chuck", 4, hresult.VALUE_OUT_OF_RANGE),
-        ("UnChuck", -1, hresult.VALUE_OUT_OF_RANGE),
-        ("Chuck", 1e300, hresult.VALUE_OUT_OF_RANGE),
-        ("Chuck", 0.5, hresult.E_INVALIDARG),
-        ("Chuck", None, hresult.E_INVALIDARG),
-        ("Chuck", [1, 2], hresult.E_INVALIDARG),
-        ("Chuck", "x", hresult.DISP_E_TYPEMISMATCH),
-        ("Squeeze", None, hresult.E_INVALID_CMD_NAME),
-        ("HandMoveA", [1, 100], hresult.E_INVALID_CMD_NAME),
-    ],
-)
-def test_what_the_extension_refuses(command, parameter, refusal, hand0, refused):
-    assert refused(hand0, command, parameter) == refusal
+    assert refused(hand.switch_motor, True) == hresult.EMERGENCY_STOP_ON
 
 
 def test_extensions_by_name(controller, refused):
@@ -442,12 +375,12 @@ def test_through_a_session_as_a_server_calls_it(rc8, clock):
     assert session.complete(pending, pending.work.result()).result == EMPTY
     assert session.invoke(17, [handle, variant("HandCurPos"), EMPTY]).result == Variant(R8, 10.0)
     extension = session.invoke(5, [handle, variant("Hand0"), variant("")]).result
-    assert session.invoke(28, [extension, variant("CurPos"), EMPTY]).result == Variant(R8, 10.0)
+    assert session.invoke(28, [extension, variant("CurPos"), EMPTY]).result == Variant(VarType.R4, 30.0)
     assert session.invoke(11, [handle, variant("")]).result == variant(["Hand0"])
 
 
 def test_status(hand):
     hand.put(10)
     assert hand.status() == {
-        "position": 30.0, "motor": True, "moving": False, "holding": False, "force": 0.0, "workpiece": 10.0,
+        "position": 30.0, "moving": False, "holding": False, "force": 0.0, "workpiece": 10.0, "motor": True,
     }  # fmt: skip

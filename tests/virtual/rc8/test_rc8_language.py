@@ -15,7 +15,7 @@ def texts(device: VirtualRC8, connect) -> list[str]:
     device.emergency_stop(False)
     controller.get_variable("@LOCK", "").put_value(variant(True))
     controller.get_variable("@LOCK", "").put_value(variant(False))
-    controller.get_variable("@CURRENT_TIME", "").put_value(controller.get_variable("@CURRENT_TIME", "").get_value())
+    device.pendant.set_time(controller.get_variable("@CURRENT_TIME", "").get_value().plain)
     controller.execute("ClearError", variant(None))
     descriptions = [controller.get_message().get_description() for _ in range(4)]
     operations = [device.state.operations.at(i).text for i in range(len(device.state.operations))]

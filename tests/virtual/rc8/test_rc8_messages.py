@@ -19,7 +19,7 @@ def test_an_error_is_reported_to_every_client(rc8, connect, clock, refused):
         assert message.get_number() == 1
         assert message.get_value() == Variant(VarType.I4, 0x84201482 - 2**32)
         assert message.get_description().startswith("Late set-point")
-        assert (message.get_source(), message.get_destination()) == ("RC8", client.name)
+        assert (message.get_source(), message.get_destination()) == ("RC8 Controller", client.name)
         assert message.get_date_time() == clock.wall() == rc8.state.calendar.now()
         assert message.get_serial_number() == 1
         assert message.get_name() == "Message1"

@@ -38,7 +38,7 @@ def test_it_starts_as_documented(cell):
     assert cell.rc8.pendant.status() == {
         "mode": "automatic", "token": "any", "emergency_stop": False, "protective_stop": False, "auto_enable": True,
         "deadman": False, "machine_lock": False, "motor": "off", "moving": False, "held": False, "arm_holder": "",
-        "error": "", "joints": [0, 45, 90, 0, 45, 0], "programs": 0, "slave_mode": 0, "slave_limit": 0,
+        "error": "", "joints": [0, 45, 90, 0, 45, 0], "programs": 0, "supervisory": 0, "slave_mode": 0, "slave_limit": 0,
     }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit.cao.provider import ClientInfo
+from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.core.errors import CallError
 from orinkit.values.codec import encode
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
@@ -35,6 +35,8 @@ def test_a_write_is_taken_or_refused(name, value):
         after = one.get_value()
         assert after.type == before.type
         encode(after)
+        if name.endswith("_LEN"):
+            one.put_value(before)  # other tests use the variables
         if name.endswith("*"):
             one.put_value(after)  # a value that can be read can be written
             assert repr(one.get_value()) == repr(after)
@@ -56,7 +58,8 @@ def test_a_command_answers_or_refuses(name, parameter):
         result = CONTROLLER.execute(name, parameter)
     except CallError:
         return
-    encode(variant(result))
+    if not isinstance(result, Deferred):
+        encode(variant(result))
 
 
 @given(strings())

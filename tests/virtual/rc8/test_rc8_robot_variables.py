@@ -43,7 +43,10 @@ TABLE: dict[str, tuple[int, int, str]] = {
     "@EXTACCEL": (R4, 0, "CurExtAcc"),
     "@EXTDECEL": (R4, 0, "CurExtDec"),
 }  # fmt: skip
-WRITABLE = {"@SERVO_ON": True, "@CURRENT_TOOL": 3, "@CURRENT_WORK": 2, "@EXTSPEED": 40.0}
+WRITABLE = {
+    "@SERVO_ON": True, "@CURRENT_TOOL": 3, "@CURRENT_WORK": 2, "@EXTSPEED": 40.0, "@EXTACCEL": 30.0, "@EXTDECEL": 20.0,
+    "@SPEED": 50.0, "@ACCEL": 60.0, "@DECEL": 70.0, "@JSPEED": 51.0, "@JACCEL": 61.0, "@JDECEL": 71.0,
+}  # fmt: skip
 """Writable variables, each with a value to write."""
 
 
@@ -67,7 +70,7 @@ def code(cell: Cell, name: str, value: Any) -> int:
 
 
 def test_the_table_is_complete(cell):
-    assert set(cell.robot.get_variable_names("")) == {*TABLE, "Area*"}
+    assert set(cell.robot.get_variable_names("")) == {*TABLE, "Tool*", "Work*", "Area*"}
 
 
 @pytest.mark.parametrize("name", TABLE)
@@ -237,10 +240,18 @@ CONDITIONS = {
 }  # fmt: skip
 
 
+_OF_SPEEDS = {
+    "taken": hresult.ARM_NOT_TAKEN, "not taken": hresult.ARM_NOT_TAKEN, "moving": hresult.SPEED_CHANGE_WHILE_MOVING,
+}  # fmt: skip
+for _state, (_, _expected) in CONDITIONS.items():
+    _expected |= dict.fromkeys(("@EXTACCEL", "@EXTDECEL"), _expected["@EXTSPEED"])
+    _expected |= {name: _OF_SPEEDS.get(_state, 0) for name in WRITABLE if name not in _expected}
+
+
 @pytest.mark.parametrize("state", CONDITIONS)
 @pytest.mark.parametrize("name", WRITABLE)
 def test_conditions(cell, state, name):
-    """The conditions are those of Motor, Change and ExtSpeed."""
+    """The conditions are those of Motor, Change, ExtSpeed, Speed and Accelerate."""
     change, expected = CONDITIONS[state]
     change(cell)
     before = read(cell, name)

@@ -31,7 +31,7 @@ VALUES = {
     "J5": Variant(R4S, [-0.0, 2.0**-140, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]),
     "T5": Variant(R4S, [float(n) for n in range(10)]),
     "IO5": Variant(VarType.BOOL, True),
-    "IOB16": Variant(VarType.UI1, 0xA5),
+    "IOB16": Variant(VarType.I1, 0xA5 - 256),
     "IOW128": Variant(VarType.I2, -2),
     "IOF200": Variant(VarType.R4, -1.5),
 }

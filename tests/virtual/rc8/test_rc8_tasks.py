@@ -12,7 +12,7 @@ import pytest
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.rc8.task_modes import TaskMode
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.variant import ARRAY, VarType, variant
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.lane import Lane
@@ -63,7 +63,7 @@ def test_one_cycle(cell):
     assert status(served) == RUNNING
     cell.clock.advance(0.05)
     assert (value(cell, "I1"), value(cell, "I2")) == (1, 0)
-    assert served.get_variable("@LINE_NO", "").get_value() == Variant(VarType.I4, 3)
+    assert served.get_variable("@LINE_NO", "").get_value().value[0] == 3
     cell.clock.advance(0.2)
     assert (value(cell, "I1"), value(cell, "I2")) == (1, 1)
     assert status(served) == READY
@@ -295,7 +295,7 @@ def test_starting_twice_and_too_many(cell):
     assert cell.rc8.state.running_programs == MOST_RUNNING
 
 
-@pytest.mark.parametrize("mode", [0, 4, -1, 99])
+@pytest.mark.parametrize("mode", [0, 5, -1, 99])
 def test_invalid_start_modes(cell, mode):
     assert cell.code_of(lambda: task(cell, COUNT).start(mode, "")) == hresult.E_INVALIDARG
 
@@ -352,9 +352,11 @@ def test_file_run_starts_one_cycle(cell):
 def test_the_tables_of_variables(cell):
     served = task(cell, COUNT)
     names = served.get_variable_names("")
-    values = {name: served.get_variable(name.lower(), "").get_value() for name in names}
+    unreadable = {"@PRIORITY", "@START", "@STOP"}
+    values = {name: served.get_variable(name.lower(), "").get_value() for name in names if name not in unreadable}
+    assert unreadable < set(names)
     assert {name: value.type for name, value in values.items()} == {
-        "@STATUS": VarType.I4, "@PRIORITY": VarType.I4, "@LINE_NO": VarType.I4, "@CYCLE_TIME": VarType.I4,
+        "@STATUS": VarType.I4, "@STATUS_DETAILS": VarType.I4, "@LINE_NO": VarType.I4 | ARRAY, "@CYCLE_TIME": VarType.I4,
         "@ELAPSED_TIME": VarType.I4, "@FILE_NAME": VarType.BSTR,
     }  # fmt: skip
     assert values["@FILE_NAME"].value == "Test.pcs"

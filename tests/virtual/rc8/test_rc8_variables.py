@@ -25,7 +25,7 @@ CLASSES = {
     "J": (R4S, ZEROS[:8], [0.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 7.0]),
     "T": (R4S, [*ZEROS[:9], -1.0], [500.0, 0.0, 300.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 5.0]),
     "IO": (VarType.BOOL, False, True),
-    "IOB": (VarType.UI1, 0, 0xA5),
+    "IOB": (VarType.I1, 0, 0xA5 - 256),
     "IOW": (VarType.I2, 0, -1),
     "IOD": (VarType.I4, 0, -(2**31)),
     "IOF": (VarType.R4, 0.0, 2.5),
@@ -62,7 +62,7 @@ def test_a_read_value_is_a_copy(controller):
 
 
 @pytest.mark.parametrize(
-    "name", ["", "I", "I-1", "I1x", "X1", "I*1", "IO", "IOX1", "I１", "I 1", "@", "@NONE", "@MODE ?", "TOOL1", "I1\n2"]
+    "name", ["", "I", "I-1", "I1x", "X1", "I*1", "IO", "IOX1", "I１", "I 1", "@", "@NONE", "@MODE ?", "TOOL", "I1\n2"]
 )
 def test_unknown_names(name, controller, refused):
     assert refused(controller.get_variable, name, "") == hresult.E_CAO_OBJECT_NOTFOUND
@@ -101,7 +101,8 @@ ACCEPTED = [
     ("IO", Variant(VarType.I4, 0), False),
     ("IO", Variant(VarType.BSTR, "1"), True),
     ("IO", variant([True]), True),
-    ("IOB", Variant(VarType.I4, 255), 255),
+    ("IOB", Variant(VarType.I4, 255), -1),
+    ("IOB", Variant(VarType.I4, -128), -128),
     ("IOW", Variant(VarType.I4, -1), -1),
     ("IOD", Variant(VarType.R8, 5.0), 5),
     ("IOF", Variant(VarType.I4, 1), 1.0),
@@ -167,7 +168,7 @@ REFUSED = [
     ("IO", Variant(VarType.BSTR, "True"), MISMATCH),
     ("IO", Variant(VarType.EMPTY), MISMATCH),
     ("IOB", Variant(VarType.I4, 256), OVERFLOW),
-    ("IOB", Variant(VarType.I4, -1), OVERFLOW),
+    ("IOB", Variant(VarType.I4, -129), OVERFLOW),
     ("IOW", Variant(VarType.I4, 32768), OVERFLOW),
     ("IOD", Variant(VarType.UI4, 2**31), OVERFLOW),
     ("IOF", Variant(VarType.R4, NAN), INVALID),
@@ -291,8 +292,8 @@ def test_time_stamps_are_those_of_the_last_write(controller, clock):
     assert controller.get_variable("I2", "").get_date_time() == start
 
 
-def test_time_stamps_use_the_controllers_calendar(controller):
-    controller.get_variable("@CURRENT_TIME", "").put_value(Variant(VarType.DATE, datetime(2040, 2, 29, 1, 2, 3)))
+def test_time_stamps_use_the_controllers_calendar(controller, rc8):
+    rc8.pendant.set_time(datetime(2040, 2, 29, 1, 2, 3))
     d5 = controller.get_variable("D5", "")
     d5.put_value(variant(1.0))
     assert d5.get_date_time() == datetime(2040, 2, 29, 1, 2, 3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_texts
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Annotated, Any, Final
 
 from cyclopts import Parameter
@@ -119,6 +120,16 @@ def _whole(given: PendantArguments) -> int:
     return int(number)
 
 
+def _time(given: PendantArguments) -> datetime:
+    try:
+        moment = datetime.fromisoformat(" ".join(given.words(1, 2)))
+    except ValueError:
+        raise given.wrong() from None
+    if moment.tzinfo is not None:  # the controller has local time
+        raise given.wrong()
+    return moment
+
+
 def _workpiece(given: PendantArguments) -> list[float] | None:
     word = given.one()
     return None if word.lower() == "none" else [given.number(0)]
@@ -190,6 +201,7 @@ ACTIONS: Final[dict[str, PendantAction]] = {
     "clear": PendantAction("ClearErrors", "", PendantArguments.none, ("error",)),
     "restart": PendantAction("Restart", "", PendantArguments.none, _STOPS),
     "workpiece": PendantAction("Workpiece", "WIDTH|none", _workpiece, ("hand.workpiece", "hand.holding")),
+    "time": PendantAction("Time", "YYYY-MM-DD [HH:MM:SS]", _time, ("time",)),
     "surface": PendantAction(
         "Surface",
         "NAME X,Y,Z,RX,RY,RZ|none [size=X,Y] [stiffness=N/mm] [damping=] [friction=] [thickness=] [radius=]",
@@ -349,11 +361,11 @@ _LABELS: Final = {
     "deadman": N_("enable switch"), "machine_lock": N_("machine lock"),
     "motor": N_("motor"), "moving": N_("moving"), "held": N_("paused"),
     "arm_holder": N_("arm taken by"), "error": N_("error"), "joints": N_("joints"),
-    "programs": N_("programs running"), "slave_mode": N_("slave mode"),
+    "programs": N_("programs running"), "supervisory": N_("supervisory tasks"), "slave_mode": N_("slave mode"),
     "slave_limit": N_("limits in slave mode"), "hand.position": N_("hand: position"),
     "hand.motor": N_("hand: motor"), "hand.moving": N_("hand: moving"),
     "hand.holding": N_("hand: holding"), "hand.force": N_("hand: force"),
-    "hand.workpiece": N_("hand: workpiece"),
+    "hand.workpiece": N_("hand: workpiece"), "time": N_("time"),
     "workspace.surfaces": N_("surfaces"), "workspace.force_control": N_("force control"),
     "workspace.force": N_("force on the tool"), "workspace.fences": N_("virtual fences"),
     "workspace.scene": N_("scene"), "workspace.buttons": N_("buttons of the arm"),

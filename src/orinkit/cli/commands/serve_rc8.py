@@ -151,6 +151,21 @@ def serve_rc8(
 "Follow the b-CAP document where programs in use show that real controllers are more tolerant."),
         ),
     ] = False,
+    hand: Annotated[
+        tuple[str, ...],
+        Parameter(
+            group=ROBOT,
+            help=tr(
+"Board with an electric gripper, 0 to 7 (Hand0 to Hand7), or none; 0 by default; may be repeated."),
+        ),
+    ] = (),
+    create_files: Annotated[
+        bool,
+        Parameter(
+            group=_CONTROLLER,
+            help=tr("File_PutValue creates a missing file, also if it was opened without @Create."),
+        ),
+    ] = False,
     time_scale: Annotated[
         float,
         Parameter(
@@ -217,6 +232,8 @@ def serve_rc8(
             strict_time=strict_time,
             loose_poses=loose_poses,
             strict=strict,
+            hands=read_boards(hand),
+            create_files=create_files,
             user_io_unit=user_io_unit,
             clock=Clock(time_scale),
         )
@@ -276,6 +293,22 @@ def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
             raise usage_error(tr("--count {text}: not CLASS=NUMBER. Try: I=200", text=text))
         counts[name.strip().upper()] = int(number)
     return counts
+
+
+def read_boards(texts: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the numbers of the boards with grippers from texts like ``0`` or ``none``.
+
+    Raises:
+        CommandError: If a text is neither a number nor ``none``.
+    """
+    boards = []
+    for text in texts or ("0",):
+        if text.strip().lower() == "none":
+            continue
+        if not text.strip().isdecimal():
+            raise usage_error(tr("--hand {text:.40}: not a number or none. Try: 0", text=text))
+        boards.append(int(text))
+    return tuple(boards)
 
 
 def read_joints(text: str) -> tuple[float, ...]:

@@ -99,7 +99,8 @@ class AsyncTask(AsyncObjectContainer):
     async def get_line(self) -> int:
         """Return the line of the program that is executed next (@LINE_NO)."""
         async with await self.variable("@LINE_NO") as variable:
-            return int(await variable.get_value())
+            value = await variable.get_value()
+        return int(value[0] if isinstance(value, list) else value)  # line and file, or the line alone
 
     async def delete(self, option: str = "") -> None:
         """Delete the task."""

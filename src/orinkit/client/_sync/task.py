@@ -99,7 +99,8 @@ class Task(ObjectContainer):
     def get_line(self) -> int:
         """Return the line of the program that is executed next (@LINE_NO)."""
         with self.variable("@LINE_NO") as variable:
-            return int(variable.get_value())
+            value = variable.get_value()
+        return int(value[0] if isinstance(value, list) else value)  # line and file, or the line alone
 
     def delete(self, option: str = "") -> None:
         """Delete the task."""

@@ -23,7 +23,8 @@ MAX_LOGGED: Final = 200
 _PERIOD: Final = 0.5  # s
 _RETRY: Final = 2.0  # s
 _PER_CYCLE: Final = 50  # events fetched in one cycle
-_MESSAGE: Final = 12  # index in a record of the error log
+_PROGRAM: Final = 10  # index in a record of the error log
+_MESSAGE: Final = 12
 _ERROR_EVENT: Final = 1
 _NO_LEVEL: Final = frozenset({CodeFamily.UNKNOWN, CodeFamily.USER, CodeFamily.GENERAL, CodeFamily.CAO})
 
@@ -71,7 +72,8 @@ def logged_entry(record: Any) -> LogEntry | None:
     except ValueError:
         time = None
     rest = [*record[9:], *[""] * (_MESSAGE + 4)]
-    program, line, text = rest[0], rest[1], rest[_MESSAGE - 9]
+    first = _PROGRAM - 9 if isinstance(rest[0], int) else 0  # some controllers do not send the tick count
+    program, line, text = rest[first], rest[first + 1], rest[_MESSAGE - 9]
     client = " ".join(f"{each}" for each in rest[5:7] if isinstance(each, str) and each)
     place = f"{program}:{line}" if program and line else f"{program}" or client
     return LogEntry(
@@ -107,7 +109,8 @@ class ControllerLog(SharedPoll):
     """
 
     def __init__(self, source: PollSource, *, fetches_events: bool) -> None:
-        super().__init__(source)
+        super().__init__()
+        self._source = source
         self.fetches_events = fetches_events
         self.current: list[ErrorInfo] = []
         self.logged: list[LogEntry] = []

@@ -248,13 +248,21 @@ def _restart(panel: ControlPanel, _: Variant) -> None:
 
 def _status(panel: ControlPanel, _: Variant) -> str:
     rc8 = panel.rc8
-    return json.dumps({**rc8.pendant.status(), "hand": rc8.state.hand.status(), "workspace": rc8.workspace.status()})
+    state = rc8.state
+    time = state.calendar.now().isoformat(" ", "seconds")
+    hand, workspace = state.hand.status(), rc8.workspace.status()
+    return json.dumps({**rc8.pendant.status(), "time": time, "hand": hand, "workspace": workspace})
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
-    width = conversion.double(given[0]) if given else None
-    panel.rc8.state.hand.put(width, inside=_flag(given, 1, missing=False))
+    width = conversion.double(given[0]) if given and given[0].value is not None else None
+    hand = panel.rc8.state.hands.fingers(_text(given[2]) if len(given) > 2 else "")
+    hand.put(width, inside=_flag(given, 1, missing=False))
+
+
+def _time(panel: ControlPanel, parameter: Variant) -> None:
+    panel.rc8.pendant.set_time(conversion.moment(_first(parameter)))
 
 
 def _surface(panel: ControlPanel, parameter: Variant) -> None:
@@ -330,6 +338,7 @@ _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {
     "Restart": _restart,
     "Status": _status,
     "Workpiece": _workpiece,
+    "Time": _time,
     "Surface": _surface,
     "Fence": _fence,
     "Scene": _scene,

@@ -1,11 +1,11 @@
 """The error log and the operation log: of limited length, newest record first, in the layout that clients read.
 
 The records of both logs begin with the same nine numbers: code, year, month, weekday (0 Sunday), day, hour, minute,
-second, millisecond. The documents do not define all of the remaining elements. In the virtual controller, these
-elements are, by index:
+second, millisecond, then the milliseconds since power-on (provider guide 5.2.11.10 and 12). The remaining elements are,
+by index:
 
-* error log: 9 program name, 10 line, 11 file ID, 12 message, 13 original code, 14 caller, 15 address of the caller;
-* operation log: 9 caller, 10 address of the caller, 11 text.
+* error log: 10 program name, 11 line, 12 message, 13 original code, 14 client ID;
+* operation log: 10 client ID, 11 text.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from enum import IntEnum
 from typing import Final, Generic, TypeVar
 
 from orinkit.core import hresult
@@ -24,6 +25,17 @@ from orinkit.values.variant import Value
 T = TypeVar("T")
 
 LOG_LENGTH: Final = 1000
+
+
+class ClientId(IntEnum):
+    """The source of an entry of a log (provider guide 5.2.11.10)."""
+
+    UNKNOWN = -1
+    SYSTEM = 0
+    PENDANT = 1
+    IO = 2
+    PC = 3
+    PAC = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +51,8 @@ class ErrorRecord:
         line: Line of the program, counted from 1; 0 outside programs.
         file_id: Number of the program file.
         original: Code that caused this error, unsigned; 0 if there is none.
-        caller: Name of the client's controller object; ``""`` if no client caused the error.
-        address: Address of that client.
+        tick: Milliseconds since power-on.
+        client_id: Who has caused the error.
     """
 
     code: int
@@ -51,8 +63,8 @@ class ErrorRecord:
     line: int = 0
     file_id: int = 0
     original: int = 0
-    caller: str = ""
-    address: str = ""
+    tick: int = 0
+    client_id: int = ClientId.SYSTEM
 
     def as_current(self) -> list[Value]:
         """Return the record in the layout of GetCurErrorInfo.
@@ -65,8 +77,8 @@ class ErrorRecord:
 
     def as_logged(self) -> list[Value]:
         """Return the record in the layout of GetErrorLog."""
-        place: list[Value] = [self.program, self.line, self.file_id]
-        origin: list[Value] = [hresult.signed(self.original), self.caller, self.address]
+        place: list[Value] = [self.tick, self.program, self.line]
+        origin: list[Value] = [hresult.signed(self.original), int(self.client_id)]
         return [hresult.signed(self.code), *_stamp(self.moment), *place, self.message, *origin]
 
 
@@ -78,19 +90,19 @@ class OperationRecord:
         code: Type of operation (:class:`~orinkit.virtual.rc8.state.Operation`).
         text: Description in the controller's language.
         moment: Local date and time of the controller.
-        caller: Name of the client's controller object; ``""`` for the pendant.
-        address: Address of that client.
+        tick: Milliseconds since power-on.
+        client_id: Who has caused the operation.
     """
 
     code: int
     text: str
     moment: datetime
-    caller: str = ""
-    address: str = ""
+    tick: int = 0
+    client_id: int = ClientId.SYSTEM
 
     def as_logged(self) -> list[Value]:
         """Return the record in the layout of GetOprLog."""
-        return [self.code, *_stamp(self.moment), self.caller, self.address, self.text]
+        return [int(self.code), *_stamp(self.moment), self.tick, int(self.client_id), self.text]
 
 
 class RecordLog(Generic[T]):

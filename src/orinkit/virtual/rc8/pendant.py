@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Final
 
 from orinkit.core import hresult
@@ -176,6 +177,14 @@ class Pendant:
         with self._state.cycles:
             self._state.switches.slave_limit = limit
 
+    def set_time(self, moment: datetime) -> None:
+        """Set the local date and time of the controller, years 1980 to 2099.
+
+        Raises:
+            CallError: E_INVALIDARG if the controller cannot represent the time.
+        """
+        self._state.set_time(moment)
+
     def machine_lock(self, on: bool = True) -> None:
         """Set or clear the machine lock: while it is set, motions are executed, but the arm does not move.
 
@@ -223,6 +232,7 @@ class Pendant:
                 "error": f"{self._state.faults.code:08X}" if self._state.faults.code else "",
                 "joints": [round(joint, 6) for joint in arm.servo.encoder],
                 "programs": self._state.tasks.running,
+                "supervisory": self._state.tasks.supervisors_running,
                 "slave_mode": arm.slave.mode.number if arm.slave.mode else 0,
                 "slave_limit": int(switches.slave_limit),
             }

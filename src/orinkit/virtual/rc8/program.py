@@ -30,6 +30,7 @@ from orinkit.virtual.rc8.variables.types import CLASSES
 
 _VT: Final = {"I": VarType.I4, "F": VarType.R8, "D": VarType.R8, "S": VarType.BSTR}
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
+_PTP: Final = 1
 _TYPES: Final = {int: VarType.I4, bool: VarType.I4, float: VarType.R8, str: VarType.BSTR}
 _SKIPPED: Final = Deferred[Any]()
 _SKIPPED.set_result()
@@ -46,11 +47,12 @@ class TaskHost:
         seconds: Callback that returns the controller's time, s.
         show: Callback invoked for each printed text; its arguments are the name of the task, ``"msg"`` (PrintMsg) or
             ``"dbg"`` (PrintDbg), and the text.
+        takes_arm: False for a supervisory task, which cannot take the arm.
     """
 
     def __init__(
         self, operator: Operator, suspend: Callable[[], None], arm: RC8Arm, moves: Moves, variables: VariableTable, seconds: Callable[[], float],
-        show: Callable[[str, str, str], None],
+        show: Callable[[str, str, str], None], *, takes_arm: bool = True,
     ) -> None:  # fmt: skip
         self._operator = operator
         self._suspend = suspend
@@ -59,6 +61,7 @@ class TaskHost:
         self._variables = variables
         self._seconds = seconds
         self._show = show
+        self._takes_arm = takes_arm
         self._paused = False  # pause_motion() has stopped the arm
         self._holding = False  # the program has executed Hold
 
@@ -87,6 +90,18 @@ class TaskHost:
                 self._arm.stop(hresult.STOPPED_DURING_PC_MOTION)
             self._arm.give()
 
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """The command position of the arm, deg."""
+        return self._arm.queue.joints
+
+    def return_to(self, joints: tuple[float, ...]) -> Wait | None:
+        """Begin to move the arm to a joint position; None if this program does not hold the arm, or if it is there."""
+        if self._arm.holder is not self._operator or self._arm.queue.joints == joints:
+            return None
+        target = Target("J", joints)
+        return self._motion("Move", MotionOptions(), lambda: self._moves.move(_PTP, (target,), MotionOptions()))
+
     # --- variables, time, output --------------------------------------------------------------------------------
 
     def read(self, kind: VariableKind, index: int) -> Value:
@@ -104,7 +119,8 @@ class TaskHost:
 
         The lowest bit is ``point``, the first point of the group.
         """
-        return int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
+        value = int(self._global(lambda: self._variables.read(CLASSES[kind], point).value))
+        return value & 0xFF if kind == "IOB" else value
 
     def write_io(self, kind: PointKind, point: int, value: int) -> None:
         """Set an I/O point to 0 or 1, or set a group of points to the bits of a number.
@@ -129,6 +145,8 @@ class TaskHost:
 
     def take_arm(self, group: int, keep: bool) -> None:  # noqa: ARG002 - there is one arm
         """Acquire the arm semaphore."""
+        if not self._takes_arm:
+            raise error_for(hresult.E_ACCESSDENIED, tr("a supervisory task cannot take the arm"))
         require("TakeArm", self._arm, self._operator)
         self._arm.take(self._operator, keep=keep)
 

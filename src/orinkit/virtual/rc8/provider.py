@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -61,6 +61,8 @@ class VirtualRC8(Provider):
             clients send them; otherwise they are refused, because their meaning on a real controller is not known.
         strict: If True, the controller follows the b-CAP document where programs that run on real controllers show that
             these are more tolerant; for example, GiveArm of a client that does not hold the arm is refused.
+        hands: Numbers of the boards for electric grippers that are fitted, 0 to 7: ``Hand0`` by default.
+        create_files: If True, File_PutValue creates a missing file, also if it was opened without ``@Create``.
         permission: Access rights by client address; read and write for every client if not given.
         clock: The clock of the controller; real time if not given.
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
@@ -75,7 +77,7 @@ class VirtualRC8(Provider):
         workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
-        ValueError: If a count, class, language, model, mode, token or limit is not valid, or if the arm cannot reach
+        ValueError: If a count, class, board, language, model, mode, token or limit is not valid, or if the arm cannot reach
             the joint position.
         StateError: If the state directory cannot be used.
     """
@@ -100,6 +102,8 @@ class VirtualRC8(Provider):
         strict_time: bool = False,
         loose_poses: bool = False,
         strict: bool = False,
+        hands: Iterable[int] = (0,),
+        create_files: bool = False,
         user_io_unit: UserIoUnit | str = UserIoUnit.BITS,
         permission: Permission | None = None,
         clock: Clock | None = None,
@@ -128,6 +132,7 @@ class VirtualRC8(Provider):
             strict_time=bool(strict_time),
             loose_poses=bool(loose_poses),
             strict=bool(strict),
+            create_files=bool(create_files),
             user_io_unit=read_unit(user_io_unit),
         )
         arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
@@ -151,6 +156,7 @@ class VirtualRC8(Provider):
                 model=arm,
                 files=directory / _FILES,
                 switches=switches,
+                hands=hands,
             )
             if joints is not None:
                 self.state.arm.place(joints)

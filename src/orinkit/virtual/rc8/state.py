@@ -8,9 +8,9 @@ themselves, so they are thread-safe.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from enum import IntEnum
 from pathlib import Path
 from typing import Final
@@ -28,8 +28,9 @@ from orinkit.virtual.engine.timers import Timers
 from orinkit.virtual.rc8.error_list import ErrorList, level_of
 from orinkit.virtual.rc8.events import EventKind, Events
 from orinkit.virtual.rc8.files import FileStore
-from orinkit.virtual.rc8.hand import Hand
-from orinkit.virtual.rc8.logs import ErrorRecord, OperationLog, OperationRecord
+from orinkit.virtual.rc8.hand.cobotta import CobottaHand
+from orinkit.virtual.rc8.hand.hands import Hands
+from orinkit.virtual.rc8.logs import ClientId, ErrorRecord, OperationLog, OperationRecord
 from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -37,14 +38,17 @@ from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.switches import ModeSwitch, Switches, Token
-from orinkit.virtual.rc8.tasks import Task, Tasks
+from orinkit.virtual.rc8.task import Task
+from orinkit.virtual.rc8.tasks import SUFFIX, Tasks
 from orinkit.virtual.rc8.translations import translator
+from orinkit.virtual.rc8.usage import Usage
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
 _CUTTING_LEVEL: Final = 4
+LOGIN_LEVEL: Final = 2000
 _BATTERY_LIFE: Final = timedelta(days=2 * 365)
 _MODE_NAMES: Final[Mapping[ModeSwitch, str]] = {
     ModeSwitch.MANUAL: N_("manual"),
@@ -77,14 +81,14 @@ class Identity:
     Attributes:
         serial_no: Serial number (``@SERIAL_NO``, SysInfo 0).
         version: Software version (``@VERSION``).
-        maker: Maker (``@MAKER_NAME``).
+        maker: Maker (``@MAKER_NAME``); by default the one that clients of real controllers expect.
         type: Type of the controller (``@TYPE``); messages of the controller also name it as their source.
     """
 
     serial_no: str
     version: str
-    maker: str = "orinkit"
-    type: str = "RC8"
+    maker: str = "DENSO CORPORATION"
+    type: str = "RC8 Controller"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +103,14 @@ class Origin:
     caller: str = ""
     address: str = ""
 
+    @property
+    def client_id(self) -> int:
+        """The number of a client in the logs; 0 if no client has caused the operation."""
+        return ClientId.PC if self.caller or self.address else ClientId.SYSTEM
+
 
 _NOBODY: Final = Origin()
+_SOURCES: Final = {Operation.RESTART: ClientId.SYSTEM, Operation.PROGRAM_OUTPUT: ClientId.PAC}
 
 
 class RC8State:
@@ -117,6 +127,7 @@ class RC8State:
         model: The arm model.
         files: Directory of the controller's files.
         switches: Initial state of the switches, and settings such as ``strict``.
+        hands: Numbers of the boards for electric grippers that are fitted.
 
     Attributes:
         cycles: The 8 ms control loop, which is also the lock of the whole state.
@@ -124,10 +135,11 @@ class RC8State:
         planning: The thread in which motions are planned.
         disk: The thread in which the files are accessed.
         compiling: The thread in which programs are compiled.
-        hand, timers: The electric hand, and the timers of the controller.
+        hands, timers: The hands, and the timers of the controller.
         tasks: The programs.
         executing_commands: Number of Command objects that are executing.
-        supervisors_running: Number of running supervisory (TSR) tasks.
+        login_level: Level of the pendant's user: 1000 operator, 2000 programmer, 3000 maintainer.
+        usage: Hours of operation, and how often the motor was switched on.
         battery_due: Local date and time at which the encoder batteries have to be replaced.
     """
 
@@ -144,6 +156,7 @@ class RC8State:
         model: ArmModel,
         files: Path,
         switches: Switches,
+        hands: Iterable[int] = (0,),
     ) -> None:
         self.clock = clock
         self.identity = identity
@@ -156,7 +169,6 @@ class RC8State:
         self.operations = OperationLog()
         self.events = Events()
         self.executing_commands = 0
-        self.supervisors_running = 0
         self.battery_due = self.calendar.now() + _BATTERY_LIFE
         self.cycles = ControlLoop(clock)
         self.disk = Lane("orinkit-disk", clock)
@@ -165,8 +177,9 @@ class RC8State:
             model, self.cycles, self.switches, self.faults, self.variables, lambda: self.last_cycle_time,
             self._motion_fault,
         )  # fmt: skip
-        self.hand = Hand(self.cycles, self.switches)
+        self.hands = Hands(self.cycles, self.switches, hands)
         self.timers = Timers(self.cycles)
+        self.login_level = LOGIN_LEVEL
         self.planning = Lane("orinkit-planning", clock)
         self.moves = Moves(self.arm, self.cycles, self.planning, self.variables, self._motion_fault)
         self.compiling = Lane("orinkit-compiling", clock, START_LIMITS)
@@ -174,7 +187,10 @@ class RC8State:
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
-        self.cycles.add(self.tasks, self.arm, self.hand, self.timers, on_error=self._crashed)
+        self.usage = Usage(
+            lambda: self.seconds, lambda: self.tasks.running > 0 or self.arm.busy, lambda: self.arm.motor.on
+        )
+        self.cycles.add(self.tasks, self.arm, self.hands, self.timers, self.usage, on_error=self._crashed)
 
     @property
     def seconds(self) -> float:
@@ -187,8 +203,13 @@ class RC8State:
         return self.cycles.last_cycle_time
 
     @property
+    def hand(self) -> CobottaHand:
+        """The parallel hand of a COBOTTA."""
+        return self.hands.cobotta
+
+    @property
     def running_programs(self) -> int:
-        """Number of running program tasks."""
+        """Number of running program tasks, without supervisory ones."""
         return self.tasks.running
 
     @property
@@ -228,8 +249,9 @@ class RC8State:
         moment = self.calendar.now()
         original = hresult.unsigned(original)
         record = ErrorRecord(
-            code, text, moment, subcode, program, line, file_id, original, origin.caller, origin.address
-        )
+            code, text, moment, subcode, program, line, file_id, original, self.milliseconds(),
+            origin.client_id or (ClientId.PAC if program else ClientId.SYSTEM),
+        )  # fmt: skip
         with self.cycles:
             if self.faults.add(record):
                 self.events.publish(EventKind.ERROR, hresult.signed(code), text, moment)
@@ -263,9 +285,10 @@ class RC8State:
         """Reset errors, motor, motions and programs, as if switched off and on; clients remain connected."""
         with self.cycles:
             self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
-            self.tasks.stop_all()
+            self.tasks.power_on()
             self.arm.give()
-            self.hand.stop()
+            self.hands.power_on()
+            self.usage.power_on()
             self.faults.clear()
             self.log(Operation.RESTART, self.say("Restarted"))
 
@@ -293,6 +316,12 @@ class RC8State:
             if token != self.switches.token:
                 self.switches.token = token
                 self.log(Operation.TOKEN, self.say("Executable token: {token}", token=token))
+
+    def set_time(self, moment: datetime) -> None:
+        """Set the local date and time."""
+        with self.cycles:
+            self.calendar.set(moment)
+            self.log(Operation.SET_TIME, self.say("Time set to {moment:%Y-%m-%d %H:%M:%S}", moment=moment))
 
     def emergency_stop(self, on: bool) -> None:
         """Press or release the emergency stop; pressing it stops the arm and then switches the motor off."""
@@ -377,7 +406,7 @@ class RC8State:
             if error.code == hresult.SYNTAX_ERROR:
                 record = ErrorRecord(
                     error.code, error.detail, self.calendar.now(), program=task.name,
-                    caller=origin.caller, address=origin.address,
+                    tick=self.milliseconds(), client_id=origin.client_id,
                 )  # fmt: skip
                 with self.cycles:
                     self.faults.log.add(record)
@@ -399,7 +428,8 @@ class RC8State:
 
     def _program_fault(self, code: int, detail: str, program: str, line: int) -> None:
         text = self.faults.default_message(code)
-        self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line)
+        number = self.files.number(program + SUFFIX)
+        self.raise_error(code, f"{text}: {detail}" if detail else text, program=program, line=line, file_id=number)
 
     def _crashed(self, error: Exception) -> None:
         """Raise an error and stop everything after an unexpected exception in the control loop."""
@@ -408,14 +438,20 @@ class RC8State:
 
     def log(self, operation: Operation, text: str, origin: Origin = _NOBODY) -> None:
         """Add a line to the operation log."""
-        self.operations.add(OperationRecord(operation, text, self.calendar.now(), origin.caller, origin.address))
+        client_id = origin.client_id or _SOURCES.get(operation, ClientId.PENDANT)
+        self.operations.add(OperationRecord(operation, text, self.calendar.now(), self.milliseconds(), client_id))
+
+    def milliseconds(self) -> int:
+        """Return the milliseconds since power-on; after 24.8 days the value wraps to the lowest VT_I4."""
+        return (int(self.seconds * 1000) + 2**31) % 2**32 - 2**31
 
     def close(self) -> None:
         """Stop the controller and close the database of the variables."""
         self.cycles.close()
         with self.cycles:
             self.arm.close()
-            self.hand.stop(hresult.E_ABORT)
+            self.hands.stop(hresult.E_ABORT)
+            self.tasks.close()
             self.variables.close()
         self.planning.close()
         self.compiling.close()

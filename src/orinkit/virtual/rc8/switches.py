@@ -120,6 +120,7 @@ class Switches:
         loose_poses: True to read six bare numbers in OutRange as a position, and the pose type L as P.
         strict: True to follow the b-CAP document where programs that run on real controllers show that these are more
             tolerant.
+        create_files: True if File_PutValue creates a missing file that was opened without ``@Create``.
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
@@ -134,6 +135,7 @@ class Switches:
     strict_time: bool = False
     loose_poses: bool = False
     strict: bool = False
+    create_files: bool = False
     user_io_unit: UserIoUnit = UserIoUnit.BITS
 
     @property

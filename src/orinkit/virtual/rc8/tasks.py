@@ -9,20 +9,20 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
-from orinkit.cao.provider import not_found
+from orinkit.cao.provider import Deferred, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.pacscript.code import BuiltCode
-from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
-from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, compile_program
+from orinkit.virtual.rc8.pacscript.errors import ProgramLoadError
+from orinkit.virtual.rc8.pacscript.machine import Program, compile_program
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.starts import WaitingStarts
-from orinkit.virtual.rc8.switches import Switches
+from orinkit.virtual.rc8.task import Task
 from orinkit.virtual.rc8.variables.table import VariableTable
 
 STATEMENTS: Final = 200
@@ -32,143 +32,11 @@ ALL_STATEMENTS: Final = 800
 """Maximum number of statements of all tasks in a cycle; more would leave too little time for the arm and clients."""
 
 MOST_RUNNING: Final = 32
-PRIORITY: Final = 128
 SUFFIX: Final = ".pcs"
 _MILLISECONDS: Final = 1000
 _PART_OF_CYCLE: Final = 0.25  # fraction of a cycle that all programs together may use; some statements take long
 _KEPT: Final = 32
 _KEPT_BYTES: Final = 1024 * 1024  # of source; the compiled form is up to ten times as large
-
-
-class Task:
-    r"""A program and its execution.
-
-    A task is an operator of the arm. It requires neither rights nor the token, because its start has required both.
-
-    Attributes:
-        name: Name without suffix, such as ``Pro1`` or ``folder\\Pro1``.
-        status: State of execution.
-        deleted: True if the program has been deleted while the task was running.
-        cycle_seconds: Duration of the last complete run of the program, s.
-    """
-
-    program: Final = True
-
-    def __init__(
-        self, name: str, world: Callable[[Task], TaskHost], seconds: Callable[[], float], built: BuiltCode
-    ) -> None:
-        self.name = name
-        self.status = TaskStatus.READY
-        self.deleted = False
-        self.cycle_seconds = 0.0
-        self.world = world(self)
-        self._seconds = seconds
-        self._built = built
-        self._mode = TaskMode.CYCLE
-        self._ending = StopMode.DEFAULT  # STEP or CYCLE: stop after the present step or cycle
-        self._machine: Machine | None = None
-        self._program: Program | None = None
-        self._began = 0.0
-        self._started = 0.0
-
-    def __str__(self) -> str:
-        return self.name
-
-    def write_refusal(self) -> int:
-        """Return 0: the rights were checked when the task was started."""
-        return 0
-
-    def token_refusal(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
-        """Return 0: the client that started the task had the token."""
-        return 0
-
-    @property
-    def running(self) -> bool:
-        """True while the task is running."""
-        return self.status is TaskStatus.RUNNING
-
-    @property
-    def line(self) -> int:
-        """The line to be executed next, counted from 1; 0 before the first start."""
-        return self._machine.line if self._machine else 0
-
-    @property
-    def elapsed(self) -> float:
-        """Seconds since the start; 0 if the task is not running."""
-        return self._seconds() - self._started if self.status is TaskStatus.RUNNING else 0.0
-
-    def start(self, program: Program, mode: TaskMode) -> None:
-        """Run a program from its beginning; if the task is suspended and the program is unchanged, continue it.
-
-        Raises:
-            CallError: PROGRAM_RUNNING if the task is already running.
-        """
-        if self.status is TaskStatus.RUNNING:
-            raise error_for(hresult.PROGRAM_RUNNING, self.name)
-        continues = self.status in (TaskStatus.SUSPENDED, TaskStatus.STEP_STOPPED) and program is self._program
-        if not continues or self._machine is None:
-            self._program = program
-            self._machine = Machine(program, self.world, self._built)
-            self._began = self._seconds()
-        self._mode, self._ending = mode, StopMode.DEFAULT
-        self._started = self._seconds()
-        self.status = TaskStatus.RUNNING
-        self.world.resume_motion()
-
-    def stop(self, mode: StopMode) -> None:
-        """Stop the task; if it is not running, only INITIALIZE has an effect."""
-        if mode is StopMode.INITIALIZE:
-            self.initialize(halt=True)
-        elif self.status is TaskStatus.RUNNING:
-            if mode in (StopMode.STEP, StopMode.CYCLE):
-                self._ending = mode
-            else:
-                self.status = TaskStatus.SUSPENDED
-                self.world.pause_motion()
-
-    def suspend(self) -> None:
-        """Suspend the task because it has executed Hold; the next start continues it."""
-        self.status = TaskStatus.SUSPENDED
-
-    def initialize(self, *, halt: bool) -> None:
-        """Reset the task to its beginning and release the arm; with ``halt``, stop the motion of the task."""
-        self.world.leave(halt=halt)
-        self._machine = None
-        self.status = TaskStatus.READY
-
-    def step(self, statements: int, expired: Callable[[], bool]) -> ProgramFault | None:
-        """Execute the statements of one 8 ms cycle; return the fault that ended the program, or None.
-
-        Args:
-            statements: Maximum number of statements.
-            expired: Callback that returns True when the time for programs in this cycle is used up.
-        """
-        machine = self._machine
-        if self.status is not TaskStatus.RUNNING or machine is None:
-            return None
-        if self._mode is TaskMode.STEP or self._ending is StopMode.STEP:
-            machine.step()
-        else:
-            machine.run(statements, expired)
-        if machine.state is MachineState.FAULT:
-            self.initialize(halt=True)
-            return machine.fault
-        if machine.state is MachineState.DONE:
-            self._cycle_done(machine)
-        elif machine.state is MachineState.RUNNING and TaskMode.STEP in (self._mode, self._ending_as_start()):
-            self.status = TaskStatus.STEP_STOPPED
-        return None
-
-    def _ending_as_start(self) -> TaskMode | None:
-        return TaskMode.STEP if self._ending is StopMode.STEP else None
-
-    def _cycle_done(self, machine: Machine) -> None:
-        self.cycle_seconds = self._seconds() - self._began
-        if self._mode is TaskMode.CONTINUOUS and self._ending is StopMode.DEFAULT:
-            self._began = self._seconds()
-            machine.restart()
-        else:
-            self.initialize(halt=True)  # only if the program still holds the arm
 
 
 class Tasks:
@@ -205,7 +73,10 @@ class Tasks:
         self._programs: OrderedDict[str, tuple[bytes, Program | CallError]] = OrderedDict()
         self._built = BuiltCode()
         self._first = 0
-        self._world = lambda task: TaskHost(task, task.suspend, arm, moves, variables, seconds, show)
+        self._world = lambda task: TaskHost(
+            task, task.suspend, arm, moves, variables, seconds, show, takes_arm=not task.supervisory
+        )
+        self._stopping: list[tuple[tuple[Task, ...], Deferred[None]]] = []
         self._seconds = seconds
 
     @property
@@ -214,8 +85,13 @@ class Tasks:
 
     @property
     def running(self) -> int:
-        """Number of running tasks."""
-        return sum(task.running for task in self._begun)
+        """Number of running tasks, without supervisory ones."""
+        return sum(task.running and not task.supervisory for task in self._begun)
+
+    @property
+    def supervisors_running(self) -> int:
+        """Number of running supervisory tasks."""
+        return sum(task.running and task.supervisory for task in self._begun)
 
     def names(self) -> list[str]:
         """Return the names of all programs, without suffix."""
@@ -270,11 +146,11 @@ class Tasks:
         self._tasks[task.name.lower()] = task
         if task not in self._begun:
             self._begun.append(task)
-        self.cycle_complete = False
+        self.cycle_complete = self.cycle_complete and task.supervisory
         self._cycles.wake()
 
     def _require_room(self) -> None:
-        if self.running >= MOST_RUNNING:
+        if self.running + self.supervisors_running >= MOST_RUNNING:
             raise error_for(hresult.TASKS_TOO_MANY, str(MOST_RUNNING))
 
     def stop(self, task: Task, mode: StopMode) -> None:
@@ -282,14 +158,52 @@ class Tasks:
         self.starts.cancel(program=task.name)
         task.stop(mode)
 
-    def stop_all(self) -> None:
+    def stop_all(self, *, supervisory: bool = False) -> None:
         """Reset every program, so that its next start is from the beginning. The caller stops the arm.
 
-        Waiting starts are cancelled.
+        Waiting starts are cancelled. Supervisory tasks continue, unless ``supervisory`` is True.
         """
         self.starts.cancel()
         for task in self._begun:
-            task.initialize(halt=False)
+            if supervisory or not task.supervisory:
+                task.initialize(halt=False)
+
+    def power_on(self) -> None:
+        """Reset every program, also supervisory tasks, as at power-on. The caller stops the arm."""
+        self.stop_all(supervisory=True)
+        for task in self._tasks.values():
+            task.power_on()
+
+    def close(self) -> None:
+        """Fail the calls that wait for programs to stop, because the controller is switched off."""
+        waiting, self._stopping = self._stopping, []
+        for _, stopped in waiting:
+            stopped.set_exception(error_for(hresult.E_ABORT))
+
+    def stop_group(self, mode: StopMode, *, supervisory: bool = False) -> Deferred[None]:
+        """Stop all tasks except supervisory ones, or only supervisory ones, and cancel the waiting starts.
+
+        Returns:
+            A Deferred that resolves when none of these tasks runs.
+        """
+        self.starts.cancel()
+        group = tuple(task for task in self._begun if task.supervisory is supervisory)
+        for task in group:
+            was_running = task.running
+            task.stop(mode)
+            task.continue_stopped = was_running and mode is StopMode.INSTANT
+        stopped = Deferred[None]()
+        self._stopping.append((group, stopped))
+        self._end_stops()
+        self._cycles.wake()
+        return stopped
+
+    def continue_all(self) -> None:
+        """Continue all suspended tasks except supervisory ones."""
+        for task in self._begun:
+            if not task.supervisory:
+                task.resume()
+        self._cycles.wake()
 
     def _file_changed(self, name: str, exists: bool) -> None:
         """Discard the compiled form of a changed program; if its file was deleted, discard its task.
@@ -323,25 +237,39 @@ class Tasks:
 
     def step(self) -> bool:
         """Execute one cycle; return True if a program is running."""
+        self._end_stops()
         if not self._begun:
             return False
         running = [task for task in self._begun if task.running]
         if running:
             self._first = (self._first + 1) % len(running)  # round-robin, because the time may not suffice for all
+            turns = running[self._first :] + running[: self._first]
+            turns.sort(key=lambda task: -task.priority)
+            shares = sum(2.0**task.priority for task in running)
             expired = self._cycles.time_budget(_PART_OF_CYCLE)
-            for task in running[self._first :] + running[: self._first]:
+            for task in turns:
                 if task.running:  # the fault of another task may have stopped it
-                    self._run(task, min(STATEMENTS, ALL_STATEMENTS // len(running)), expired)
+                    share = int(ALL_STATEMENTS * 2.0**task.priority / shares)
+                    self._run(task, max(1, min(STATEMENTS, share)), expired)
                 if expired():
                     break
         self._begun = [task for task in self._begun if task.status is not TaskStatus.READY]
-        return self.running > 0
+        self._end_stops()
+        return any(task.running for task in self._begun)
+
+    def _end_stops(self) -> None:
+        waiting, self._stopping = self._stopping, []
+        for group, stopped in waiting:
+            if any(task.running for task in group):
+                self._stopping.append((group, stopped))
+            else:
+                stopped.set_result()
 
     def _run(self, task: Task, statements: int, expired: Callable[[], bool]) -> None:
         fault = task.step(statements, expired)
         if fault is not None:
             self._report(fault.code, fault.detail, task.name, fault.line)
-        elif not task.running:
+        elif not task.running and not task.supervisory:
             self.cycle_complete = task.status is TaskStatus.READY
         if not task.running and task.deleted:
             self._discard(task)

@@ -220,7 +220,9 @@ class _Row:
         """Display the status."""
         status = _status(self._status_watch)
         value = self._line_watch.reading.value
-        self.line = value.value if value is not None and isinstance(value.value, int) else 0
+        found = None if value is None else value.value
+        line = found[0] if isinstance(found, list) and found else found  # line and file, or the line alone
+        self.line = line if isinstance(line, int) else 0
         if status is None:
             text, tone = "–", ""
         else:

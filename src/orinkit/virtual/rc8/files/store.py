@@ -22,6 +22,7 @@ E_FAIL                        an error of the operating system, for example a fu
 
 from __future__ import annotations
 
+import itertools
 import logging
 import os
 import shutil
@@ -97,6 +98,8 @@ class FileStore:
         self._now = now
         self._lock = threading.RLock()  # held during changes, but not while listeners are invoked
         self._created: dict[Parts, datetime] = {}
+        self._numbers: dict[str, int] = {}
+        self._next_number = itertools.count(1)
         try:
             root.mkdir(mode=0o700, parents=True, exist_ok=True)
             self.root = root.resolve()
@@ -175,6 +178,16 @@ class FileStore:
         with map_os_errors(_ROOT):
             names = map(join, location.files_below(Location(_ROOT, self.root, None)))
             return [name[: -len(PROGRAM) - 1] for name in names if extension(name) == PROGRAM]
+
+    def number(self, name: str) -> int:
+        """Return the number of a file or folder, counted from 1 in the order of first use; its name may not exist.
+
+        The numbers identify programs in errors and in ``@LINE_NO``; after a restart, they are different.
+        """
+        key = name.lower().lstrip(SEPARATOR)
+        if key not in self._numbers:
+            self._numbers[key] = next(self._next_number)
+        return self._numbers[key]
 
     def size(self, name: str) -> int:
         """Return the size of a file in bytes; 0 for a folder.

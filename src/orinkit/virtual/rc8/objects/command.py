@@ -19,9 +19,11 @@ from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.engine.timers import Timer
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.hand.fingers import Fingers
 from orinkit.virtual.rc8.objects import controller_commands, robot_commands
-from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
-from orinkit.virtual.rc8.objects.extension import EXTENSION_COMMANDS, HAND_NAME
+from orinkit.virtual.rc8.objects.extension import EXTENSION_COMMANDS, extension_names, find_gripper
+from orinkit.virtual.rc8.objects.hand_commands import ROBOT_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.state import RC8State
 
 WAIT, AT_ONCE = 0, 1
 MOST_EXECUTING: Final = 256
@@ -29,7 +31,6 @@ MOST_EXECUTING: Final = 256
 _ROBOTS: Final = ("robot", "arm0")
 _OF_HAND: Final = frozenset(command.name.lower() for command in HAND_COMMANDS)
 _NOT_OF_ROBOT: Final = frozenset(name.lower() for name in robot_commands.NOT_SIMULATED)
-_NOT_SIMULATED: Final = frozenset(command.name for command in HAND_COMMANDS if not command.simulated)
 
 
 class CommandState(IntEnum):
@@ -221,28 +222,34 @@ def find_command(caller: ClientContext, name: str) -> RC8Command:
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the command.
     """
-    return RC8Command(caller, name, _route(name))
+    return RC8Command(caller, name, _route(caller.state, name))
 
 
-def command_names() -> list[str]:
-    """Return the names of all commands; commands of the robot and the hand have a prefix, ``Robot.`` or ``Hand0.``."""
+def command_names(state: RC8State) -> list[str]:
+    """Return the names of all commands; commands of the robot and the hands have a prefix, ``Robot.`` or ``Hand0.``."""
     return [
-        *(command.name for command in controller_commands.COMMANDS.values() if command.name not in _NOT_SIMULATED),
+        *(command.name for command in controller_commands.COMMANDS.values()),
         *(f"Robot.{command.name}" for command in robot_commands.ROBOT_COMMANDS.values()),
-        *(f"{HAND_NAME}.{command.name}" for command in EXTENSION_COMMANDS.values()),
+        *(f"{hand}.{command.name}" for hand in extension_names(state) for command in EXTENSION_COMMANDS.values()),
     ]
 
 
-def _route(name: str) -> CommandRoute:
+def _route(state: RC8State, name: str) -> CommandRoute:
     owner, _, command = (part.strip().lower() for part in name.rpartition("."))
     if not owner and command in controller_commands.COMMANDS:
-        stop = _stop_hand if command in _OF_HAND else _nothing
+        stop = _stop_hands if command in _OF_HAND else _nothing
         return CommandRoute(lambda caller, parameter: controller_commands.execute(caller, command, parameter), stop)
-    if owner == HAND_NAME.lower() and command in EXTENSION_COMMANDS:
-        return CommandRoute(EXTENSION_COMMANDS[command].execute, _stop_hand)
+    gripper = find_gripper(state, owner)
+    if gripper is not None and command in EXTENSION_COMMANDS:
+        found = EXTENSION_COMMANDS[command]
+        return CommandRoute(
+            lambda caller, parameter: found.execute(caller, gripper, parameter),
+            lambda _, code: _stop_hand(gripper, code),
+        )
     if owner in ("", *_ROBOTS):
         if command in robot_commands.ROBOT_COMMANDS:
-            return CommandRoute(lambda caller, parameter: robot_commands.execute(caller, command, parameter), _stop_arm)
+            stop = _stop_hands if command in _OF_HAND else _stop_arm
+            return CommandRoute(lambda caller, parameter: robot_commands.execute(caller, command, parameter), stop)
         if command in _NOT_OF_ROBOT:
             raise error_for(hresult.E_NOTIMPL, f"{name:.40}")
     raise not_found(f"{name:.40}")
@@ -256,8 +263,13 @@ def _stop_arm(caller: ClientContext, code: int) -> bool:
     return True
 
 
-def _stop_hand(caller: ClientContext, code: int) -> bool:
-    hand = caller.state.hand
+def _stop_hands(caller: ClientContext, code: int) -> bool:
+    hands = caller.state.hands
+    stopped = [_stop_hand(hand, code) for hand in (hands.cobotta, hands.two_finger)]
+    return any(stopped)
+
+
+def _stop_hand(hand: Fingers, code: int) -> bool:
     if not hand.busy:
         return False
     hand.stop(code)

@@ -24,7 +24,7 @@ from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.events import EventQueue
 from orinkit.virtual.rc8.objects import controller_commands
 from orinkit.virtual.rc8.objects.command import command_names, find_command
-from orinkit.virtual.rc8.objects.extension import HAND_NAME, find_extension
+from orinkit.virtual.rc8.objects.extension import extension_names, find_extension
 from orinkit.virtual.rc8.objects.file import find_file
 from orinkit.virtual.rc8.objects.messages import EventMessage
 from orinkit.virtual.rc8.objects.robot import RC8Robot
@@ -118,7 +118,7 @@ class RC8Controller(ControllerObject):
         return state.disk.run(lambda: state.files.names(""))
 
     def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
-        """Connect to an extension; the only extension is the electric hand, ``Hand0``.
+        """Connect to an extension: an electric gripper, ``Hand0`` to ``Hand7``.
 
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the extension.
@@ -126,8 +126,8 @@ class RC8Controller(ControllerObject):
         return find_extension(self._caller, name)
 
     def get_extension_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Return the names of the extensions; there is one."""
-        return [HAND_NAME]
+        """Return the names of the extensions, the electric grippers that are fitted."""
+        return extension_names(self._caller.state)
 
     def get_command(self, name: str, option: str) -> CommandObject:  # noqa: ARG002
         """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
@@ -139,7 +139,7 @@ class RC8Controller(ControllerObject):
 
     def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
         """Return the names of the commands."""
-        return command_names()
+        return command_names(self._caller.state)
 
     def execute(self, command: str, parameter: Variant) -> Any:
         """Execute an extended command (:mod:`orinkit.virtual.rc8.objects.controller_commands`)."""

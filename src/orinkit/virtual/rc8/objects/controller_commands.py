@@ -13,17 +13,17 @@ from typing import Any, Final
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.rc8.task_modes import StopMode
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
-from orinkit.virtual.rc8.objects.extension import CONTROLLER_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.objects import program_commands as programs
+from orinkit.virtual.rc8.objects.hand_commands import CONTROLLER_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.objects.hand_commands import of_controller
 from orinkit.virtual.rc8.objects.slave_use import SlaveUse
+from orinkit.virtual.rc8.objects.system_info import system_info
 from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.switches import ModeSwitch, TokenKind
 from orinkit.virtual.rc8.variables import conversion
-
-_SERIAL_NUMBER: Final = 0
-_BATTERY_DATE: Final = 15
-_BATTERY_OVERDUE: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,18 +96,6 @@ def _operation_log(caller: ClientContext, parameter: Variant) -> Value:
     return caller.state.operations.at(conversion.whole(parameter)).as_logged()
 
 
-def _system_info(caller: ClientContext, parameter: Variant) -> Value:
-    state, item = caller.state, conversion.whole(parameter)
-    if item == _SERIAL_NUMBER:
-        return state.identity.serial_no
-    if item == _BATTERY_DATE:
-        return _BATTERY_OVERDUE if state.battery_overdue else state.battery_due
-    raise error_for(
-        hresult.E_INVALIDARG,
-        tr("unknown item {item}; valid items: 0 serial number, 15 battery date", item=item),
-    )
-
-
 def system_state(state: RC8State) -> int:
     """Return the 32 bits of SysState; bits of features that are not simulated are 0."""
     switches = state.switches
@@ -170,13 +158,21 @@ COMMANDS: Final[dict[str, ControllerCommand]] = {
         ControllerCommand("GetErrorLog", _error_log),
         ControllerCommand("GetOprLogCount", _operation_log_count),
         ControllerCommand("GetOprLog", _operation_log),
-        ControllerCommand("SysInfo", _system_info),
+        ControllerCommand("KillAll", programs.stop_group(StopMode.INITIALIZE), writes=True),
+        ControllerCommand("KillAllTsr", programs.stop_group(StopMode.INITIALIZE, supervisory=True), writes=True),
+        ControllerCommand("RunAllTsr", programs.run_supervisors, writes=True),
+        ControllerCommand("SuspendAll", programs.stop_group(StopMode.INSTANT), writes=True),
+        ControllerCommand("StepStopAll", programs.stop_group(StopMode.STEP), writes=True),
+        ControllerCommand("ContinueStartAll", programs.continue_all, writes=True),
+        ControllerCommand("GetPublicValue", programs.get_public),
+        ControllerCommand("SetPublicValue", programs.set_public, writes=True),
+        ControllerCommand("SysInfo", system_info),
         ControllerCommand("SysState", _system_state),
         ControllerCommand("StoState", _torque_off),
         ControllerCommand("ManualReset", _manual_reset, writes=True),
         ControllerCommand("ManualResetPreparation", _manual_reset, writes=True),
         ControllerCommand("ResetStoState", _manual_reset, writes=True),
         ControllerCommand("MotionPreparation", _motion_preparation, writes=True),
-        *(ControllerCommand(each.name, each.execute, each.writes) for each in HAND_COMMANDS),
+        *(ControllerCommand(each.name, of_controller(each), each.writes) for each in HAND_COMMANDS),
     )
 }

@@ -1,13 +1,13 @@
-"""The commands of the electric hand in two tables: one for Controller_Execute, one for the extension ``Hand0``.
+"""The extensions ``Hand0`` to ``Hand7``: electric grippers and their commands (provider guide 5.2.36).
 
-A command that moves the hand completes when the movement ends. With ``NEXT`` as the last parameter, it completes
-immediately.
+A command that moves a gripper completes when the movement ends; with ``NEXT`` as the last parameter, it completes
+immediately. The guide does not say which of the two a real controller does.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.cao.provider import Deferred, ExtensionObject, not_found
@@ -16,54 +16,27 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
-from orinkit.virtual.rc8.hand import Hand
+from orinkit.virtual.rc8.hand.gripper import Gripper
+from orinkit.virtual.rc8.objects.hand_commands import HandCommand, completion, numbers, options
 from orinkit.virtual.rc8.robot import parameters
-from orinkit.virtual.rc8.variables import conversion
+from orinkit.virtual.rc8.state import RC8State
 
-HAND_NAME: Final = "Hand0"
+HAND_NAME: Final = "Hand"
+"""Name of an extension, before the number of its board."""
 
 NOT_SIMULATED: Final = ("Pallet", "Comm")
 """Extensions of real controllers that return E_NOTIMPL here."""
 
-_NEXT: Final = "next"
-_MAX_PARAMETERS: Final = 8
+_NAME: Final = re.compile(r"\s*hand([0-7])\s*", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class HandCommand:
-    """A command of the hand.
+class HandExtension(ExtensionObject):
+    """A gripper as an Extension object of one client."""
 
-    Attributes:
-        name: Name as documented; case-insensitive for clients.
-        run: Executes the command.
-        writes: If True, the command requires the right to write, else the right to read.
-        simulated: If False, the command returns E_NOTIMPL.
-    """
-
-    name: str
-    run: Callable[[Hand, Variant], Any]
-    writes: bool = True
-    simulated: bool = True
-
-    def execute(self, caller: ClientContext, parameter: Variant) -> Any:
-        """Execute the command for a client.
-
-        Raises:
-            CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; errors of the hand.
-        """
-        if self.writes:
-            caller.require_write()
-        else:
-            caller.require_read()
-        return self.run(caller.state.hand, parameter)
-
-
-class Hand0(ExtensionObject):
-    """The hand as an Extension object of one client."""
-
-    def __init__(self, caller: ClientContext, name: str) -> None:
+    def __init__(self, caller: ClientContext, name: str, gripper: Gripper) -> None:
         super().__init__(name, attribute=int(caller.access), help=caller.state.say("Electric hand"))
         self._caller = caller
+        self._gripper = gripper
 
     def execute(self, command: str, parameter: Variant) -> Any:
         """Execute a command: Chuck, UnChuck, CurPos ...
@@ -74,156 +47,130 @@ class Hand0(ExtensionObject):
         found = EXTENSION_COMMANDS.get(command.strip().lower())
         if found is None:
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
-        return found.execute(self._caller, parameter)
+        return found.execute(self._caller, self._gripper, parameter)
 
 
-def find_extension(caller: ClientContext, name: str) -> Hand0:
+def find_extension(caller: ClientContext, name: str) -> HandExtension:
     """Return an extension by its name; case-insensitive.
 
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the extension.
     """
-    wanted = name.strip().lower()
-    if wanted == HAND_NAME.lower():
-        return Hand0(caller, name)
-    if wanted in map(str.lower, NOT_SIMULATED):
+    gripper = find_gripper(caller.state, name)
+    if gripper is not None:
+        return HandExtension(caller, name, gripper)
+    if name.strip().lower() in map(str.lower, NOT_SIMULATED):
         raise error_for(hresult.E_NOTIMPL, f"{name:.40}")
     raise not_found(name)
+
+
+def find_gripper(state: RC8State, name: str) -> Gripper | None:
+    """Return the gripper with a name such as ``Hand0``, or None if it is not fitted."""
+    found = _NAME.fullmatch(name)
+    return state.hands.grippers.get(int(found[1])) if found else None
+
+
+def extension_names(state: RC8State) -> list[str]:
+    """Return the names of the grippers that are fitted."""
+    return [f"{HAND_NAME}{number}" for number in state.hands.grippers]
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------
 
 
-def _completion(move: Deferred[None], at_once: bool) -> Deferred[None] | None:
-    return None if at_once else move
+def _point(move: Callable[[Gripper, int], Deferred[None]]) -> Callable[[Gripper, Variant], Deferred[None] | None]:
+    def run(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+        (number,), at_once = numbers(parameter, "n")
+        return completion(move(gripper, parameters.whole(number)), at_once)
+
+    return run
 
 
-def _options(parameter: Variant) -> tuple[list[Variant], bool]:
-    """Return the elements of a parameter without a trailing ``NEXT``, and True if there was one."""
-    given = parameters.elements(parameter)
-    if len(given) == 1 and isinstance(given[0].value, str):  # the string contains all elements
-        given = [
-            Variant(VarType.BSTR, part) for part in parameters.check_length(given[0].value).split(",", _MAX_PARAMETERS)
-        ]
-    last = given[-1].value if given else None
-    at_once = isinstance(last, str) and parameters.check_length(last).strip().lower() == _NEXT
-    return (given[:-1] if at_once else given), at_once
-
-
-def _numbers(parameter: Variant, *names: str) -> tuple[list[float], bool]:
-    """Return one number for each name, and True if the command completes immediately."""
-    given, at_once = _options(parameter)
-    if len(given) != len(names):
-        raise error_for(
-            hresult.E_INVALIDARG,
-            tr("expected the parameters [{names}], got {given} parameters", given=len(given), names=", ".join(names)),
-        )
-    return [conversion.double(each) for each in given], at_once
-
-
-def _move_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (position, speed), at_once = _numbers(parameter, "mm", "%")
-    return _completion(hand.move(position, speed), at_once)
-
-
-def _move_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (distance, speed), at_once = _numbers(parameter, "mm", "%")
-    return _completion(hand.move(hand.position + distance, speed), at_once)
-
-
-def _hold_to(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (position, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
-    return _completion(hand.move(position, speed, force), at_once)
-
-
-def _hold_by(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (distance, speed, force), at_once = _numbers(parameter, "mm", "%", "N")
-    return _completion(hand.move(hand.position + distance, speed, force), at_once)
-
-
-def _grip(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    given, at_once = _options(parameter)
-    if len(given) != 2:
-        raise error_for(
-            hresult.E_INVALIDARG,
-            tr(
-                "expected the parameters [force in N, True to close or False to open], got {given} parameters",
-                given=len(given),
-            ),
-        )
-    force, closing = conversion.double(given[0]), conversion.boolean(given[1])
-    return _completion(hand.grip(force, closing=closing), at_once)
-
-
-def _chuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (number,), at_once = _numbers(parameter, "n")
-    return _completion(hand.chuck(parameters.whole(number)), at_once)
-
-
-def _unchuck(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    (number,), at_once = _numbers(parameter, "n")
-    return _completion(hand.unchuck(parameters.whole(number)), at_once)
-
-
-def _to_origin(hand: Hand, parameter: Variant) -> Deferred[None] | None:
-    _, at_once = _options(parameter)
-    return _completion(hand.to_origin(), at_once)
-
-
-def _motor(hand: Hand, parameter: Variant) -> None:
+def _motor(gripper: Gripper, parameter: Variant) -> None:
     (on,) = parameters.whole_numbers(parameter, 1)
-    hand.switch_motor(bool(on))
+    gripper.switch_motor(bool(on))
 
 
-def _stop(hand: Hand, _: Variant) -> None:
-    hand.stop()
+def _origin(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    _, at_once = options(parameter)
+    return completion(gripper.to_origin(), at_once)
 
 
-def _not_simulated(name: str, *, writes: bool = True) -> HandCommand:
-    def fail(_hand: Hand, _parameter: Variant) -> None:
-        raise error_for(hresult.E_NOTIMPL, name)
-
-    return HandCommand(name, fail, writes, simulated=False)
+def _move(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    (position, speed), at_once = numbers(parameter, "mm", "%")
+    return completion(gripper.move(position, parameters.whole(speed)), at_once)
 
 
-def _query(vt: VarType, read: Callable[[Hand], object]) -> Callable[[Hand, Variant], Variant]:
-    return lambda hand, _: Variant(vt, read(hand))
+def _shift(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    (distance, speed), at_once = numbers(parameter, "mm", "%")
+    return completion(gripper.shift(distance, parameters.whole(speed)), at_once)
 
 
-_POSITION: Final = _query(VarType.R8, lambda hand: hand.position)
-_BUSY: Final = _query(VarType.BOOL, lambda hand: hand.busy)
-_HOLDING: Final = _query(VarType.BOOL, lambda hand: hand.holding)
+def _move_hold(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    (position, speed, force), at_once = numbers(parameter, "mm", "%", "%")
+    return completion(gripper.move(position, parameters.whole(speed), force=parameters.whole(force)), at_once)
 
-CONTROLLER_COMMANDS: Final = (
-    HandCommand("HandMoveA", _move_to),
-    HandCommand("HandMoveR", _move_by),
-    HandCommand("HandMoveAH", _hold_to),
-    HandCommand("HandMoveRH", _hold_by),
-    HandCommand("HandMoveH", _grip),
-    HandCommand("HandStop", _stop),
-    HandCommand("HandCurPos", _POSITION, writes=False),
-    HandCommand("HandCurLoad", _query(VarType.R8, lambda hand: hand.load), writes=False),
-    HandCommand("HandBusyState", _BUSY, writes=False),
-    HandCommand("HandHoldState", _HOLDING, writes=False),
-    HandCommand("HandMotorState", _query(VarType.BOOL, lambda hand: hand.motor), writes=False),
-    _not_simulated("HandMoveZH"),  # undocumented
-    _not_simulated("HandMoveVH"),  # HandMoveVH and HandCurPressure are for vacuum hands
-    _not_simulated("HandCurPressure", writes=False),
-)
-"""Commands of the hand for Controller_Execute."""
 
-EXTENSION_COMMANDS: Final[dict[str, HandCommand]] = {
+def _shift_hold(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    (distance, speed, force), at_once = numbers(parameter, "mm", "%", "%")
+    return completion(gripper.shift(distance, parameters.whole(speed), force=parameters.whole(force)), at_once)
+
+
+def _hold(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    given, at_once = numbers(parameter, "%", "%", tr("0 to open"))
+    speed, force, direction = map(parameters.whole, given)
+    return completion(gripper.hold(speed, force, closing=bool(direction)), at_once)
+
+
+def _hold_in_zone(gripper: Gripper, parameter: Variant) -> Deferred[None] | None:
+    (low, high, *rest), at_once = numbers(parameter, "mm", "mm", "%", "%", tr("0 to open"))
+    speed, force, direction = map(parameters.whole, rest)
+    return completion(gripper.hold_in_zone(low, high, speed, force, closing=bool(direction)), at_once)
+
+
+_ITEM_TYPES: Final = (VarType.I4, VarType.R4, VarType.I4, VarType.I4, VarType.R4, VarType.R4)
+
+
+def _get_point(gripper: Gripper, parameter: Variant) -> Variant:
+    number, item = parameters.whole_numbers(parameter, None, None)
+    items = gripper.point(number).items()
+    if not 0 <= item < len(items):
+        raise error_for(
+            hresult.VALUE_OUT_OF_RANGE,
+            tr("item {item} is not within", item=item) + f" 0..{len(items) - 1}",
+        )
+    return Variant(_ITEM_TYPES[item], items[item])
+
+
+def _state(read: Callable[[Gripper], int]) -> Callable[[Gripper, Variant], Variant]:
+    return lambda gripper, _: Variant(VarType.I4, int(read(gripper)))
+
+
+EXTENSION_COMMANDS: Final[dict[str, HandCommand[Gripper]]] = {
     command.name.lower(): command
     for command in (
-        HandCommand("Chuck", _chuck),
-        HandCommand("UnChuck", _unchuck),
+        HandCommand("Chuck", _point(lambda gripper, number: gripper.move_to_point(number, must_hold=True))),
+        HandCommand("UnChuck", _point(Gripper.move_to_point)),
         HandCommand("Motor", _motor),
-        HandCommand("Org", _to_origin),
-        HandCommand("Stop", _stop),
-        HandCommand("CurPos", _POSITION, writes=False),
-        HandCommand("get_BusyState", _BUSY, writes=False),
-        HandCommand("get_HoldState", _HOLDING, writes=False),
-        HandCommand("get_OrgState", _query(VarType.BOOL, lambda hand: hand.origin), writes=False),
+        HandCommand("Org", _origin),
+        HandCommand("MoveP", _point(Gripper.move_to_point)),
+        HandCommand("MoveA", _move),
+        HandCommand("MoveR", _shift),
+        HandCommand("MoveAH", _move_hold),
+        HandCommand("MoveRH", _shift_hold),
+        HandCommand("MoveH", _hold),
+        HandCommand("MoveZH", _hold_in_zone),
+        HandCommand("Stop", lambda gripper, _: gripper.stop()),
+        HandCommand("CurPos", lambda gripper, _: Variant(VarType.R4, gripper.position), writes=False),
+        HandCommand("GetPoint", _get_point, writes=False),
+        HandCommand("get_EmgState", _state(lambda gripper: not gripper.emergency), writes=False),
+        HandCommand("get_ZonState", _state(lambda gripper: gripper.in_zone), writes=False),
+        HandCommand("get_OrgState", _state(lambda gripper: gripper.origin), writes=False),
+        HandCommand("get_HoldState", _state(lambda gripper: gripper.holding), writes=False),
+        HandCommand("get_InposState", _state(lambda gripper: gripper.in_position), writes=False),
+        HandCommand("get_Error", _state(lambda gripper: gripper.error), writes=False),
+        HandCommand("get_BusyState", _state(lambda gripper: gripper.busy), writes=False),
+        HandCommand("get_MotorState", _state(lambda gripper: gripper.motor), writes=False),
     )
 }
-"""Commands of the hand for the extension ``Hand0``, by name in lower case."""
+"""Commands of an electric gripper, by name in lower case."""

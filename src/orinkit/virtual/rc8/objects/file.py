@@ -17,7 +17,7 @@ from functools import wraps
 from typing import Concatenate, Final, ParamSpec, TypeAlias, TypeVar
 
 from orinkit.cao.options import Options
-from orinkit.cao.provider import Deferred, FileObject, VariableObject, not_found, not_implemented
+from orinkit.cao.provider import Deferred, FileObject, VariableObject, not_implemented
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
@@ -25,7 +25,9 @@ from orinkit.values.types import UI1_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files import PROGRAM, FileStore
-from orinkit.virtual.rc8.files.names import SEPARATOR, extension, join, read_name
+from orinkit.virtual.rc8.files.errors import taken
+from orinkit.virtual.rc8.files.names import SEPARATOR, FileName, extension, join, read_name
+from orinkit.virtual.rc8.objects.file_variables import FILE_VARIABLES, find_file_variable
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -36,12 +38,13 @@ Run: TypeAlias = Callable[[ClientContext, str, str], str | Deferred[str]]
 The arguments are the client, the path, which may not be that of a program, and the option.
 """
 
-_TEXTS: Final = frozenset(("pcs", "pac", "h", "txt", "csv", "ini", "log", "xml", "json"))
+_TEXTS: Final = frozenset(("pcs", "pac", "pns", "h", "txt", "csv", "ini", "log", "xml", "json"))
 # The characters to which Python decodes bytes that are undefined in Shift_JIS.
 _NOT_SHIFT_JIS: Final = frozenset("\x80\xa0\uf8f0\uf8f1\uf8f2\uf8f3")
 _FOLDER_TYPE: Final = "folder"
 _FOLDER_BIT: Final = 16
 _SLICE: Final = 64 * 1024
+_NEVER, _MUST_BE_NEW = 0, 2  # values of the option @Create
 _LARGEST_SIZE: Final = 2**31 - 1  # limit of VT_I4; a file that another program has written may be larger
 
 
@@ -66,11 +69,12 @@ def find_file(
         name: Path from the root folder; a path that ends in a separator refers to a folder.
         option: With ``@Create=1`` (or ``true``, ``on``, ``yes``, or the name of the option alone), a missing file is
             created empty. If the name ends in a separator, a folder is created instead. Missing parent folders are
-            created too. Other options are ignored.
+            created too. With ``@Create=2``, the file must not exist. Other options are ignored.
         run: Callback that starts programs; if it is None, File_Run raises E_NOTIMPL.
 
     Raises:
-        CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; E_INVALIDARG if the name is invalid; FILE_NOT_FOUND; errors of
+        CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; E_INVALIDARG if the name is invalid; FILE_NOT_FOUND;
+            E_CAO_COLLECTION_REGISTERED if the file exists and the option is ``@Create=2``; errors of
             :meth:`~orinkit.virtual.rc8.files.FileStore.create` and
             :meth:`~orinkit.virtual.rc8.files.FileStore.make_folder`.
     """
@@ -79,23 +83,39 @@ def find_file(
 
 def _find(caller: ClientContext, store: FileStore, name: str, option: str, run: Run | None) -> FileObject:
     caller.require_read()
-    if not store.exists(name):
-        wanted = read_name(name)
-        if not Options(option).flag("@Create"):
-            raise error_for(
-                hresult.FILE_NOT_FOUND,
-                tr("{path} does not exist. Try: the option @Create=1, which creates it", path=wanted),
-            )
-        caller.require_write()
-        for depth in range(1, len(wanted.parts)):
-            folder = join((*wanted.parts[:depth], ""))
-            if not store.exists(folder):
-                store.make_folder(folder)
-        if wanted.folder:
-            store.make_folder(name)
-        else:
-            store.create(name)
+    creation = _creation(option)
+    if store.exists(name):
+        if creation == _MUST_BE_NEW:
+            raise taken(read_name(name))
+        return RC8File(caller, store, store.full_name(name), run)
+    wanted = read_name(name)
+    if creation == _NEVER:
+        if caller.state.switches.create_files and not wanted.folder:
+            return RC8File(caller, store, join(wanted.parts), run)
+        raise error_for(
+            hresult.FILE_NOT_FOUND,
+            tr("{path} does not exist. Try: the option @Create=1, which creates it", path=wanted),
+        )
+    caller.require_write()
+    _make_parents(store, wanted)
+    if wanted.folder:
+        store.make_folder(name)
+    else:
+        store.create(name)
     return RC8File(caller, store, store.full_name(name), run)
+
+
+def _creation(option: str) -> int:
+    """Return the value of the option ``@Create``: 0 never, 1 if the file is missing, 2 the file must be new."""
+    options = Options(option)
+    return _MUST_BE_NEW if options.text_of("@Create").strip() == str(_MUST_BE_NEW) else int(options.flag("@Create"))
+
+
+def _make_parents(store: FileStore, wanted: FileName) -> None:
+    for depth in range(1, len(wanted.parts)):
+        folder = join((*wanted.parts[:depth], ""))
+        if not store.exists(folder):
+            store.make_folder(folder)
 
 
 class RC8File(FileObject):
@@ -120,6 +140,10 @@ class RC8File(FileObject):
         self._store = store
         self._path = path
         self._start = run
+
+    def get_id(self) -> Value:
+        """Return the ID that the client has set, by default the number of the file (``@LINE_NO``, GetCurErrorInfo)."""
+        return Variant(VarType.I4, self._store.number(self._path)) if self.id == Variant(VarType.EMPTY) else self.id
 
     @on_disk
     def get_attribute(self) -> int:
@@ -156,12 +180,16 @@ class RC8File(FileObject):
         return self._store.names(self._path) if self._is_folder() else []
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
-        """Raise an error: a file has no variables.
+        """Connect to a variable of the file: ``@CRC``.
 
         Raises:
             CallError: E_CAO_OBJECT_NOTFOUND.
         """
-        raise not_found(name)
+        return find_file_variable(self.caller, name, lambda: self._store.read(self._path))
+
+    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+        """Return the names of the variables of a file."""
+        return list(FILE_VARIABLES)
 
     def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002
         """Raise an error: a file has no commands.
@@ -265,8 +293,8 @@ class RC8File(FileObject):
     def get_value(self) -> Value:
         """Return the content: text as VT_BSTR, other data as an array of VT_UI1.
 
-        Text is decoded as UTF-8; a byte order mark is removed. A file with an extension of text files (``.pcs .pac .h
-        .txt .csv .ini .log .xml .json``) may also be encoded in Shift_JIS (code page 932); any other file is text if it
+        Text is decoded as UTF-8; a byte order mark is removed. A file with an extension of text files (``.pcs .pac .pns
+        .h .txt .csv .ini .log .xml .json``) may also be encoded in Shift_JIS (code page 932); any other file is text if it
         is UTF-8 without NUL.
 
         Raises:
@@ -287,7 +315,9 @@ class RC8File(FileObject):
         _check_content(value)
         data = _data(value)
         if not self._store.exists(self._path):
-            raise error_for(hresult.FILE_NOT_FOUND, self._path)
+            if not self.caller.state.switches.create_files:
+                raise error_for(hresult.FILE_NOT_FOUND, self._path)
+            _make_parents(self._store, read_name(self._path))
         self._store.write(self._path, data)
 
     def _is_folder(self) -> bool:

@@ -17,6 +17,7 @@ from orinkit.rc8.pose_arguments import line_type_as_position, read_targets
 from orinkit.values.poses import PassMark, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.hand.gripper import Gripper
 from orinkit.virtual.rc8.objects import robot_commands
 from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.objects.robot_variables import find_robot_variable, robot_variable_names
@@ -77,6 +78,14 @@ class RC8Robot(RobotObject):
         name = _plane_name(plane)
         axis = self._moves.plane(name) if name else self._normal(plane)
         return self._begin(self._moves.rotate(axis, self._moves.pivot(name, _pivot(pivot)), angle, options), options)
+
+    def chuck(self, option: str) -> Deferred[None]:
+        """Hold with the first gripper as the data of a point say (GRASP); the option is its number, 0 by default."""
+        return self._gripper().move_to_point(_point_number(option, 0), must_hold=True)
+
+    def unchuck(self, option: str) -> Deferred[None]:
+        """Move the first gripper as the data of a point say (RELEASE); the option is its number, 1 by default."""
+        return self._gripper().move_to_point(_point_number(option, 1))
 
     def go_home(self) -> MotionResult:
         """Move to the home pose."""
@@ -165,6 +174,13 @@ class RC8Robot(RobotObject):
     def _begin(self, plans: Plans, options: MotionOptions) -> MotionResult:
         return begin_motions(self._state, plans, options)
 
+    def _gripper(self) -> Gripper:
+        self._caller.require_write()
+        gripper = next(iter(self._state.hands.grippers.values()), None)
+        if gripper is None:
+            raise error_for(hresult.E_NOTIMPL, tr("the controller has no electric gripper"))
+        return gripper
+
     def _normal(self, plane: Variant) -> np.ndarray[Any, np.dtype[np.float64]]:
         if isinstance(plane.value, str):
             plane = Variant(VarType.BSTR, _BETWEEN.sub(r"\1,", parameters.check_length(plane.value)))
@@ -211,6 +227,10 @@ def _pivot(given: Variant) -> Target:
     if len(targets) != 1:
         raise error_for(hresult.E_INVALIDARG, tr("exactly one pose is required"))
     return targets[0]
+
+
+def _point_number(option: str, missing: int) -> int:
+    return conversion.whole(Variant(VarType.BSTR, option)) if option.strip() else missing
 
 
 def _axis(axis: int) -> bool:

@@ -22,6 +22,8 @@ from orinkit.virtual.rc8.objects import controller_commands
 from orinkit.virtual.rc8.objects import slave_commands as slave
 from orinkit.virtual.rc8.objects.accuracy_commands import ACCURACY_COMMANDS, ACCURACY_QUERIES
 from orinkit.virtual.rc8.objects.device_commands import DEVICE_COMMANDS, DeviceCommand
+from orinkit.virtual.rc8.objects.hand_commands import ROBOT_COMMANDS as HAND_COMMANDS
+from orinkit.virtual.rc8.objects.hand_commands import of_controller
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
 from orinkit.virtual.rc8.objects.motion_commands import MOTION_COMMANDS, MOTION_QUERIES
 from orinkit.virtual.rc8.objects.slave_use import SlaveUse
@@ -264,12 +266,12 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("slvSendFormat", slave.set_send_format, reads=False),
         RobotCommand("slvRecvFormat", slave.set_receive_format, reads=False),
         RobotCommand("GetRobotTypeName", _of_arm(lambda arm: arm.model.type_name, VarType.BSTR)),
+        *(RobotCommand(each.name, of_controller(each), reads=not each.writes) for each in HAND_COMMANDS),
     )
 }
 
 NOT_SIMULATED: Final = (
-    "ServoLock", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart", "SyncMoveEnd", "GetMotionPreparationState", "HandGrip",
-    "HandRelease",
+    "ServoLock", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart", "SyncMoveEnd", "GetMotionPreparationState",
 )  # fmt: skip
 """Commands of real controllers that return E_NOTIMPL here."""
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from orinkit.cao.provider import Deferred, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.core.i18n import N_, Translate
+from orinkit.core.i18n import N_, Translate, tr
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
@@ -19,10 +19,17 @@ from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.hardware.areas import Area
+from orinkit.virtual.rc8.robot.speeds import KEEP
 from orinkit.virtual.rc8.variables import conversion
 
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _TYPE_VERTICAL: Final = 0
+_FRAME_VALUES: Final = 6
+FRAME_NAMES: Final = ("Tool*", "Work*")
+"""Names of the variables of tool and work frames; the number replaces the ``*``."""
+
+Write: TypeAlias = "Callable[[ClientContext, Variant], Deferred[None] | None]"
+"""Sets a variable for a client."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +47,7 @@ class RobotVariable:
     vt: int
     read: Callable[[RC8Arm], Any]
     text: str
-    write: Callable[[ClientContext, Variant], Deferred[None] | None] | None = None
+    write: Write | None = None
     pose_type: str = ""
 
     def help(self, say: Translate) -> str:
@@ -72,6 +79,40 @@ def _external(caller: ClientContext, given: Variant) -> None:
     caller.state.arm.speeds.set_external(conversion.double(given))
 
 
+def _external_accel(caller: ClientContext, given: Variant) -> None:
+    require("ExtSpeed", caller.state.arm, caller)
+    caller.state.arm.speeds.set_external(KEEP, conversion.double(given), KEEP)
+
+
+def _external_decel(caller: ClientContext, given: Variant) -> None:
+    require("ExtSpeed", caller.state.arm, caller)
+    caller.state.arm.speeds.set_external(KEEP, KEEP, conversion.double(given))
+
+
+def _speed(*, joint_only: bool) -> Write:
+    def write(caller: ClientContext, given: Variant) -> None:
+        require("Speed", caller.state.arm, caller)
+        caller.state.arm.speeds.set_internal(conversion.double(given), joint_only=joint_only)
+
+    return write
+
+
+def _accel(*, joint_only: bool) -> Write:
+    def write(caller: ClientContext, given: Variant) -> None:
+        require("Accelerate", caller.state.arm, caller)
+        caller.state.arm.speeds.set_acceleration(conversion.double(given), KEEP, joint_only=joint_only)
+
+    return write
+
+
+def _decel(*, joint_only: bool) -> Write:
+    def write(caller: ClientContext, given: Variant) -> None:
+        require("Accelerate", caller.state.arm, caller)
+        caller.state.arm.speeds.set_acceleration(KEEP, conversion.double(given), joint_only=joint_only)
+
+    return write
+
+
 def _poses(prefix: str, source: Callable[[RC8Arm], state_report.ArmPosition], text: str) -> tuple[RobotVariable, ...]:
     return (
         RobotVariable(f"@{prefix}_POSITION", _R8_ARRAY, lambda arm: source(arm).position(), text, pose_type="P"),
@@ -92,15 +133,23 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
         RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Name of the robot type")),
         RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Current tool"), _tool),
         RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Current work"), _work),
-        RobotVariable("@SPEED", VarType.R4, lambda arm: arm.speeds.path.speed, N_("Internal speed [%]")),
-        RobotVariable("@ACCEL", VarType.R4, lambda arm: arm.speeds.path.accel, N_("Internal acceleration [%]")),
-        RobotVariable("@DECEL", VarType.R4, lambda arm: arm.speeds.path.decel, N_("Internal deceleration [%]")),
-        RobotVariable("@JSPEED", VarType.R4, lambda arm: arm.speeds.joint.speed, N_("Internal axis speed [%]")),
-        RobotVariable("@JACCEL", VarType.R4, lambda arm: arm.speeds.joint.accel, N_("Internal axis acceleration [%]")),
-        RobotVariable("@JDECEL", VarType.R4, lambda arm: arm.speeds.joint.decel, N_("Internal axis deceleration [%]")),
+        RobotVariable("@SPEED", VarType.R4, lambda arm: arm.speeds.path.speed, N_("Internal speed [%]"),
+                      _speed(joint_only=False)),
+        RobotVariable("@ACCEL", VarType.R4, lambda arm: arm.speeds.path.accel, N_("Internal acceleration [%]"),
+                      _accel(joint_only=False)),
+        RobotVariable("@DECEL", VarType.R4, lambda arm: arm.speeds.path.decel, N_("Internal deceleration [%]"),
+                      _decel(joint_only=False)),
+        RobotVariable("@JSPEED", VarType.R4, lambda arm: arm.speeds.joint.speed, N_("Internal axis speed [%]"),
+                      _speed(joint_only=True)),
+        RobotVariable("@JACCEL", VarType.R4, lambda arm: arm.speeds.joint.accel, N_("Internal axis acceleration [%]"),
+                      _accel(joint_only=True)),
+        RobotVariable("@JDECEL", VarType.R4, lambda arm: arm.speeds.joint.decel, N_("Internal axis deceleration [%]"),
+                      _decel(joint_only=True)),
         RobotVariable("@EXTSPEED", VarType.R4, lambda arm: arm.speeds.external.speed, N_("External speed [%]"), _external),
-        RobotVariable("@EXTACCEL", VarType.R4, lambda arm: arm.speeds.external.accel, N_("External acceleration [%]")),
-        RobotVariable("@EXTDECEL", VarType.R4, lambda arm: arm.speeds.external.decel, N_("External deceleration [%]")),
+        RobotVariable("@EXTACCEL", VarType.R4, lambda arm: arm.speeds.external.accel, N_("External acceleration [%]"),
+                      _external_accel),
+        RobotVariable("@EXTDECEL", VarType.R4, lambda arm: arm.speeds.external.decel, N_("External deceleration [%]"),
+                      _external_decel),
     )
 }  # fmt: skip
 
@@ -150,10 +199,49 @@ def find_robot_variable(caller: ClientContext, name: str) -> VariableObject:
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND.
     """
-    entry = ROBOT_VARIABLES.get(name.strip().upper()) or find_area(name)
+    entry = ROBOT_VARIABLES.get(name.strip().upper()) or find_frame(name) or find_area(name)
     if entry is None:
         raise not_found(name)
     return RobotVariableObject(caller, name, entry)
+
+
+_FRAME: Final = re.compile(r"\s*(TOOL|WORK)\[?([0-9]{1,4})\]?\s*", re.IGNORECASE | re.ASCII)
+
+
+def find_frame(name: str) -> RobotVariable | None:
+    """Return the variable of a tool or work frame, such as ``Tool1``; None for other names.
+
+    Raises:
+        CallError: TOOL_NUMBER_OUT_OF_RANGE, WORK_NUMBER_OUT_OF_RANGE when the variable is read or written.
+    """
+    found = _FRAME.fullmatch(name)
+    if found is None:
+        return None
+    return _frame(int(found[2]), tool=found[1].upper() == "TOOL")
+
+
+def _frame(number: int, *, tool: bool) -> RobotVariable:
+    def write(caller: ClientContext, given: Variant) -> None:
+        arm = caller.state.arm
+        require("SetToolDef" if tool else "SetWorkDef", arm, caller)
+        elements = [conversion.double(each) for each in parameters.elements(given)]
+        if not _FRAME_VALUES <= len(elements) <= _FRAME_VALUES + 1:
+            raise error_for(
+                hresult.E_INVALIDARG,
+                tr("got {count} values, expected {length}", count=len(elements), length=_FRAME_VALUES),
+            )
+        values = elements[:_FRAME_VALUES]
+        if tool:  # a seventh element is the Fig of a P, which a tool does not have
+            arm.space.tools.define(number, values)
+        else:
+            arm.space.works.define(number, values, parameters.whole(elements[-1]) if elements[_FRAME_VALUES:] else 0)
+
+    def read(arm: RC8Arm) -> list[float]:
+        works = arm.space.works
+        return list(arm.space.tools.values(number)) if tool else [*works.values(number), float(works.attribute(number))]
+
+    text = N_("Tool frame: X, Y, Z, RX, RY, RZ") if tool else N_("Work frame: X, Y, Z, RX, RY, RZ, attribute")
+    return RobotVariable(f"{'TOOL' if tool else 'WORK'}{number}", _R8_ARRAY, read, text, write)
 
 
 _AREA: Final = re.compile(r"\s*AREA\[?([0-9]{1,4})\]?\s*", re.IGNORECASE | re.ASCII)
@@ -185,4 +273,4 @@ def find_area(name: str) -> RobotVariable | None:
 
 def robot_variable_names() -> list[str]:
     """Return the names of the robot's variables."""
-    return [*ROBOT_VARIABLES, AREA_NAME]
+    return [*ROBOT_VARIABLES, *FRAME_NAMES, AREA_NAME]

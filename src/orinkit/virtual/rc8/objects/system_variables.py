@@ -11,7 +11,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, Translate, tr
 from orinkit.values.variant import Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
-from orinkit.virtual.rc8.state import Operation, RC8State
+from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.variables import conversion, types
 
 
@@ -40,11 +40,6 @@ class SystemVariable:
         return f"{say(self.text, **self.text_values)} ({type_name(self.vt)})"
 
 
-def _milliseconds(state: RC8State) -> int:
-    """Return the milliseconds since power-on; after 24.8 days the value wraps to the lowest VT_I4."""
-    return (int(state.seconds * 1000) + 2**31) % 2**32 - 2**31
-
-
 def _clear_error(caller: ClientContext, given: Variant) -> None:
     code = conversion.whole(given)
     if code != 0:
@@ -53,14 +48,6 @@ def _clear_error(caller: ClientContext, given: Variant) -> None:
             tr("only 0, which clears the errors, can be written; got {code}", code=code),
         )
     caller.state.clear_errors(caller.origin)
-
-
-def _set_time(caller: ClientContext, given: Variant) -> None:
-    state = caller.state
-    moment = conversion.moment(given)
-    state.calendar.set(moment)
-    text = state.say("Time set to {moment:%Y-%m-%d %H:%M:%S}", moment=moment)
-    state.log(Operation.SET_TIME, text, caller.origin)
 
 
 def _set_lock(caller: ClientContext, given: Variant) -> None:
@@ -73,6 +60,7 @@ def _count(name: str) -> SystemVariable:
         VarType.I4,
         lambda state: state.variables.counts[name],
         N_("Number of {name} variables"),
+        lambda caller, given: caller.state.variables.resize(name, conversion.whole(given)),
         text_values={"name": name},
     )
 
@@ -88,6 +76,8 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
                        N_("Newest current error as eight hexadecimal digits")),
         SystemVariable("@ERROR_DESCRIPTION", VarType.BSTR, lambda s: s.faults.message,
                        N_("Text of the newest current error")),
+        SystemVariable("@ERROR", VarType.I4, lambda s: hresult.signed(s.faults.code),
+                       N_("The same as @ERROR_CODE"), _clear_error),
         SystemVariable("@EMERGENCY_STOP", VarType.BOOL, lambda s: s.switches.emergency_stop,
                        N_("Emergency stop is pressed")),
         SystemVariable("@DEADMAN_SW", VarType.BOOL, lambda s: s.switches.deadman,
@@ -102,12 +92,12 @@ SYSTEM_VARIABLES: Final[dict[str, SystemVariable]] = {
                        N_("A program task is running")),
         SystemVariable("@NORMAL_STATUS", VarType.BOOL, lambda s: s.faults.code == 0,
                        N_("No error is active")),
-        SystemVariable("@TSR_BUSY_STATUS", VarType.BOOL, lambda s: s.supervisors_running > 0,
+        SystemVariable("@TSR_BUSY_STATUS", VarType.BOOL, lambda s: s.tasks.supervisors_running > 0,
                        N_("A supervisory task (TSR) is running")),
-        SystemVariable("@TIME", VarType.I4, _milliseconds,
+        SystemVariable("@TIME", VarType.I4, RC8State.milliseconds,
                        N_("Milliseconds since power-on")),
         SystemVariable("@CURRENT_TIME", VarType.DATE, lambda s: s.calendar.now(),
-                       N_("Local date and time"), _set_time),
+                       N_("Local date and time")),
         SystemVariable("@MAKER_NAME", VarType.BSTR, lambda s: s.identity.maker, N_("Maker")),
         SystemVariable("@TYPE", VarType.BSTR, lambda s: s.identity.type, N_("Type of the controller")),
         SystemVariable("@VERSION", VarType.BSTR, lambda s: s.identity.version, N_("Software version")),

@@ -12,12 +12,16 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, tr
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
-from orinkit.values.variant import Value, Variant, VarType
+from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files.names import SEPARATOR
 from orinkit.virtual.rc8.objects.file import require_program
+from orinkit.virtual.rc8.permission import AccessRight
+from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.tasks import PRIORITY, SUFFIX, Task, ms_from_seconds
+from orinkit.virtual.rc8.task import HIGHEST_PRIORITY, LOWEST_PRIORITY, Task, is_supervisory
+from orinkit.virtual.rc8.tasks import SUFFIX, ms_from_seconds
+from orinkit.virtual.rc8.variables import conversion
 
 E = TypeVar("E", bound=IntEnum)
 T = TypeVar("T")
@@ -42,7 +46,9 @@ class RC8Task(TaskObject):
     def start(self, mode: int, option: str) -> Deferred[None] | None:  # noqa: ARG002 - there are no options
         """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
-        Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement. The program is loaded in a thread.
+        Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement, 4 one statement backward. A step
+        backward returns to the statement of the previous step, and moves the arm back to where it was before this
+        statement; the statement is not executed, and variables keep their values. The program is loaded in a thread.
         If it is stopped meanwhile, alone or with all others, the call fails with E_CANCEL. If the client disconnects
         meanwhile, the program is not started.
 
@@ -68,7 +74,7 @@ class RC8Task(TaskObject):
         with state.cycles:
             if done.done():
                 raise error_for(hresult.E_CANCEL, task.name)
-            require("Task_Start", state.arm, self._caller)  # the state may have changed meanwhile
+            require(_start_condition(task.name), state.arm, self._caller)  # the state may have changed meanwhile
             state.tasks.start(task, program, mode)
 
     def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
@@ -96,12 +102,34 @@ class RC8Task(TaskObject):
         """Return the path of the program's file."""
         return self.task.name + SUFFIX
 
-    def execute(self, command: str, parameter: Variant) -> Value | Deferred[Value]:  # noqa: ARG002 - commands have no parameters
-        """Execute an extended command: ``GetStatus`` returns a :class:`~orinkit.rc8.task_modes.TaskStatus`, 0 to 4."""
+    def execute(self, command: str, parameter: Variant) -> Value | Deferred[Value]:
+        """Execute an extended command of :data:`TASK_COMMANDS`.
+
+        ``GetStatus`` returns a :class:`~orinkit.rc8.task_modes.TaskStatus`, 0 to 4; ``GetThreadPriority`` and
+        ``SetThreadPriority`` read and set the priority, -2 to 2.
+
+        Raises:
+            CallError: NO_READ_RIGHT; NO_WRITE_RIGHT; E_INVALID_CMD_NAME; VALUE_OUT_OF_RANGE.
+        """
         self._caller.require_read()
-        if command.strip().lower() != "getstatus":
+        run = TASK_COMMANDS.get(command.strip().lower())
+        if run is None:
             raise error_for(hresult.E_INVALID_CMD_NAME, f"{command:.40}")
-        return self.when_found(lambda: _status(self))
+        return run(self, parameter)
+
+    def set_priority(self, priority: int) -> None:
+        """Set the priority of the task.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; VALUE_OUT_OF_RANGE.
+        """
+        self._caller.require_write()
+        if not LOWEST_PRIORITY <= priority <= HIGHEST_PRIORITY:
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("priority {priority} is not in -2 to 2", priority=priority),
+            )
+        self.task.priority = priority
 
     def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
         """Connect to a variable of the task."""
@@ -113,6 +141,11 @@ class RC8Task(TaskObject):
     def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
         """Return the names of the task's variables."""
         return list(TASK_VARIABLES)
+
+    @property
+    def file_number(self) -> int:
+        """The number of the program's file: the ID of its File object."""
+        return self._state.files.number(self._path + SUFFIX)
 
     @property
     def exists(self) -> bool:
@@ -132,6 +165,23 @@ def _status(served: RC8Task) -> int:
     return int(served.task.status) if served.exists else TaskStatus.NON_EXISTENT
 
 
+def _details(served: RC8Task) -> int:
+    return served.task.details if served.exists else TaskStatus.NON_EXISTENT
+
+
+def _set_priority(served: RC8Task, parameter: Variant) -> None:
+    (priority,) = parameters.whole_numbers(parameter, 0)
+    served.set_priority(priority)
+
+
+TASK_COMMANDS: Final[dict[str, Callable[[RC8Task, Variant], Value | Deferred[Value]]]] = {
+    "getstatus": lambda served, _: served.when_found(lambda: _status(served)),
+    "getthreadpriority": lambda served, _: served.task.priority,
+    "setthreadpriority": _set_priority,
+}
+"""The commands of Task_Execute, by name in lower case."""
+
+
 @dataclass(frozen=True, slots=True)
 class TaskVariable:
     """A row of the table of a task's variables.
@@ -140,17 +190,34 @@ class TaskVariable:
     """
 
     name: str
-    vt: VarType
-    read: Callable[[RC8Task], Any]
+    vt: int
+    read: Callable[[RC8Task], Any] | None
     text: str
+    write: Callable[[RC8Task, int], Deferred[None] | None] | None = None
+
+
+def _line(served: RC8Task) -> list[int]:
+    return [served.task.line, served.file_number]
+
+
+def _start(served: RC8Task, mode: int) -> Deferred[None] | None:
+    return served.start(mode, "")
+
+
+def _stop(served: RC8Task, mode: int) -> None:
+    served.stop(mode, "")
 
 
 TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
     entry.name: entry
     for entry in (
         TaskVariable("@STATUS", VarType.I4, _status, N_("Status, as returned by GetStatus")),
-        TaskVariable("@PRIORITY", VarType.I4, lambda _: PRIORITY, N_("Priority")),
-        TaskVariable("@LINE_NO", VarType.I4, lambda served: served.task.line, N_("Line to be executed next")),
+        TaskVariable("@STATUS_DETAILS", VarType.I4, _details,
+                     N_("Status; 5 stopped by SuspendAll, 6 waiting, 7 waiting in a Delay")),
+        TaskVariable("@PRIORITY", VarType.I4, None, N_("Not supported; use GetThreadPriority and SetThreadPriority")),
+        TaskVariable("@START", VarType.I4, None, N_("Starts the task in the written mode"), _start),
+        TaskVariable("@STOP", VarType.I4, None, N_("Stops the task in the written mode"), _stop),
+        TaskVariable("@LINE_NO", VarType.I4 | ARRAY, _line, N_("Line to be executed next, and the ID of the file")),
         TaskVariable("@CYCLE_TIME", VarType.I4, lambda served: ms_from_seconds(served.task.cycle_seconds),
                      N_("Duration of the last cycle [ms]")),
         TaskVariable("@ELAPSED_TIME", VarType.I4, lambda served: ms_from_seconds(served.task.elapsed),
@@ -162,18 +229,44 @@ TASK_VARIABLES: Final[dict[str, TaskVariable]] = {
 
 
 class TaskVariableObject(VariableObject):
-    """A variable of a task; read-only."""
+    """A variable of a task, for one client."""
 
     def __init__(self, caller: ClientContext, served: RC8Task, entry: TaskVariable) -> None:
-        super().__init__(entry.name, attribute=1, help=caller.state.say(entry.text))
+        own = (AccessRight.READ if entry.read else 0) | (AccessRight.WRITE if entry.write else 0)
+        super().__init__(entry.name, attribute=int(own & caller.access), help=caller.state.say(entry.text))
         self._caller = caller
         self._served = served
         self._entry = entry
 
     def get_value(self) -> Value | Deferred[Value]:
-        """Return the current value."""
+        """Return the current value.
+
+        With ``strict``, ``@LINE_NO`` is the line alone.
+
+        Raises:
+            CallError: NO_READ_RIGHT; E_NOTIMPL if the variable can only be written or is not supported.
+        """
         self._caller.require_read()
-        return self._served.when_found(lambda: Variant(self._entry.vt, self._entry.read(self._served)))
+        read = self._entry.read
+        if read is None:
+            raise error_for(hresult.E_NOTIMPL, self.name)
+        return self._served.when_found(lambda: self._typed(read(self._served)))
+
+    def put_value(self, value: Variant) -> Deferred[None] | None:
+        """Set the value: start or stop the task.
+
+        Raises:
+            CallError: NO_WRITE_RIGHT; E_CAO_NOT_WRITABLE; errors of :meth:`RC8Task.start` and :meth:`RC8Task.stop`.
+        """
+        self._caller.require_write()
+        if self._entry.write is None:
+            raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
+        return self._entry.write(self._served, conversion.whole(value))
+
+    def _typed(self, value: Any) -> Variant:
+        if isinstance(value, list) and self._caller.state.switches.strict:
+            return Variant(self._entry.vt & ~ARRAY, value[0])
+        return Variant(self._entry.vt, value)
 
 
 def find_task(caller: ClientContext, name: str) -> TaskObject | Deferred[TaskObject]:
@@ -226,12 +319,17 @@ def _when_loaded(caller: ClientContext, program: str, job: Callable[[Deferred[An
     state = caller.state
     lane, done = state.compiling, Deferred[T](brief=True, revocable=True)
     with state.cycles:
-        require("Task_Start", state.arm, caller)
+        require(_start_condition(program), state.arm, caller)
         if not lane.immediate:
             lane.submit(lambda: job(done), done, caller)
             state.tasks.starts.add(caller, program, done)
             return done
     return job(done)
+
+
+def _start_condition(program: str) -> str:
+    """Return the name of the conditions under which a program may be started."""
+    return "RunAllTsr" if is_supervisory(program) else "Task_Start"
 
 
 def _mode(kind: type[E], mode: int) -> E:

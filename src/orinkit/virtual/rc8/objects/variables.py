@@ -9,6 +9,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.objects.robot_variables import RobotVariableObject, find_frame
 from orinkit.virtual.rc8.objects.system_variables import SYSTEM_VARIABLES, SystemVariable
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.variables import conversion
@@ -31,7 +32,10 @@ def find_variable(caller: ClientContext, name: str) -> VariableObject:
         return SystemVariableObject(caller, name, entry)
     meaning = read_name(wanted)
     if meaning is None:
-        raise not_found(name)
+        frame = find_frame(wanted)
+        if frame is None:
+            raise not_found(name)
+        return RobotVariableObject(caller, name, frame)
     if meaning.index is None:
         return IndexedVariable(caller, name, meaning.kind)
     caller.state.variables.check(meaning.kind, meaning.index)

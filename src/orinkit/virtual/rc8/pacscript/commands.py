@@ -12,7 +12,7 @@ from orinkit.virtual.rc8.pacscript import functions, values
 from orinkit.virtual.rc8.pacscript.code import MACHINE, WORLD, Evaluate, Frame, Op, Recipe, maker
 from orinkit.virtual.rc8.pacscript.errors import CompileError, out_of_range
 from orinkit.virtual.rc8.pacscript.expressions import Expressions, fixed
-from orinkit.virtual.rc8.pacscript.host_interface import Wait
+from orinkit.virtual.rc8.pacscript.host_interface import DelayWait, Wait
 from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.pacscript.lvalues import Store, as_target, store
 from orinkit.virtual.rc8.pacscript.robot_words import STATEMENTS
@@ -303,8 +303,7 @@ def delay(time: Evaluate) -> Callable[[Frame], Wait]:
 
     def begin(f: Frame) -> Wait:
         world = f[WORLD]
-        until = world.now() + seconds_from_ms(time(f))
-        return lambda: world.now() >= until
+        return DelayWait(world.now, world.now() + seconds_from_ms(time(f)))
 
     return begin
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from orinkit.core.errors import CallError
@@ -24,8 +24,18 @@ from orinkit.virtual.rc8.pacscript.flow import FlowCompiler, end_program
 from orinkit.virtual.rc8.pacscript.lvalues import Store, store
 from orinkit.virtual.rc8.pacscript.motions import compile_motion
 from orinkit.virtual.rc8.pacscript.parser import parse_lines
-from orinkit.virtual.rc8.pacscript.scope import MAX_DIMENSIONS, MAX_ELEMENTS, Routine, Scope, find_type, unknown_routine
+from orinkit.virtual.rc8.pacscript.scope import (
+    MAX_DIMENSIONS,
+    MAX_ELEMENTS,
+    PublicVariable,
+    Routine,
+    Scope,
+    TypeOf,
+    find_type,
+    unknown_routine,
+)
 from orinkit.virtual.rc8.pacscript.tree import Place, Statement
+from orinkit.virtual.rc8.pacscript.values import AnyValue
 
 _MAIN: Final = "main"
 
@@ -39,17 +49,23 @@ class Program:
         lines: Lines at which a statement begins, counted from 1.
         subs: Names of the Subs and Functions, as written.
         linked: Instructions.
+        publics: The Public variables, by name in lower case.
     """
 
     file: str
     lines: tuple[int, ...]
     subs: tuple[str, ...]
     linked: Linked
+    publics: Mapping[str, PublicVariable] = field(default_factory=dict)
 
     @property
     def main(self) -> RoutineCode:
         """Sub Main."""
         return self.linked.routines[_MAIN]
+
+    def new_publics(self) -> list[AnyValue]:
+        """Return the initial values of the Public variables."""
+        return [variable.initial() for variable in self.publics.values()]
 
 
 def compile_program(source: str, file: str) -> Program:
@@ -74,11 +90,11 @@ def compile_program(source: str, file: str) -> Program:
         raise ProgramLoadError(error.message, file, *error.at) from None
     starts = sorted({line for line, starts in zip(linked.lines, linked.starts_statement, strict=True) if starts})
     subs = tuple(routine.name.text for routine in compiler.scope.routines.values())
-    return Program(file, tuple(starts), subs, linked)
+    return Program(file, tuple(starts), subs, linked, compiler.scope.publics)
 
 
 class _Line(NamedTuple):
-    """The statements of a line, encoded; ``declares`` is True if one of them declares a routine or constants."""
+    """The statements of a line, encoded; ``declares`` is True if one of them declares a routine, constants or Public variables."""
 
     code: bytes
     declares: bool
@@ -92,6 +108,7 @@ class _Line(NamedTuple):
 def _declares(statements: tuple[Statement, ...]) -> bool:
     return any(
         isinstance(each, tree.Routine | tree.Constants)
+        or (isinstance(each, tree.Declare) and each.public)
         or (isinstance(each, tree.KeywordStatement) and each.word in ("End Sub", "End Function"))
         for each in statements
     )
@@ -129,7 +146,7 @@ class _Compiler:
     # --- declarations, before statements are compiled
 
     def _collect(self, lines: list[_Line]) -> None:
-        """Declare all Subs and Functions, and the global constants."""
+        """Declare all Subs and Functions, the global constants, and the Public variables."""
         for header in _headers(lines):
             self.scope.add_routine(Routine(header.name, header.word))
         inside = False
@@ -141,6 +158,8 @@ class _Compiler:
                     inside = False
                 elif isinstance(statement, tree.Constants) and not inside:
                     self._constants(statement)
+                elif isinstance(statement, tree.Declare) and statement.public:
+                    self._declare_public(statement)
         for header in _headers(lines):
             self._declare_parameters(header)
 
@@ -158,7 +177,8 @@ class _Compiler:
     # --- statements
 
     def _statement(self, node: Statement) -> None:
-        if self.scope.routine is None and not isinstance(node, tree.Routine | tree.Constants):
+        declares = isinstance(node, tree.Routine | tree.Constants) or (isinstance(node, tree.Declare) and node.public)
+        if self.scope.routine is None and not declares:
             raise CompileError(tr("a statement must be in a Sub or Function"), node.at)
         self.code.statement(node.at.line)
         self._require_case_first(node)
@@ -170,7 +190,8 @@ class _Compiler:
             case tree.Label():
                 self.flow.label(node)
             case tree.Declare():
-                self._declare(node)
+                if not node.public:  # Public variables are declared by _collect
+                    self._declare(node)
             case tree.Constants():
                 if self.scope.routine is not None:
                     self._constants(node)
@@ -254,23 +275,26 @@ class _Compiler:
             node.at,
         )
 
+    def _declare_public(self, node: tree.Declare) -> None:
+        for item in node.items:
+            kind = find_type(item.type)
+            value = kind.default if item.value is None else self._converted(kind, item.value)
+            self.scope.add_public(item.name, kind, value, self._sizes(item))
+
+    def _sizes(self, item: tree.Declared) -> tuple[int, ...]:
+        sizes = tuple(self._size(size) for size in item.sizes)
+        if len(sizes) > MAX_DIMENSIONS:
+            raise CompileError(
+                tr("{name}: an array may have at most {most} dimensions", name=item.name.text, most=MAX_DIMENSIONS),
+                item.name.at,
+            )
+        if sizes and item.value is not None:
+            raise CompileError(tr("an array cannot be initialised in Dim"), item.value.at)
+        return sizes
+
     def _declare(self, node: tree.Declare) -> None:
         for item in node.items:
-            sizes = tuple(self._size(size) for size in item.sizes)
-            if len(sizes) > MAX_DIMENSIONS:
-                raise CompileError(
-                    tr(
-                        "{name}: an array may have at most {most} dimensions",
-                        name=item.name.text,
-                        most=MAX_DIMENSIONS,
-                    ),
-                    item.name.at,
-                )
-            if sizes and item.value is not None:
-                raise CompileError(
-                    tr("an array cannot be initialised in Dim"),
-                    item.value.at,
-                )
+            sizes = self._sizes(item)
             self.scope.add_variable(self.scope.current_routine, item.name, find_type(item.type), sizes)
             if item.value is not None:
                 self._assign(item.name, item.value)
@@ -286,12 +310,14 @@ class _Compiler:
 
     def _constants(self, node: tree.Constants) -> None:
         for item in node.items:
-            value = self.expressions.known(item.value)
-            try:
-                value = find_type(item.type).convert(value)
-            except CallError as error:
-                raise CompileError(error.detail, item.value.at) from None
-            self.scope.add_constant(item.name, value)
+            self.scope.add_constant(item.name, self._converted(find_type(item.type), item.value))
+
+    def _converted(self, kind: TypeOf, node: tree.Expression) -> AnyValue:
+        """Return the value of a constant expression, converted to a type."""
+        try:
+            return kind.convert(self.expressions.known(node))
+        except CallError as error:
+            raise CompileError(error.detail, node.at) from None
 
     def _assign(self, target: tree.Target, value_node: tree.Expression) -> None:
         value = self.expressions.value(value_node)

@@ -18,6 +18,24 @@ Wait: TypeAlias = Callable[[], bool]
 
 It may raise :class:`orinkit.core.errors.CallError`."""
 
+
+class DelayWait:
+    """The wait of Delay: complete when a time has come.
+
+    Args:
+        now: Callback that returns the controller's time, s.
+        until: The time, s.
+    """
+
+    def __init__(self, now: Callable[[], float], until: float) -> None:
+        self._now = now
+        self._until = until
+
+    def __call__(self) -> bool:
+        """Return True if the time has come."""
+        return self._now() >= self._until
+
+
 VariableKind: TypeAlias = Literal["I", "F", "D", "V", "P", "J", "T", "S"]
 """The classes of global variables."""
 PointKind: TypeAlias = Literal["IO", "IOB", "IOW", "IOD"]

@@ -37,7 +37,7 @@ STARTERS: Final[Mapping[str, str]] = (
     | dict.fromkeys(_COMMANDS.split(), "COMMAND")
     | dict.fromkeys(("set", "reset"), "POINT")
     | dict.fromkeys(("letx", "lety", "letz", "letrx", "letry", "letrz", "letf"), "LETPART")
-    | {"letj": "LETJOINT", "takearm": "TAKEARM"}
+    | {"letj": "LETJOINT", "takearm": "TAKEARM", "public": "PUBLIC"}
 )
 """Words that are commands at the start of a statement, each with the name of its token."""
 
@@ -62,7 +62,7 @@ _REFUSED_WORDS: Final = """
     GetJntData GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome Halt In Input InputBox Interrupt IOBlock IOF JAccel
     JDecel Join JSpeed Kill KillAll LetA LetO LetP LetR LetT LineInput LinePrint MotionComplete MotionSkip
     MotionTimeout MotorState MoveBackTraceLog MPS MsgBox OffSrv On OnErr OnSrv Out Pallet PosClr Print PrintLbl
-    Private Program Public RaiseError ReDim Repeat Replace Resume Run SetHoming ShutDown SingularAvoid SpeedMode Split
+    Private Program RaiseError ReDim Repeat Replace Resume Run SetHoming ShutDown SingularAvoid SpeedMode Split
     Sprintf SrvLock SrvUnLock StartLog Static Status Stop StopEnd StopLog StrReverse Suspend SuspendAll SyncMoveEnd
     SyncMoveStart SysLog SysState Take_Sem TakeSem TakeVis Time ToolPos UnChuck WaitMotion WorkPos
 """

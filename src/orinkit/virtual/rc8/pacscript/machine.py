@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
@@ -12,13 +12,16 @@ from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, BuiltCode, Frame, Op
 from orinkit.virtual.rc8.pacscript.compiler import Program, compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, out_of_range
-from orinkit.virtual.rc8.pacscript.host_interface import HostInterface, Wait
+from orinkit.virtual.rc8.pacscript.host_interface import DelayWait, HostInterface, Wait
 from orinkit.virtual.rc8.pacscript.scope import MAX_ELEMENTS
 
 __all__ = ["MAX_CALLS", "Machine", "MachineState", "Program", "compile_program"]
 
 MAX_CALLS: Final = 64
 """Maximum nesting depth of calls of Subs and Functions."""
+
+Snapshot: TypeAlias = tuple[int, Frame, tuple[tuple[Frame, int, int, int], ...], int]
+"""A position in a program: instruction, frame, active calls, elements of their arrays."""
 
 _SEED: Final = 12_345
 _MULTIPLIER: Final = 1_103_515_245
@@ -42,14 +45,23 @@ class Machine:
         program: The program; it begins at Sub Main.
         world: The interface to the controller.
         built: The instructions of the controller's programs that exist as functions.
+        publics: Values of the Public variables (:meth:`Program.new_publics`); their initial values if not given.
 
     Attributes:
         program: The program.
+        publics: Values of the Public variables.
         frame: The frame of the running Sub or Function, with its variables; used by the instructions.
     """
 
-    def __init__(self, program: Program, world: HostInterface, built: BuiltCode | None = None) -> None:
+    def __init__(
+        self,
+        program: Program,
+        world: HostInterface,
+        built: BuiltCode | None = None,
+        publics: list[Any] | None = None,
+    ) -> None:
         self.program = program
+        self.publics = program.new_publics() if publics is None else publics
         self._world = world
         self._ops: list[Op | None] = [None] * len(program.linked.recipes)
         self._built = built or BuiltCode()
@@ -64,6 +76,11 @@ class Machine:
     def fault(self) -> ProgramFault | None:
         """The error that stopped the program; None unless the state is FAULT."""
         return self._fault
+
+    @property
+    def delaying(self) -> bool:
+        """True while the program waits in a Delay."""
+        return self._state is MachineState.WAITING and isinstance(self._wait, DelayWait)
 
     @property
     def line(self) -> int:
@@ -110,6 +127,17 @@ class Machine:
         starts = self.program.linked.starts_statement
         while self._state is MachineState.RUNNING and not starts[self._pc]:
             self._execute(1)
+
+    def snapshot(self) -> Snapshot:
+        """Return the present position in the program, for :meth:`go_back`."""
+        return self._pc, self.frame, tuple(self._stack), self._elements
+
+    def go_back(self, snapshot: Snapshot) -> None:
+        """Return to an earlier position; the variables keep their values."""
+        self._pc, self.frame, stack, self._elements = snapshot
+        self._stack = list(stack)
+        self._wait = self._fault = None
+        self._state = MachineState.RUNNING
 
     # --- for the instructions
 

@@ -119,7 +119,7 @@ class _Builder(Transformer[Token, Any]):
         return tree.Parameter(_name(name), canonical(mode) if mode else "", _optional_name(kind))
 
     def declare(self, word: Token, *items: tree.Declared) -> tree.Declare:
-        return tree.Declare(_place(word), items)
+        return tree.Declare(_place(word), items, word.type == "PUBLIC")
 
     def declared(self, name: Token, sizes: Any, _: Any, kind: Token | None, __: Any, value: Any) -> tree.Declared:
         return tree.Declared(_name(name), sizes or (), _optional_name(kind), value)

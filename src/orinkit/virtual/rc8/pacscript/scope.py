@@ -92,6 +92,29 @@ class Variable:
     by_ref: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class PublicVariable:
+    """A variable of the whole program (Public), which other programs and clients can access, too.
+
+    Attributes:
+        name: Name as declared.
+        type: Type of the variable, or of the elements of an array.
+        place: Index in the list of the values of all Public variables of the program.
+        value: Initial value.
+        sizes: Number of elements of an array in each dimension; ``()`` for a scalar.
+    """
+
+    name: str
+    type: TypeOf
+    place: int
+    value: AnyValue
+    sizes: tuple[int, ...] = ()
+
+    def initial(self) -> AnyValue:
+        """Return the initial value; a new list for an array."""
+        return [self.value] * math.prod(self.sizes) if self.sizes else self.value
+
+
 @dataclass(slots=True, eq=False)
 class Routine:
     """A Sub or Function."""
@@ -106,6 +129,14 @@ class Routine:
     entry: Spot = field(default_factory=Spot)
     template: Frame = field(default_factory=lambda: [None] * FIRST_SLOT)
     elements: int = 0
+    publics: dict[str, tuple[PublicVariable, Variable]] = field(default_factory=dict)
+
+    def public(self, key: str, variable: PublicVariable) -> Variable:
+        """Return a Public variable as a variable of this routine: an array, or a reference to the value."""
+        if key not in self.publics:
+            own = Variable(variable.name, variable.type, self.new_slot(), variable.sizes, by_ref=not variable.sizes)
+            self.publics[key] = variable, own
+        return self.publics[key][1]
 
     def new_slot(self, default: AnyValue = None) -> int:
         """Reserve a slot in the frame and return its index."""
@@ -119,6 +150,7 @@ class Routine:
     def _framer(self) -> Callable[[Any, Any], Frame]:
         template = self.template
         arrays = [(one.slot, one.type.default, math.prod(one.sizes)) for one in self.variables.values() if one.sizes]
+        publics = [(own.slot, one.place, bool(one.sizes)) for one, own in self.publics.values()]
 
         def frame(world: Any, machine: Any) -> Frame:
             new = template.copy()
@@ -126,6 +158,8 @@ class Routine:
             new[1] = machine
             for slot, default, count in arrays:
                 new[slot] = [default] * count
+            for slot, place, is_array in publics:
+                new[slot] = machine.publics[place] if is_array else (machine.publics, place)
             return new
 
         return frame
@@ -137,6 +171,7 @@ class Scope:
     def __init__(self) -> None:
         self.routines: dict[str, Routine] = {}
         self.shared: dict[str, AnyValue] = {}
+        self.publics: dict[str, PublicVariable] = {}
         self.routine: Routine | None = None
 
     @property
@@ -172,7 +207,8 @@ class Scope:
         key = name.key
         taken = key in routine.variables or key in routine.constants
         own = routine.result is None and key == routine.name.key  # a Function's result is a variable with its name
-        self._reject_duplicate(name, taken or (key in self.routines and not own) or key in self.shared)
+        shared = key in self.shared or key in self.publics
+        self._reject_duplicate(name, taken or (key in self.routines and not own) or shared)
         routine.elements += math.prod(sizes) if sizes else 0
         if routine.elements > MAX_ELEMENTS:
             raise CompileError(
@@ -187,6 +223,27 @@ class Scope:
         routine.variables[key] = variable
         return variable
 
+    def add_public(self, name: Name, kind: TypeOf, value: AnyValue, sizes: tuple[int, ...] = ()) -> None:
+        """Add a variable of the whole program.
+
+        Raises:
+            CompileError: If the name is already declared or not allowed, or if the arrays have too many elements.
+        """
+        self.check_name(name)
+        key = name.key
+        self._reject_duplicate(name, key in self.publics or key in self.routines or key in self.shared)
+        total = sum(math.prod(one.sizes) for one in self.publics.values() if one.sizes)
+        if sizes and total + math.prod(sizes) > MAX_ELEMENTS:
+            raise CompileError(
+                tr(
+                    "{name}: the Public arrays of a program may have at most {most} elements in total",
+                    name=name.text,
+                    most=MAX_ELEMENTS,
+                ),
+                name.at,
+            )
+        self.publics[key] = PublicVariable(name.text, kind, len(self.publics), value, sizes)
+
     def add_constant(self, name: Name, value: AnyValue) -> None:
         """Add a constant to the Sub or Function that is being compiled, or a global constant outside of them.
 
@@ -196,12 +253,18 @@ class Scope:
         self.check_name(name)
         routine = self.routine
         taken = routine is not None and (name.key in routine.variables or name.key in routine.constants)
-        self._reject_duplicate(name, taken or name.key in self.routines or name.key in self.shared)
+        shared = name.key in self.shared or name.key in self.publics
+        self._reject_duplicate(name, taken or name.key in self.routines or shared)
         (self.shared if routine is None else routine.constants)[name.key] = value
 
     def variable(self, key: str) -> Variable | None:
-        """Return a local variable, or None if no variable has this name."""
-        return self.routine.variables.get(key) if self.routine else None
+        """Return a local or Public variable, or None if no variable has this name."""
+        if self.routine is None:
+            return None
+        own = self.routine.variables.get(key)
+        if own is None and key in self.publics and key not in self.routine.constants:
+            return self.routine.public(key, self.publics[key])
+        return own
 
     def constant(self, key: str) -> AnyValue:
         """Return a constant, or None if no constant has this name."""

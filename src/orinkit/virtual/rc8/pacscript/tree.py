@@ -172,10 +172,11 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Declare:
-    """``Dim a As Integer, b(3) As Position``."""
+    """``Dim a As Integer, b(3) As Position``; ``public`` is True for ``Public a As Integer``."""
 
     at: Place
     items: tuple[Declared, ...]
+    public: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from orinkit.values.types import ARRAY, EMPTIES, VARIANT_ARRAY, VarType
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.variables import conversion
 
-_MOST_ELEMENTS: Final = 64  # maximum number of elements of an array; no command has as many
+MOST_ELEMENTS: Final = 64
+"""Maximum number of elements of an array; only values of Public variables have more."""
 _LONGEST: Final = 1024  # maximum length of a string that is not a pose, in characters
 
 
@@ -24,8 +25,8 @@ def elements(parameter: Variant) -> list[Variant]:
     Raises:
         CallError: E_INVALIDARG if the array has more elements than any command accepts.
     """
-    if parameter.type & ARRAY and len(parameter.value) > _MOST_ELEMENTS:
-        raise _count(len(parameter.value), 0, _MOST_ELEMENTS)
+    if parameter.type & ARRAY and len(parameter.value) > MOST_ELEMENTS:
+        raise _count(len(parameter.value), 0, MOST_ELEMENTS)
     if parameter.type == VARIANT_ARRAY:
         return [each if isinstance(each, Variant) else Variant(VarType.EMPTY) for each in parameter.value]
     if parameter.type & ARRAY:

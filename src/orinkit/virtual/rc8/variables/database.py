@@ -132,6 +132,19 @@ class VariableDatabase:
             raise self._not_written(error) from error
         self._watch.note_size()
 
+    def delete_from(self, kind: str, index: int) -> None:
+        """Delete the values of a class from an index on.
+
+        Raises:
+            CallError: E_FAIL if the file cannot be changed.
+        """
+        self._ensure_file()
+        try:
+            self._connection.execute("DELETE FROM variable WHERE class = ? AND number >= ?", (kind, index))
+        except sqlite3.Error as error:
+            logger.error("%s: %s", self.path, error)  # noqa: TRY400 - the traceback does not help
+            raise self._not_written(error) from error
+
     def _ensure_file(self) -> None:
         """Check that the open file is intact and still exists; if only its directory exists, create the file again.
 

@@ -18,7 +18,10 @@ DEFAULT_COUNT: Final = 100
 DEFAULT_IO_POINTS: Final = 512
 _MOST: Final = 2**31 - 1  # @VAR_x_LEN is VT_I4
 _MOST_IO_POINTS: Final = 65536
-_SIGNED_FORMATS: Final = {8: "<B", 16: "<h", 32: "<i"}
+MOST_RESIZED: Final = 65536
+"""Largest count that a client can set; poses of motions have numbers up to 65535 (provider guide, appendix B)."""
+_LENGTH: Final = "@VAR_{}_LEN"  # class of the row in which a changed count is stored
+_SIGNED_FORMATS: Final = {8: "<b", 16: "<h", 32: "<i"}
 _UNSIGNED_FORMATS: Final = {8: "<B", 16: "<H", 32: "<I"}
 
 
@@ -44,6 +47,7 @@ class VariableTable:
         now: Callable[[], datetime],
     ) -> None:
         self.counts = _read_counts(counts or {})
+        self._fixed = {name.strip().upper() for name in counts or {}}
         self.io_points = _within(io_points, "IO", _MOST_IO_POINTS)
         self._store = store
         self._now = now
@@ -130,6 +134,25 @@ class VariableTable:
         self._points ^= changed << first
         self._written.update({("IO", number): written for number in numbers})
 
+    def resize(self, name: str, count: int) -> None:
+        """Change the number of variables of a class; values beyond the new number are deleted.
+
+        Raises:
+            CallError: VALUE_OUT_OF_RANGE; E_FAIL if the change cannot be saved.
+        """
+        if not 0 <= count <= MOST_RESIZED:
+            raise error_for(
+                hresult.VALUE_OUT_OF_RANGE,
+                tr("the count of {name} must be 0 to {most}, not {count}", name=name, most=MOST_RESIZED, count=count),
+            )
+        if self._store is not None:
+            self._store.delete_from(name, count)
+        self._save(_LENGTH.format(name), {0: count}, self._now())
+        for key in [key for key in self._values if key[0] == name and key[1] >= count]:
+            del self._values[key]
+            del self._written[key]
+        self.counts[name] = count
+
     def close(self) -> None:
         """Close the store."""
         if self._store is not None:
@@ -146,7 +169,12 @@ class VariableTable:
             self._store.save(kind, values, written)
 
     def _load(self, store: VariableDatabase) -> None:
-        for row in store.rows():
+        rows = store.rows()
+        lengths = {_LENGTH.format(name): name for name in self.counts if name not in self._fixed}
+        for row in rows:
+            if row.kind in lengths and type(row.value) is int and 0 <= row.value <= MOST_RESIZED:
+                self.counts[lengths[row.kind]] = row.value
+        for row in rows:
             if not 0 <= row.index < self._count(row.kind):
                 continue  # this controller does not have the variable: leave it in the file
             value = _stored_value(store, row)

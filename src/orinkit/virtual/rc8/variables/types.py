@@ -44,6 +44,14 @@ class VariableClass:
 _P_DEFAULT: Final = (0.0,) * 6 + (-1.0,)
 _T_DEFAULT: Final = (0.0,) * 9 + (-1.0,)
 _I4: Final = conversion.whole_within(-(2**31), 2**31 - 1)
+_BYTE: Final = conversion.whole_within(-(2**7), 2**8 - 1)
+
+
+def _signed_byte(given: Variant) -> int:
+    """Return the value of 8 I/O points as VT_I1; programs also write 128 to 255."""
+    value = _BYTE(given)
+    return value - 2**8 if value >= 2**7 else value
+
 
 CLASSES: Final[dict[str, VariableClass]] = {
     kind.name: kind
@@ -60,7 +68,7 @@ CLASSES: Final[dict[str, VariableClass]] = {
                       N_("transform X, Y, Z in mm, orient and approach vectors, Fig")),
         VariableClass("S", VarType.BSTR, conversion.string, "", N_("string of up to 255 bytes")),
         VariableClass("IO", VarType.BOOL, conversion.boolean, False, N_("I/O point"), 1),
-        VariableClass("IOB", VarType.UI1, conversion.whole_within(0, 255), 0, N_("8 I/O points"), 8),
+        VariableClass("IOB", VarType.I1, _signed_byte, 0, N_("8 I/O points"), 8),
         VariableClass("IOW", VarType.I2, conversion.whole_within(-(2**15), 2**15 - 1), 0,
                       N_("16 I/O points"), 16),
         VariableClass("IOD", VarType.I4, _I4, 0, N_("32 I/O points"), 32),
@@ -90,7 +98,10 @@ def io_area(point: int) -> str:
     return N_("reserved")
 
 
-_NAME: Final = re.compile(rf"({'|'.join(sorted(CLASSES, key=len, reverse=True))})(\*|[0-9]+)", re.IGNORECASE)
+_NAME: Final = re.compile(
+    rf"({'|'.join(sorted(CLASSES, key=len, reverse=True))})(?:\[(\*|[0-9]+)\]|(\*|[0-9]+))(_[0-9]+)?",
+    re.IGNORECASE | re.ASCII,
+)
 _DIGITS: Final = 10
 _BEYOND: Final = 10**_DIGITS
 
@@ -104,12 +115,17 @@ class VariableName:
 
 
 def read_name(text: str) -> VariableName | None:
-    """Parse a name such as ``I1``, ``io128`` or ``P*``; return ``None`` if it is not a name of a user variable."""
+    """Parse a name such as ``I1``, ``io[128]``, ``P*`` or ``P*_2``; return ``None`` for other names.
+
+    The number behind the underscore only distinguishes several variables with ``*``.
+    """
     found = _NAME.fullmatch(text.strip())
     if not found:
         return None
-    kind, digits = CLASSES[found[1].upper()], found[2]
+    kind, digits = CLASSES[found[1].upper()], found[2] or found[3]
     if digits == "*":
         return VariableName(kind, None)
+    if found[4]:
+        return None
     digits = digits.lstrip("0") or "0"
     return VariableName(kind, int(digits) if len(digits) <= _DIGITS else _BEYOND)
