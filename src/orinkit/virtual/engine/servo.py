@@ -240,9 +240,13 @@ class ControlLog:
         """Record until the log has received as many further records as it can hold."""
         self.running, self._left = True, self._records.maxlen
 
+    def empty(self) -> None:
+        """Delete all records; recording continues or remains off."""
+        self._records.clear()
+
     def clear(self) -> None:
         """Delete all records, and record into a ring buffer."""
-        self._records.clear()
+        self.empty()
         self.running, self._left = True, None
 
     def add(self, take: Callable[[], ServoSample], cycle: int, tool: int, work: int) -> None:

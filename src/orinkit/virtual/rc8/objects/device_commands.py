@@ -127,7 +127,7 @@ def _start_servo_log(caller: ClientContext, _: Variant) -> None:
 
 def _clear_servo_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    caller.state.arm.hardware.servo_log.clear()
+    caller.state.arm.hardware.servo_log.empty()
 
 
 def _stop_servo_log(caller: ClientContext, _: Variant) -> Deferred[None] | None:
