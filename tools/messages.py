@@ -13,6 +13,7 @@ a translation differ from those of the message, if only one of both contains a r
 
 from __future__ import annotations
 
+import ast
 import io
 import re
 import string
@@ -23,7 +24,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from babel.messages.catalog import Catalog, Message
-from babel.messages.extract import extract_from_file
 from babel.messages.mofile import write_mo
 from babel.messages.pofile import read_po, write_po
 
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "orinkit"
 PO = SOURCE / "locale" / "ja" / "LC_MESSAGES" / "orinkit.po"
 MO = PO.with_suffix(".mo")
-KEYWORDS = {"tr": None, "N_": None, "say": None}
+KEYWORDS = frozenset({"tr", "N_", "say"})
 GENERATED = "_sync"
 DATE = datetime(2026, 11, 23, tzinfo=UTC)  # in the header; constant, so that only new messages change the file
 PERCENT = re.compile(r"%[-+ #0]*[0-9.]*[a-zA-Z]")
@@ -52,10 +52,22 @@ def extracted() -> Catalog:
     for path in sorted(SOURCE.rglob("*.py")):
         if GENERATED in path.parts:
             continue
-        for _, message, _, _ in extract_from_file("python", path, keywords=KEYWORDS):
-            if isinstance(message, str) and message:
-                found.add(message, locations=[(path.relative_to(ROOT).as_posix(), 0)])
+        for message in messages_of(ast.parse(path.read_text(encoding="utf-8"))):
+            found.add(message, locations=[(path.relative_to(ROOT).as_posix(), 0)])
     return found
+
+
+def messages_of(node: ast.AST) -> Iterator[str]:
+    """Return the messages in a syntax tree, in the order of the source.
+
+    Babel's extractor does not find messages within f-strings on Python 3.11.
+    """
+    match node:
+        case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[ast.Constant(value=str(text)), *_]):
+            if name in KEYWORDS and text:
+                yield text
+    for child in ast.iter_child_nodes(node):
+        yield from messages_of(child)
 
 
 def current() -> Catalog:

@@ -78,9 +78,9 @@ def motor_on(page: Any) -> None:
 def enable_jogging(page: Any) -> None:
     """Enable jogging, on the page Arm."""
     motor_on(page)
-    if page.locator('[data-jog="1+"][aria-disabled="true"]').count():
+    if page.locator('[data-hold="1+"][aria-disabled="true"]').count():
         page.get_by_test_id("jog-enable").click()
-    page.locator('[data-jog="1+"][aria-disabled="false"]').wait_for()
+    page.locator('[data-hold="1+"][aria-disabled="false"]').wait_for()
 
 
 def rest(page: Any) -> None:
@@ -133,9 +133,9 @@ def _jogged(visit: Visit) -> Iterator[None]:
             raise NotShownError(visit.by("jog-message").inner_text())
     finally:
         page.mouse.up()
-        if page.locator('[data-jog="1+"][aria-disabled="false"]').count():
+        if page.locator('[data-hold="1+"][aria-disabled="false"]').count():
             visit.by("jog-enable").click()
-            page.locator('[data-jog="1+"][aria-disabled="true"]').wait_for()
+            page.locator('[data-hold="1+"][aria-disabled="true"]').wait_for()
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import urlencode
 
 from PIL import Image, ImageColor
-from playwright.sync_api import TimeoutError as PageTimeout
+from playwright.sync_api import Error as PageError
 from playwright.sync_api import sync_playwright
 
 from orinkit.core.i18n import Language, translate
@@ -185,12 +185,20 @@ class Studio:
         for attempt in range(1, _ATTEMPTS + 1):
             try:
                 with self.page(shot.path, dark=shot.dark, phone=shot.phone) as page:
-                    self._fill_and_take(page, shot, attempt)
-            except NotShownError as error:
-                print(f"{shot.name}.{self.language}: attempt {attempt}: {error}", flush=True)
+                    self._try(page, shot, attempt)
+            except (NotShownError, PageError) as error:  # the page is loaded again if it was not heard
+                print(f"{shot.name}.{self.language}: attempt {attempt}: {error}".splitlines()[0], flush=True)
             else:
                 return
         self.failed.append(f"{shot.name}.{self.language}")
+
+    def _try(self, page: Any, shot: Shot, attempt: int) -> None:
+        try:
+            self._fill_and_take(page, shot, attempt)
+        except PageError:
+            FAILED.parent.mkdir(exist_ok=True)
+            page.screenshot(path=FAILED)
+            raise
 
     def _fill_and_take(self, page: Any, shot: Shot, attempt: int) -> None:
         page.wait_for_timeout(_SETTLE)
@@ -200,13 +208,8 @@ class Studio:
         if fill is None:
             self._store(page, shot)
             return
-        try:
-            with fill(visit):
-                self._store(page, shot)
-        except PageTimeout as error:
-            FAILED.parent.mkdir(exist_ok=True)
-            page.screenshot(path=FAILED)
-            raise NotShownError(f"{error}".splitlines()[0] + f" ({FAILED})") from None
+        with fill(visit):
+            self._store(page, shot)
 
     def _fit(self, page: Any, shot: Shot) -> None:
         """Make the window as high as the page."""
@@ -228,21 +231,28 @@ class Studio:
     def film(self) -> None:
         """Record the page Arm while the arm is jogged."""
         for attempt in range(1, _ATTEMPTS + 1):
-            with self.page("/arm") as page:
-                page.set_viewport_size({"width": _FILM[0], "height": _FILM[1]})
-                page.add_init_script(_POINTER)
-                page.reload()
-                move_home(Visit(page, self.language, attempt, self.page, self._folder))
-                page.bring_to_front()
-                frames = record(page)
-                if page.locator(".ok-jog-notice").count():
-                    print(f"jogging.{self.language}: attempt {attempt}: jogging was interrupted", flush=True)
-                    continue
+            try:
+                frames = self._record(attempt)
+            except (NotShownError, PageError) as error:
+                print(f"jogging.{self.language}: attempt {attempt}: {error}".splitlines()[0], flush=True)
+                continue
             path = PICTURES / f"jogging.{self.language}.webp"
             store_film(frames, path)
             print(f"{path.name}: {len(frames)} frames, {path.stat().st_size / 1000:.0f} kB", flush=True)
             return
         self.failed.append(f"jogging.{self.language}")
+
+    def _record(self, attempt: int) -> list[Frame]:
+        with self.page("/arm") as page:
+            page.set_viewport_size({"width": _FILM[0], "height": _FILM[1]})
+            page.add_init_script(_POINTER)
+            page.reload()
+            move_home(Visit(page, self.language, attempt, self.page, self._folder))
+            page.bring_to_front()
+            frames = record(page)
+            if page.locator(".ok-jog-notice").count():
+                raise NotShownError(page.get_by_test_id("jog-message").inner_text())
+            return frames
 
     def close(self) -> None:
         """Close the pages."""

@@ -7,11 +7,13 @@ from dataclasses import replace
 import pytest
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Close, EndSession, Execute, Send
 from orinkit.bcap.duplicate_filter import MEMORY
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM
-from orinkit.bcap.server import Close, EndSession, Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao.dialect import VE026A
+from orinkit.cao.functions import robot_halt
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import Variant, VarType, variant
@@ -56,6 +58,11 @@ class Line:
         assert isinstance(action, Send)
         return self.read(action.data)
 
+    def finish(self, call, result=1):
+        """Finish a call; return its reply, and the calls that have waited for it."""
+        reply = self.read(self.server.finish(call, 0, variant(result)))
+        return reply, list(self.server.resume(self.now))
+
 
 @pytest.fixture(params=[DATAGRAM, LINE], ids=["udp", "serial"])
 def line(request):
@@ -88,8 +95,10 @@ def test_serial_0_is_a_valid_number(line):
     assert line.executed(1, 0, CALL, 3, result=43) == Packet(1, 0, [43])
     call = line.execute(0, 0, CALL, 4)
     assert line.reply(0, 0, CALL, 4) == Packet(0, hresult.S_EXECUTING)
-    assert line.reply(1, 1, CALL, 5) == Packet(1, hresult.E_BUSY_PROC)
-    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(0, 0, [1])
+    assert line.ask(1, 1, CALL, 5) == []
+    reply, (waited,) = line.finish(call)
+    assert reply == Packet(0, 0, [1])
+    assert line.finish(waited, 2) == (Packet(1, 0, [2]), [])
 
 
 def test_the_first_service_start_has_serial_0(line):
@@ -101,20 +110,43 @@ def test_the_first_service_start_has_serial_0(line):
 def test_a_retry_during_the_call(line):
     call = line.execute(5, 5, CALL, 3)
     assert line.reply(6, 5, CALL, 3) == Packet(6, hresult.S_EXECUTING)
-    assert line.reply(9, 9, CALL, 4) == Packet(9, hresult.E_BUSY_PROC)
-    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(6, 0, [1]), (
-        "the reply has the serial of the latest attempt"
-    )
-    assert line.reply(10, 9, CALL, 4) == Packet(10, hresult.E_BUSY_PROC), "the same reply as to its first attempt"
-    assert line.executed(11, 11, CALL, 4, result=2) == Packet(11, 0, [2])
+    assert line.ask(9, 9, CALL, 4) == [], "it waits"
+    assert line.reply(10, 9, CALL, 4) == Packet(10, hresult.S_EXECUTING)
+    reply, (waited,) = line.finish(call)
+    assert reply == Packet(6, 0, [1]), "the reply has the serial of the latest attempt"
+    assert line.finish(waited, 2) == (Packet(10, 0, [2]), [])
+    assert line.reply(11, 9, CALL, 4) == Packet(11, 0, [2])
+    assert line.executed(12, 12, CALL, 4, result=2) == Packet(12, 0, [2])
+
+
+def test_requests_of_a_lossy_transport_wait_in_order(line):
+    call = line.execute(5, 5, CALL, 3)
+    assert [line.ask(serial, serial, CALL, serial) for serial in (6, 7)] == [[], []]
+    assert line.reply(8, 6, CALL, 6) == Packet(8, hresult.S_EXECUTING)
+    _, (second,) = line.finish(call)
+    assert second.arguments == [variant(6)]
+    assert line.reply(9, 7, CALL, 7) == Packet(9, hresult.S_EXECUTING)
+    reply, (third,) = line.finish(second)
+    assert reply.serial == 8
+    assert third.arguments == [variant(7)]
+    assert line.finish(third) == (Packet(9, 0, [1]), [])
+
+
+def test_a_stop_over_a_lossy_transport_does_not_wait(line):
+    call = line.execute(5, 5, CALL, 3)
+    stop = line.execute(6, 6, robot_halt.id, 3)
+    assert line.reply(7, 6, robot_halt.id, 3) == Packet(7, hresult.S_EXECUTING)
+    assert line.read(line.server.finish(stop, 0, None)) == Packet(7, 0)
+    assert line.reply(8, 6, robot_halt.id, 3) == Packet(8, 0)
+    assert line.finish(call) == (Packet(5, 0, [1]), [])
 
 
 @pytest.mark.parametrize("number", [5, 0])
 def test_another_request_with_the_number_of_the_call_in_progress(line, number):
     """It is refused, and not confused with the request in progress."""
     call = line.execute(number, number, CALL, 3)
-    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
-    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC)
+    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC, [None])
+    assert line.reply(number, number, CALL, 4) == Packet(number, hresult.E_BUSY_PROC, [None])
     assert line.reply(number, number, CALL, 3) == Packet(number, hresult.S_EXECUTING)
     assert line.read(line.server.finish(call, 0, variant(1))) == Packet(number, 0, [1])
     assert line.reply(number, number, CALL, 3) == Packet(number, 0, [1])
@@ -127,7 +159,7 @@ def test_another_request_with_the_number_of_the_call_in_progress(line, number):
 def test_an_error_reply_is_stored_too(line):
     call = line.execute(5, 5, CALL, 3)
     line.server.finish(call, 0x80070006, None)
-    assert line.reply(6, 5, CALL, 3) == Packet(6, 0x80070006)
+    assert line.reply(6, 5, CALL, 3) == Packet(6, 0x80070006, [None])
 
 
 @pytest.mark.parametrize("body", [{"function": 7}, {"arguments": (4,)}])
@@ -158,10 +190,10 @@ def test_the_age_of_a_time_out_counts_from_its_reply(line):
     line = Line(line.wire, invoke_timeout=MEMORY)
     call = line.execute(5, 0, CALL, 3)
     line.now += MEMORY
-    assert line.read(line.server.tick(line.now)) == Packet(5, hresult.E_TIMEOUT)
+    assert line.read(line.server.tick(line.now)) == Packet(5, hresult.E_TIMEOUT, [None])
     assert line.server.finish(call, 0, variant(1)) == b""
     line.now += MEMORY - 1
-    assert line.reply(5, 0, CALL, 3) == Packet(5, hresult.E_TIMEOUT)
+    assert line.reply(5, 0, CALL, 3) == Packet(5, hresult.E_TIMEOUT, [None])
 
 
 def test_a_retry_after_a_time_out_of_the_server():
@@ -181,7 +213,7 @@ def test_the_watchdog_uses_the_latest_serial(line):
 
 def test_a_refused_request_is_refused_again(line):
     assert line.reply(5, 5, CALL, *[1] * 9).code == hresult.E_INVALIDARG
-    assert line.reply(6, 5, CALL, *[1] * 9) == Packet(6, hresult.E_INVALIDARG)
+    assert line.reply(6, 5, CALL, *[1] * 9) == Packet(6, hresult.E_INVALIDARG, [None])
     assert line.reply(7, 7, 200, *[1] * 9).code == hresult.E_NOTIMPL
 
 
@@ -337,27 +369,32 @@ def test_an_immediate_service_start_with_other_options(line):
 def test_a_service_start_in_between_over_udp():
     line = Line(DATAGRAM)
     line.executed(1, 1, 1, result=None)
-    line.execute(2, 2, CALL, 3)
-    assert line.reply(3, 3, 1).code == hresult.E_BUSY_PROC
+    call = line.execute(2, 2, CALL, 3)
+    assert line.ask(3, 3, 1) == []
+    _, (start,) = line.finish(call)
+    assert start.function_id == 1
 
 
 def test_a_service_start_with_the_number_of_the_call_in_progress():
     """An old client on UDP whose numbers do not increase: refused when busy, and executed when repeated."""
     line = Line(DATAGRAM)
     call = line.execute(70, 0, CALL, 3)
-    assert line.reply(3, 0, CALL, 4) == Packet(3, hresult.E_BUSY_PROC)
-    assert line.reply(70, 0, 1) == Packet(70, hresult.E_BUSY_PROC)
-    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(70, 0, [1])
+    assert line.ask(3, 0, CALL, 4) == []
+    assert line.reply(70, 0, 1) == Packet(70, hresult.E_BUSY_PROC, [None])
+    reply, (waited,) = line.finish(call)
+    assert reply == Packet(70, 0, [1])
+    line.finish(waited)
     assert line.executed(70, 0, 1, result=None) == Packet(70, 0)
 
 
 def test_a_refused_service_start_does_not_start_a_session_later():
-    line = Line(DATAGRAM)
+    line = Line(DATAGRAM, invoke_timeout=1.0)
     line.executed(1, 1, 1, result=None)
     call = line.execute(2, 2, CALL, 3)
+    assert line.read(line.server.tick(line.now + 1.0)).code == hresult.E_TIMEOUT
     assert line.reply(3, 3, 1).code == hresult.E_BUSY_PROC
     assert line.ask(3, 3, 1, "WDT=100") == []
-    assert line.read(line.server.finish(call, 0, variant(1))) == Packet(2, 0, [1])
+    assert line.server.finish(call, 0, variant(1)) == b""
 
 
 def test_late_packets_after_service_stop_create_no_client(line):
@@ -397,26 +434,26 @@ def test_a_service_start_over_udp_resets_nothing():
 
 def test_a_datagram_that_is_too_long_is_refused():
     line = Line(DATAGRAM)
-    assert line.reply(5, 5, 111, "x" * 400) == Packet(5, hresult.E_PACKETSIZEOVER)
+    assert line.reply(5, 5, 111, "x" * 400) == Packet(5, hresult.E_PACKETSIZEOVER, [None])
 
 
 def test_a_reply_that_is_too_long_for_a_datagram():
     line = Line(DATAGRAM)
-    body = 488 - 14  # UTF-16 text without its length fields
+    body = 487 - 14  # UTF-16 text without its length fields
     assert len(line.executed(5, 5, CALL, 3, result="x" * (body // 2)).arguments[0]) == body // 2
-    assert line.executed(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA)
+    assert line.executed(6, 6, CALL, 3, result="x" * (body // 2 + 1)) == Packet(6, hresult.E_TOO_MUCH_DATA, [None])
 
 
 def test_a_wrong_checksum_on_a_serial_line():
     line = Line(LINE, limits=PacketLimits(packet=200))
     assert line.executed(5, 5, CALL, 3, result="x" * 84).arguments == ["x" * 84]
-    assert line.executed(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA)
+    assert line.executed(6, 6, CALL, 3, result="x" * 85) == Packet(6, hresult.E_TOO_MUCH_DATA, [None])
 
 
 def test_an_announced_request_that_is_too_long():
     line = Line(LINE)
     (action,) = list(line.server.receive(packet.HEADER.pack(1, 1 << 24, 5, 5, 64, 3), NOW))
-    assert line.read(action.data) == Packet(0, hresult.E_PACKETSIZEOVER)
+    assert line.read(action.data) == Packet(0, hresult.E_PACKETSIZEOVER, [None])
     assert line.executed(6, 6, CALL, 3).arguments == [42]
 
 

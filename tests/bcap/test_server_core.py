@@ -9,8 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Close, Decode, Encoded, Execute, Send
+from orinkit.bcap.call_queue import MOST_BESIDE, MOST_BYTES, MOST_WAITING
+from orinkit.bcap.client import sign_of_life
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import LARGE, Close, Decode, Encoded, Execute, Send, ServerConversation
+from orinkit.bcap.server import LARGE, ServerConversation
+from orinkit.cao.dialect import RC8_STRICT
+from orinkit.cao.functions import (
+    command_cancel,
+    controller_execute,
+    extension_execute,
+    robot_execute,
+    robot_halt,
+    robot_hold,
+    task_stop,
+)
 from orinkit.core import hresult
 from orinkit.values.codec import PacketLimits, encode
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
@@ -99,7 +112,7 @@ def test_results_of_every_kind():
         (0, None, []),
         (0, Variant(VarType.EMPTY), [None]),
         (hresult.S_BUF_FULL, variant([1.0]), [[1.0]]),
-        (hresult.E_HANDLE, None, []),
+        (hresult.E_HANDLE, None, [None]),
     ]:
         call = executed(server, request(9, 64, 3, "x", None))
         assert packet.decode(server.finish(call, code, result)) == Packet(9, code, arguments)
@@ -151,7 +164,7 @@ def test_packets_and_calls_are_counted():
 
 
 def test_the_refusal_of_a_packet():
-    assert packet.decode(ServerConversation().packet_too_long_reply()) == Packet(0, hresult.E_PACKETSIZEOVER)
+    assert packet.decode(ServerConversation().packet_too_long_reply()) == Packet(0, hresult.E_PACKETSIZEOVER, [None])
 
 
 def test_several_requests_at_once_are_executed_in_order():
@@ -174,22 +187,125 @@ def test_a_client_that_stops_reading_loses_no_request():
 # --- busy -------------------------------------------------------------------------------------------------------------
 
 
-def test_a_second_call_is_refused_and_the_first_continues():
+def finished(server, call, result=None):
+    """Finish a call; return its reply, and the calls that have waited for it."""
+    return packet.decode(server.finish(call, 0, result)), list(server.resume(NOW))
+
+
+@pytest.mark.guide("App. C two calls of one connection at a time")
+def test_calls_are_executed_in_their_order():
     server = ServerConversation()
     first = executed(server, request(1, 72, 3, 1, "P1", ""))
-    assert answered(server, request(2, 101, 3)) == Packet(2, hresult.E_BUSY_PROC)
-    assert answered(server, request(3, 1, "WDT=400")) == Packet(3, hresult.E_BUSY_PROC)
+    assert list(server.receive(request(2, 101, 3), NOW)) == []
+    assert list(server.receive(request(3, 1, "WDT=400"), NOW)) == []
     assert server.wdt is None
-    assert server.busy
-    assert packet.decode(server.finish(first, 0, None)) == Packet(1, 0)
+    assert server.has_queued
+    reply, (second,) = finished(server, first)
+    assert (reply, second.serial) == (Packet(1, 0), 2)
+    reply, (third,) = finished(server, second, variant(5))
+    assert (reply, third.serial) == (Packet(2, 0, [5]), 3)
+    assert server.wdt == 0.4
+    assert finished(server, third) == (Packet(3, 0), [])
+    assert not server.busy
+    assert not server.has_queued
     assert executed(server, request(4, 101, 3)).serial == 4
 
 
-def test_the_rest_of_a_burst_is_busy():
+def test_a_call_that_arrives_before_the_waiting_ones_are_executed_waits_too():
     server = ServerConversation()
-    execute, *others = list(server.receive(request(1, 2) + request(2, 2) + request(3, 2), NOW))
-    assert isinstance(execute, Execute)
-    assert [packet.decode(each.data) for each in others] == [Packet(n, hresult.E_BUSY_PROC) for n in (2, 3)]
+    first = executed(server, request(1, 72, 3, 1, "P1", ""))
+    assert list(server.receive(request(2, 101, 3), NOW)) == []
+    server.finish(first, 0, None)
+    assert list(server.receive(request(3, 101, 3), NOW)) == []
+    (second,) = server.resume(NOW)
+    assert second.serial == 2
+    _, (third,) = finished(server, second, variant(1))
+    assert third.serial == 3
+
+
+def test_the_waiting_requests_are_limited():
+    server = ServerConversation()
+    executed(server, request(1, 72, 3, 1, "P1", ""))
+    waiting = b"".join(request(serial, 101, 3) for serial in range(2, 2 + MOST_WAITING))
+    assert list(server.receive(waiting, NOW)) == []
+    assert answered(server, request(99, 101, 3)) == Packet(99, hresult.E_BUSY_PROC, [None])
+
+
+def test_the_bytes_of_waiting_requests_are_limited():
+    server = ServerConversation()
+    executed(server, request(1, 72, 3, 1, "P1", ""))
+    assert answered(server, request(2, 102, 3, bytes(MOST_BYTES))) == Packet(2, hresult.E_BUSY_PROC, [None])
+    assert list(server.receive(request(3, 102, 3, bytes(1000)), NOW)) == []
+
+
+@pytest.mark.guide("App. C two calls of one connection at a time")
+@pytest.mark.parametrize(
+    "stop",
+    [
+        (robot_halt.id, 4),
+        (robot_hold.id, 4, ""),
+        (task_stop.id, 4, 1, ""),
+        (command_cancel.id, 4),
+        (controller_execute.id, 4, "KillAll", [0]),
+        (robot_execute.id, 4, "MotionSkip"),
+        (extension_execute.id, 4, "stop"),
+    ],
+    ids=str,
+)
+def test_a_stop_does_not_wait(stop):
+    server = start("WDT=100")
+    move = executed(server, request(1, 72, 3, 1, "P1", ""))
+    halt = executed(server, request(2, *stop))
+    assert server.is_stop(halt)
+    assert not server.is_stop(move)
+    assert {packet.decode(server.tick(NOW + 0.1)).serial for _ in range(2)} == {1, 2}
+    assert server.tick(NOW + 0.1) == b""
+    assert packet.decode(server.finish(halt, 0, None)) == Packet(2, 0)
+    assert server.busy
+    assert packet.decode(server.finish(move, 0, None)) == Packet(1, 0)
+
+
+def test_a_stop_refuses_the_motions_that_wait():
+    """They would otherwise begin after the stop."""
+    server = ServerConversation()
+    move = executed(server, request(1, 72, 3, 1, "P1", ""))
+    for serial, call in enumerate(((72, 3, 1, "P2", ""), (101, 5), (64, 3, "Draw", [1, "V1"]), (64, 3, "CurPos")), 2):
+        assert list(server.receive(request(serial, *call), NOW)) == []
+    *refused, halt = server.receive(request(6, robot_halt.id, 3), NOW)
+    assert [packet.decode(each.data) for each in refused] == [Packet(n, hresult.E_ABORT, [None]) for n in (2, 4)]
+    server.finish(halt, 0, None)
+    _, (value,) = finished(server, move)
+    assert value.serial == 3
+    _, (position,) = finished(server, value, variant(1))
+    assert position.serial == 5
+
+
+def test_stops_at_the_same_time_are_limited():
+    server = ServerConversation()
+    executed(server, request(1, 72, 3, 1, "P1", ""))
+    for serial in range(2, 2 + MOST_BESIDE):
+        executed(server, request(serial, robot_halt.id, 3))
+    assert answered(server, request(9, robot_halt.id, 3)) == Packet(9, hresult.E_BUSY_PROC, [None])
+
+
+def test_a_sign_of_life_does_not_wait():
+    server = ServerConversation()
+    executed(server, request(1, 72, 3, 1, "P1", ""))
+    (reply,) = server.receive(sign_of_life(3), NOW)
+    assert packet.decode(reply.data) == Packet(0, hresult.E_BUSY_PROC, [None])
+
+
+def test_waiting_requests_are_reported_and_time_out():
+    server = start("WDT=400,InvokeTimeout=1000")
+    executed(server, request(2, 72, 3, 1, "P1", ""))
+    assert list(server.receive(request(3, 101, 3), NOW + 0.2)) == []
+    assert server.next_time() == NOW + 0.4
+    assert packet.decode(server.tick(NOW + 0.6)) == Packet(2, hresult.S_EXECUTING)
+    assert packet.decode(server.tick(NOW + 0.6)) == Packet(3, hresult.S_EXECUTING)
+    assert packet.decode(server.tick(NOW + 1.0)).code == hresult.E_TIMEOUT
+    assert packet.decode(server.tick(NOW + 1.2)) == Packet(3, hresult.E_TIMEOUT, [None])
+    assert not server.has_queued
+    assert server.next_time() is None
 
 
 # --- Service_Start ----------------------------------------------------------------------------------------------------
@@ -202,6 +318,10 @@ def test_the_rest_of_a_burst_is_busy():
         ("", None, 180.0),
         ("WDT=400", 0.4, 180.0),
         ("wdt=81", 0.081, 180.0),
+        ("WDT=80", 0.08, 180.0),
+        ("WDT=x", None, 180.0),
+        ("WDT=", None, 180.0),
+        ("WDT,InvokeTimeout=infinite", None, 180.0),
         (",WDT=400,InvokeTimeout=180000", 0.4, 180.0),
         ("InvokeTimeout=500", None, 0.5),
         ("InvokeTimeout=80", None, 0.08),
@@ -209,6 +329,7 @@ def test_the_rest_of_a_burst_is_busy():
         ("Other=1", None, 180.0),
     ],
 )
+@pytest.mark.field("4.6")
 def test_options(option, wdt, timeout):
     server = start(option)
     assert (server.wdt, server.invoke_timeout) == (wdt, timeout)
@@ -216,16 +337,24 @@ def test_options(option, wdt, timeout):
 
 @pytest.mark.parametrize(
     "option",
-    ["WDT=80", "WDT=0", "WDT=-400", "WDT=x", "WDT", "WDT=", "WDT=1.5", "WDT=2147483648", "InvokeTimeout=79",
-     "InvokeTimeout=0", "InvokeTimeout=x", "InvokeTimeout=2147483648", "InvokeTimeout=1" + "0" * 400,
+    ["WDT=79", "WDT=0", "WDT=-400", "WDT=2147483648", "InvokeTimeout=79",
+     "InvokeTimeout=0", "InvokeTimeout=2147483648", "InvokeTimeout=1" + "0" * 400,
      "WDT=1" + "0" * 400, "WDT=" + "9" * 5000, "WDT=400,InvokeTimeout=1",
      "WDT=400," + "x" * 65536],
 )  # fmt: skip
 def test_refused_options_change_nothing(option):
     """RC8 table 3-1: more than 80 ms."""
     server = start("WDT=400,InvokeTimeout=5000")
-    assert answered(server, request(2, 1, option)) == Packet(2, hresult.E_INVALIDARG)
+    assert answered(server, request(2, 1, option)) == Packet(2, hresult.E_INVALIDARG, [None])
     assert (server.wdt, server.invoke_timeout, server.busy) == (0.4, 5.0, False)
+
+
+@pytest.mark.field("4.6")
+@pytest.mark.parametrize("option", ["WDT=80", "WDT=x", "WDT=", "InvokeTimeout=x"])
+def test_options_that_the_document_does_not_permit(option):
+    """RC8 table 3-1: more than 80 ms."""
+    server = ServerConversation(dialect=RC8_STRICT)
+    assert answered(server, request(2, 1, option)) == Packet(2, hresult.E_INVALIDARG, [None])
 
 
 def test_a_new_start_sets_all_options():
@@ -261,7 +390,7 @@ def test_too_many_arguments_are_refused_without_decoding(function_id, code):
     server = ServerConversation()
     unread = b"".join(encode(Variant(VarType.I4, 1))[:4] + b"\xff" * 10 for _ in range(6))
     frame = packet.pack(9, function_id, 6, unread)
-    assert answered(server, frame) == Packet(9, code)
+    assert answered(server, frame) == Packet(9, code, [None])
 
 
 def test_only_service_start_sets_options():
@@ -298,7 +427,7 @@ def test_without_wdt_nothing_is_sent_until_the_time_out():
     executed(server, request(2, 101, 3))
     assert server.next_time() == NOW + 0.5
     assert server.tick(NOW + 0.499) == b""
-    assert packet.decode(server.tick(NOW + 0.5)) == Packet(2, hresult.E_TIMEOUT)
+    assert packet.decode(server.tick(NOW + 0.5)) == Packet(2, hresult.E_TIMEOUT, [None])
 
 
 def test_after_e_timeout_calls_are_busy_until_the_device_has_finished():
@@ -306,11 +435,11 @@ def test_after_e_timeout_calls_are_busy_until_the_device_has_finished():
     call = executed(server, request(2, 72, 3, 1, "P1", ""))
     assert packet.decode(server.tick(NOW + 0.9)) == Packet(2, hresult.S_EXECUTING)
     assert server.next_time() == NOW + 1.0
-    assert packet.decode(server.tick(NOW + 1.0)) == Packet(2, hresult.E_TIMEOUT)
+    assert packet.decode(server.tick(NOW + 1.0)) == Packet(2, hresult.E_TIMEOUT, [None])
     assert server.next_time() is None
     assert server.tick(NOW + 5.0) == b""
     assert server.busy
-    assert answered(server, request(3, 101, 3), NOW + 5) == Packet(3, hresult.E_BUSY_PROC)
+    assert answered(server, request(3, 101, 3), NOW + 5) == Packet(3, hresult.E_BUSY_PROC, [None])
     assert server.finish(call, 0, variant(5)) == b"", "a reply has been sent"
     assert not server.busy
     after = executed(server, request(4, 101, 3), NOW + 6)
@@ -321,7 +450,7 @@ def test_after_e_timeout_calls_are_busy_until_the_device_has_finished():
 def test_both_due_at_once_is_a_time_out():
     server = start("WDT=400,InvokeTimeout=500")
     executed(server, request(2, 101, 3))
-    assert packet.decode(server.tick(NOW + 10)) == Packet(2, hresult.E_TIMEOUT)
+    assert packet.decode(server.tick(NOW + 10)) == Packet(2, hresult.E_TIMEOUT, [None])
 
 
 def test_each_call_has_its_own_time():
@@ -341,7 +470,7 @@ def test_too_big_a_result():
     assert len(server.finish(executed(server, request(1, 101, 3)), 0, fits)) == 200
     over = variant(bytes(201 - packet.OVERHEAD - 10))
     call = executed(server, request(2, 101, 3))
-    assert packet.decode(server.finish(call, 0, over)) == Packet(2, hresult.E_TOO_MUCH_DATA)
+    assert packet.decode(server.finish(call, 0, over)) == Packet(2, hresult.E_TOO_MUCH_DATA, [None])
     assert not server.busy
 
 
@@ -354,7 +483,7 @@ def test_a_result_that_cannot_be_encoded(caplog):
     for result in (deep, changed):
         server = ServerConversation()
         call = executed(server, request(1, 101, 3))
-        assert packet.decode(server.finish(call, 0, result)) == Packet(1, hresult.E_FAIL)
+        assert packet.decode(server.finish(call, 0, result)) == Packet(1, hresult.E_FAIL, [None])
         assert not server.busy
         assert "cannot encode the result of function 101" in caplog.text
         caplog.clear()
@@ -383,7 +512,7 @@ def test_invalid_arguments_are_answered_and_the_connection_stays_open(count, bod
     if code is None:
         assert executed(server, data).serial == 5
         return
-    assert answered(server, data) == Packet(5, code)
+    assert answered(server, data) == Packet(5, code, [None])
     assert not server.busy
     assert executed(server, request(6, 101, 3)).serial == 6
 
@@ -397,7 +526,7 @@ def test_invalid_arguments_are_answered_and_the_connection_stays_open(count, bod
 )
 def test_limits_inside_a_packet(limits, value, code):
     server = ServerConversation(limits)
-    assert answered(server, request(5, 102, 3, value)) == Packet(5, code)
+    assert answered(server, request(5, 102, 3, value)) == Packet(5, code, [None])
     assert executed(server, request(6, 101, 3)).serial == 6
 
 
@@ -415,7 +544,7 @@ def test_an_invalid_stream_is_answered_and_closed(data, code):
     """VE026A table 3-5: the robot disconnects the client after such a packet."""
     server = ServerConversation()
     send, close = list(server.receive(data, NOW))
-    assert packet.decode(send.data) == Packet(0, code)
+    assert packet.decode(send.data) == Packet(0, code, [None])
     assert isinstance(close, Close)
     assert "packet" in close.reason
     again = list(server.receive(request(1, 2), NOW))
@@ -445,7 +574,7 @@ def test_any_option_is_accepted_or_refused(option):
     server = ServerConversation()
     (action,) = list(server.receive(request(1, 1, option), NOW))
     if isinstance(action, Send):
-        assert packet.decode(action.data) == Packet(1, hresult.E_INVALIDARG)
+        assert packet.decode(action.data) == Packet(1, hresult.E_INVALIDARG, [None])
     assert server.wdt is None or 0.08 < server.wdt <= 2147483.647
     assert 0.08 <= server.invoke_timeout <= 2147483.647
 
@@ -466,7 +595,7 @@ def test_a_large_packet_is_decoded_by_the_caller():
     server = ServerConversation()
     decode = decoding(server, request(3, 102, 5, LONG))
     assert (decode.serial, decode.function_id, server.busy) == (3, 102, True)
-    assert packet.decode(answered_data(server, request(4, 2))).code == hresult.E_BUSY_PROC
+    assert list(server.receive(request(4, 2), NOW)) == [], "it waits"
     (call,) = server.decoded(decode, decode.read(), NOW)
     assert call == Execute(3, 102, [variant(5), variant(LONG)])
     assert packet.decode(server.finish(call, 0, None)) == Packet(3, 0)
@@ -488,7 +617,7 @@ def test_an_invalid_large_packet_is_refused_after_decoding():
     data[39:43] = struct.pack("<I", 2 * LARGE + 2)  # bytes of the text
     decode = decoding(server, bytes(data))
     (answer,) = server.decoded(decode, decode.read(), NOW)
-    assert packet.decode(answer.data) == Packet(3, hresult.E_INVALIDRCVPACKET)
+    assert packet.decode(answer.data) == Packet(3, hresult.E_INVALIDRCVPACKET, [None])
     assert not server.busy
 
 
@@ -512,4 +641,4 @@ def test_a_large_result_is_encoded_by_the_caller():
     call = executed(server, request(4, 101, 5))
     encoded = server.encode(call, variant(bytes(100_000)))
     assert encoded == Encoded(hresult.E_TOO_MUCH_DATA)
-    assert packet.decode(server.finish(call, 0, encoded)) == Packet(4, hresult.E_TOO_MUCH_DATA)
+    assert packet.decode(server.finish(call, 0, encoded)) == Packet(4, hresult.E_TOO_MUCH_DATA, [None])

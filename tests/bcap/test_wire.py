@@ -12,9 +12,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Close, Execute, Send
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Framer, Packet
-from orinkit.bcap.server import Close, Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject
@@ -220,9 +221,9 @@ def test_any_calls_in_any_order_are_each_answered_once(made):
         answer = packet.decode(server.feed(packet.encode(Packet(serial, function.id, list(arguments)))), exact=True)
         assert answer.serial == serial
         if answer.code:
-            assert answer.arguments == []
+            assert [each.type for each in answer.arguments] == [VarType.EMPTY]
         else:
-            assert len(answer.arguments) == (function.result is not None)
+            assert len(answer.arguments) == (function.result is not None or function.method == "execute")
         if function.creates and not answer.code:
             assert answer.arguments[0].value in server.session._entries
     assert not server.closed

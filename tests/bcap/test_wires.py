@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Continue, Execute
 from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
 from orinkit.bcap.serial_framer import LEAST, LineFramer
-from orinkit.bcap.server import Continue, Execute, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.dialect import DIALECTS, VE026A
 from orinkit.cao.functions import FUNCTIONS
@@ -71,9 +72,9 @@ def all_frames(framer, *pieces):
 def test_the_profiles():
     assert [wire.name for wire in (STREAM, DATAGRAM, LINE)] == ["tcp", "udp", "serial"]
     assert (STREAM.tail, DATAGRAM.tail, LINE.tail) == (1, 1, 3)
-    assert DATAGRAM.packet == 504
+    assert DATAGRAM.packet == 503
     assert STREAM.bound(DEFAULT_LIMITS) is DEFAULT_LIMITS
-    assert DATAGRAM.bound(DEFAULT_LIMITS) == PacketLimits(packet=504)
+    assert DATAGRAM.bound(DEFAULT_LIMITS) == PacketLimits(packet=503)
     assert DATAGRAM.bound(PacketLimits(packet=100)).packet == 100
 
 
@@ -101,8 +102,8 @@ def test_a_datagram_is_one_packet_or_nothing():
 
 def test_a_datagram_that_is_too_long_is_reported():
     long = packet.encode(Packet(7, 111, ["x" * 400]))
-    assert len(long) > 504
-    assert DatagramFramer(PacketLimits(packet=504)).feed(long) == long
+    assert len(long) > 503
+    assert DatagramFramer(PacketLimits(packet=503)).feed(long) == long
 
 
 # --- serial lines -----------------------------------------------------------------------------------------------------

@@ -36,10 +36,18 @@ def test_options(arguments: list[Variant], options: ServiceOptions) -> None:
 
 @pytest.mark.parametrize(
     "given",
-    ["WDT=80", "WDT=", "WDT", "WDT=fast", "WDT=2147483648", "InvokeTimeout=79", "InvokeTimeout=-1", "x" * 65536],
+    ["WDT=79", "WDT=2147483648", "InvokeTimeout=79", "InvokeTimeout=-1", "x" * 65536],
 )
 def test_invalid_milliseconds(given: str) -> None:
     with pytest.raises(CallError) as caught:
         read_options(text(given))
     assert caught.value.code == hresult.E_INVALIDARG
     assert caught.value.detail
+
+
+@pytest.mark.parametrize("given", ["WDT=80", "WDT=", "WDT", "WDT=fast", "InvokeTimeout=fast"])
+def test_values_that_only_the_document_refuses(given: str) -> None:
+    assert read_options(text(given)).wdt in (None, 0.08)
+    assert read_options(text(given)).invoke_timeout is None
+    with pytest.raises(CallError):
+        read_options(text(given), strict=True)

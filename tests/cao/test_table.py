@@ -351,10 +351,11 @@ def test_an_annotation_without_a_type_is_refused(hint):
 
 def test_the_names_of_task_modes_and_status():
     """Functions from :mod:`orinkit.rc8.task_modes`."""
-    assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:5] == [
+    assert [str(mode) for mode in (*TaskMode, *TaskStatus)][:6] == [
         "cycle",
         "continuous",
         "step",
+        "step_back",
         "non_existent",
         "suspended",
     ]

@@ -564,7 +564,7 @@ WRONG_BODIES = {
     "VT_I4 that is not a number": b"0x00000000,3,five",
     "VT_I4 that is too large": b"0x00000000,3,2147483648",
     "unknown type": b"0x00000000,99,5",
-    "text without its end": b'0x00000000,8200,"a","b',
+    "text without its end": b"0x00000000,8204,(8,a(b)",
     "too many brackets": b"0x00000000,8204," + b"(" * 100_000,
     "no UTF-8": b"0x00000000,8,\xff",
     "no code": b"good morning",

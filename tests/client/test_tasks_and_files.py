@@ -272,7 +272,7 @@ def test_an_invalid_name_is_refused_immediately(both: Both, controller: Any) -> 
 
 
 @pytest.mark.parametrize("text", ["", "I[1] = 1\r\n", "位置 äö \U0001f916", "\n" * 5000])
-@only("tcp", "serial", "http", because="a datagram takes 488 bytes")
+@only("tcp", "serial", "http", because="a datagram takes 487 bytes")
 def test_text(both: Both, controller: Any, text: str) -> None:
     file = store(both, controller, "note.txt", text)
     assert both.run(file.get_text()) == text
@@ -281,7 +281,7 @@ def test_text(both: Both, controller: Any, text: str) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\xff\x81", bytes(range(256)) * 20, bytearray(b"\x00\x01")])
-@only("tcp", "serial", "http", because="a datagram takes 488 bytes")
+@only("tcp", "serial", "http", because="a datagram takes 487 bytes")
 def test_bytes(both: Both, controller: Any, data: bytes) -> None:
     file = both.run(controller.file("data.bin", create=True))
     both.run(file.put_data(data))

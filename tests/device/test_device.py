@@ -695,6 +695,9 @@ WRONG = {
     "fixed_handles": [lambda self: True, 3],
     "provider_names": [lambda self: ("Test.X",)],
     "requires_secret": [lambda self: True, 1],
+    "unique_names": [lambda self: True, 1],
+    "unwraps_variants": [lambda self: True, 1],
+    "user_functions": [lambda self, number: [], 5],
 }
 
 

@@ -29,9 +29,7 @@ OF_TYPE = {
     VarType.BSTR: strings(),
     VarType.VARIANT: variants(),
 }
-CODES = {
-    hresult.E_INVALIDARG, hresult.E_NOTIMPL, hresult.E_INVALIDARGTYPE, hresult.E_PACKETSIZEOVER, hresult.E_ARGSIZEOVER,
-}  # fmt: skip
+CODES = {hresult.E_INVALIDARG, hresult.E_NOTIMPL}
 
 
 def single(value):

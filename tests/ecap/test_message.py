@@ -10,9 +10,20 @@ import pytest
 from orinkit.bcap.client import encode_request
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
+from orinkit.cao.table import Argument
+from orinkit.cao.user_functions import UserFunction, foreign_entry, user_entry
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, ProtocolError
-from orinkit.ecap.message import explain_reply, explain_request, read_reply, read_request, write_reply, write_request
+from orinkit.ecap.message import (
+    explain_reply,
+    explain_request,
+    own_code,
+    read_reply,
+    read_request,
+    reply_error,
+    write_reply,
+    write_request,
+)
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits, encode_variant
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from support.ecap_bodies import BAD_BODIES, BODIES, EXAMPLES, bstr, i4
@@ -53,8 +64,7 @@ def test_the_examples_of_the_document_as_results(text, value):
     code, result = read_reply(f"0x00000000,{text}".encode())
     assert code == 0
     assert same(result, value)
-    written = text.removeprefix("12,(").removesuffix(")") if text.startswith("12,") else text  # the value itself
-    assert write_reply(0, value) == f"0x00000000,{written}".encode()
+    assert write_reply(0, value) == f"0x00000000,{text}".encode()
 
 
 # --- requests ---------------------------------------------------------------------------------------------------------
@@ -215,11 +225,11 @@ def test_omitted_arguments_have_their_defaults():
         ("8195,1,2", Variant(VarType.I4 | ARRAY, [1, 2])),
     ],
 )
-def test_a_number_is_refused_with_the_code_that_b_cap_has(text, over_b_cap):
+def test_a_number_is_refused_as_over_b_cap(text, over_b_cap):
     start = BY_NAME["Task_Start"]
     with pytest.raises(CallError) as other:
         read_arguments(start, [i4(2), over_b_cap])
-    assert refusal(f"Func=88,Arg1=2,Arg2={text}".encode()).code == other.value.code
+    assert refusal(f"Func=88,Arg1=2,Arg2={text}".encode()).code == own_code(other.value.code) == hresult.E_INVALIDARG
 
 
 # --- replies ----------------------------------------------------------------------------------------------------------
@@ -302,7 +312,7 @@ def test_replies_of_other_servers(body, code, result):
             "invalid result 'abc' in an e-CAP reply: column 1: expected the number of a type",
         ),
         (b"0x00000000,3,2,", "column 3: expected a whole number"),
-        (b"0x00000000,8," + "座".encode("shift_jis"), "in an e-CAP reply: not UTF-8"),
+        (b"0x00000000,8," + "座".encode("shift_jis"), "in an e-CAP reply: not utf-8"),
     ],
 )
 def test_invalid_replies_are_quoted(body, message):
@@ -338,7 +348,7 @@ SMALL = PacketLimits(variants=100)
 def test_the_length_of_a_body_is_limited():
     limits = PacketLimits(packet=100)
     assert read_request(b"Func=9,Arg1=2,Arg2=".ljust(100, b"a"), limits).arguments[1] == bstr("a" * 81)
-    assert refusal(b"Func=9,Arg1=2,Arg2=".ljust(101, b"a"), limits).code == hresult.E_PACKETSIZEOVER
+    assert refusal(b"Func=9,Arg1=2,Arg2=".ljust(101, b"a"), limits).code == hresult.E_INVALIDARG
     assert read_reply(b"0,8,".ljust(100, b"a"), limits) == (0, bstr("a" * 96))
     error = unreadable(b"0,8,".ljust(101, b"a"), limits)
     assert isinstance(error, LimitExceeded)
@@ -366,7 +376,7 @@ def test_the_number_of_elements_is_limited(head, element, most):
             assert len(read_request(PUT + text.encode(), SMALL).arguments[1].value) == most
             assert len(read_reply(f"0,{text}".encode(), SMALL)[1].value) == most
         else:
-            assert refusal(PUT + text.encode(), SMALL).code == hresult.E_ARGSIZEOVER
+            assert refusal(PUT + text.encode(), SMALL).code == hresult.E_INVALIDARG
             error = unreadable(f"0,{text}".encode(), SMALL)
             assert isinstance(error, LimitExceeded)
             assert error.code == hresult.E_ARGSIZEOVER
@@ -386,7 +396,7 @@ def test_the_number_of_elements_is_limited(head, element, most):
 )
 def test_texts_that_take_long_to_parse_are_refused(text):
     error = refusal(PUT + text.encode(), SMALL)
-    assert error.code == hresult.E_ARGSIZEOVER
+    assert error.code == hresult.E_INVALIDARG
     assert error.detail.startswith(
         "Variable_PutValue: the arrays have too many elements for e-CAP, which transfers arrays as text"
     )
@@ -405,15 +415,82 @@ def test_several_variants_are_bounded_together():
     array = b"8195,1" + b",1" * 1500
     assert read_request(b"Func=73,Arg1=5,Arg2=" + array + b",Arg3=1,Arg4=", SMALL).function.name == "Robot_Rotate"
     error = refusal(b"Func=73,Arg1=5,Arg2=" + array + b",Arg3=1,Arg4=" + array, SMALL)
-    assert error.code == hresult.E_ARGSIZEOVER
+    assert error.code == hresult.E_INVALIDARG
 
 
 def test_the_limit_on_depth_applies_to_long_arrays():
     error = refusal(
         PUT + b"8204,(8204,(8204," + b",".join([b"(3,1)"] * 50) + b"))", PacketLimits(variants=100, depth=2)
     )
-    assert error.code == hresult.E_INVALIDARGTYPE
+    assert error.code == hresult.E_INVALIDARG
     assert error.detail.startswith("Variable_PutValue, argument 2 (value): VARIANT arrays nested deeper than 2")
+
+
+# --- Shift_JIS ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.field("5.3")
+def test_a_body_in_shift_jis():
+    plain = "Func=107,Arg1=3,Arg2=8,座標ソ+表".encode("cp932")
+    escaped = b"Func=107&Arg1=3&Arg2=8," + b"".join(b"%%%02X" % byte for byte in "座標ソ+表".encode("cp932"))
+    for body in (plain, escaped):
+        assert read_request(body, charset="shift_jis").arguments == [i4(3), bstr("座標ソ+表")]
+    function = BY_NAME["Variable_PutTag"]
+    written = write_request(function, (3, "座標ソ+表"), "shift_jis")
+    assert read_request(written, charset="shift_jis").arguments == [i4(3), bstr("座標ソ+表")]
+    assert write_reply(0, bstr("表"), "shift_jis") == b"0x00000000,8," + "表".encode("cp932")
+    assert read_reply(write_reply(0, bstr("表"), "shift_jis"), charset="shift_jis") == (0, bstr("表"))
+
+
+# --- codes of the device ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.field("5.2")
+def test_codes_of_the_device_are_not_explained_as_those_of_b_cap():
+    error = reply_error(0x80010001, "", "Variable_GetValue", (3,))
+    assert "Error defined by the device" in str(error)
+    assert "E_INVALIDRCVPACKET" not in str(error)
+    assert explain_reply(b"0x80010001") == "0x80010001: Error defined by the device"
+    assert "E_HANDLE" in str(reply_error(hresult.E_HANDLE, "", "", ()))
+
+
+# --- user-defined functions ---------------------------------------------------------------------------------------------
+
+BLINK = user_entry(
+    300,
+    "Blink",
+    (Argument("times", VarType.I4), Argument("name", VarType.BSTR, optional=True, default="")),
+    None,
+    "",
+    "",
+)
+ANY = user_entry(301, "Any", tuple(Argument(f"a{n}", VarType.VARIANT, optional=True) for n in range(5)), None, "", "")
+OWN = {each.id: UserFunction(each, print) for each in (BLINK, ANY)}
+
+
+@pytest.mark.field("5.1")
+@pytest.mark.parametrize(
+    ("body", "arguments"),
+    [
+        (b"Func=300,Arg1=3,Arg2=red", [i4(3), bstr("red")]),
+        (b"Func=300&Arg1=3%2C5&Arg2=8,x", [i4(5), bstr("8,x")]),
+        (b"Func=301,Arg1=3,Arg2=1.5,Arg3=red,Arg4=8,5,Arg5=8194,1,2",
+         [i4(3), Variant(VarType.R8, 1.5), bstr("red"), bstr("5"), Variant(VarType.I2 | ARRAY, [1, 2])]),
+    ],
+)  # fmt: skip
+def test_a_request_for_a_user_defined_function(body, arguments):
+    assert read_request(body, user_functions=OWN).arguments == arguments
+    assert refusal(body).code == hresult.E_NOTIMPL
+
+
+@pytest.mark.field("5.1")
+def test_a_call_of_a_user_defined_function():
+    body = write_request(foreign_entry(301, 4), (3, 1.5, "1,a", Variant(VarType.I2, 7)))
+    assert body == b"Func=301,Arg1=3,Arg2=1.5,Arg3=1%2Ca,Arg4=2%2C7,Arg5="
+    with pytest.raises(InvalidValue, match="from 255"):
+        foreign_entry(254, 0)
+    with pytest.raises(InvalidValue, match="the limit is 5"):
+        foreign_entry(300, 6)
 
 
 # --- summaries --------------------------------------------------------------------------------------------------------

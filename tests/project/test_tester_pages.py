@@ -76,7 +76,7 @@ def rows() -> list[list[str]]:
 
 
 @cache
-def tests_of(path: str) -> frozenset[str]:
+def rows_of_tests(path: str) -> frozenset[str]:
     """Return the names of the test functions of a file."""
     tree = ast.parse((TESTS / path).read_text(encoding="utf-8"))
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
@@ -96,7 +96,7 @@ def test_every_row_has_tests_that_exist_or_a_reason(row):
     named = TEST.findall(tests)
     for path, name in named:
         assert (TESTS / path).exists(), path
-        assert name in tests_of(path)
+        assert name in rows_of_tests(path)
     if not named:
         assert len(tests) > 20
         assert "::" not in tests

@@ -339,7 +339,7 @@ def test_a_loop_is_stopped():
     async def body(url: str) -> None:
         async with await RawExchange.open(options(url)) as raw:
             done = await raw.loop([START], 1_000_000, lambda state: raw.stop() if state.rounds == 5 else None)
-            assert (done.rounds, done.sent) == (5, 5)
+            assert (done.rounds, done.sent, done.stopped) == (5, 5, True)
             assert (await raw.send(START)) is not None  # it can be used again
 
     with BadPeer(script) as peer:

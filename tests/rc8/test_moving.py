@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Execute, Send
 from orinkit.bcap.client import sign_of_life
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.provider_registry import ProviderRegistry

@@ -48,22 +48,25 @@ def planning() -> Iterator[Planning]:
         yield made
 
 
-def test_further_requests_are_executed_after_the_computation(planning, monkeypatch):
-    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", PATIENCE)
+def test_further_requests_are_executed_after_the_computation(planning):
     move = planning.move()
     reads = [planning.request("Variable_GetValue", planning.variable) for _ in range(3)]
     planning.going.set()
     assert planning.replies(4) == [(serial, hresult.S_OK) for serial in (move, *reads)]
 
 
-def test_after_a_time_limit_further_requests_are_refused(planning, monkeypatch):
-    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.05)
+def test_a_stop_does_not_wait_for_the_computation(planning):
+    """Robot_Halt ends the call that is being planned; the motions that wait are refused."""
     move = planning.move()
-    read = planning.request("Variable_GetValue", planning.variable)
-    assert planning.replies(1) == [(read, hresult.E_BUSY_PROC)]
+    waiting = planning.request("Robot_Move", planning.robot, 4, CURVE, "NEXT")
+    halt = planning.request("Robot_Halt", planning.robot, "")
+    answers = dict(planning.replies(2))
+    assert answers.pop(waiting) == hresult.E_ABORT
+    assert set(answers) <= {move, halt}
     planning.going.set()
-    assert planning.replies(1) == [(move, hresult.S_OK)]
-    assert planning.ask("Variable_GetValue", planning.variable) == 0
+    answers.update(planning.replies(1))
+    assert answers[halt] == hresult.S_OK
+    assert answers[move] != hresult.S_OK
 
 
 def test_a_client_that_disconnects_meanwhile_moves_nothing(planning):
@@ -79,9 +82,8 @@ def test_a_client_that_disconnects_meanwhile_moves_nothing(planning):
 
 
 @pytest.mark.parametrize("how", ["closes", "closes its side", "resets"])
-def test_the_arm_stops_if_the_client_is_lost_while_reading_is_paused(planning, monkeypatch, how):
-    """The end of a connection is detected although requests of the client wait to be read."""
-    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", PATIENCE)
+def test_the_arm_stops_if_the_client_is_lost_while_requests_wait(planning, how):
+    """The end of a connection is detected although requests of the client wait."""
     assert planning.ask("Robot_Move", planning.robot, 1, "@E J(170, 45, 90, 0, 45, 0)", "NEXT,S=1") is None
     arm = planning.rc8.state.arm
     until(lambda: arm.queue.joints[0] > 0)

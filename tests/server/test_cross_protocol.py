@@ -151,7 +151,7 @@ def test_a_web_page_cannot_call_anything(
         with RawClient(server.url) as browser:
             browser.send(post(PENDANT if kind == "pendant" else ROBOT, port=port_of(server), method=method))
             received = end_of(browser)
-        assert received in (b"", packet.encode(Packet(0, hresult.E_INVALIDRCVPACKET)))
+        assert received in (b"", packet.encode(Packet(0, hresult.E_INVALIDRCVPACKET, [None])))
         until(lambda: server.clients == 0)
         assert state_of(rc8) == before
         warnings = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]

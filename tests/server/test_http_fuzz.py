@@ -137,7 +137,6 @@ def test_invalid_requests(served: Served, caplog: pytest.LogCaptureFixture, brea
         hresult.E_NOTIMPL,
         hresult.E_HANDLE,
         hresult.E_INVALIDARG,
-        hresult.E_INVALIDARGTYPE,
         hresult.E_FAIL,
         hresult.E_TIMEOUT,
     ):

@@ -15,6 +15,7 @@ import pytest
 import orinkit
 from orinkit import aio
 from orinkit.bcap import packet
+from orinkit.bcap.call_queue import MOST_WAITING
 from orinkit.bcap.packet import Packet
 from orinkit.core import hresult
 from orinkit.core.errors import ConnectFailed, ConnectionLost, InvalidAddress, TransportError
@@ -177,32 +178,74 @@ def test_executing_is_not_reported_for_calls_that_are_answered_immediately(raw: 
     assert [raw.packet().code for _ in range(1, 2000)] == [0] * 1999
 
 
-@pytest.mark.parametrize(
-    "option", ["WDT=80", "WDT=0", "WDT=-400", "WDT=abc", "WDT=1.5", "InvokeTimeout=79", "InvokeTimeout=x", "WDT"]
-)
+@pytest.mark.parametrize("option", ["WDT=79", "WDT=0", "WDT=-400", "InvokeTimeout=79", "Alive=x"])
 def test_invalid_service_options_are_refused(raw: RawClient, option: str) -> None:
     assert raw.ask(START, option) == hresult.E_INVALIDARG
     assert raw.ask(START, "") is None
 
 
 @pytest.mark.parametrize(
-    "option", ["WDT=81", "wdt=400", ",WDT=400", "WDT=400,InvokeTimeout=180000", "Other=1", "WDT=0x190", " WDT = 400 "]
+    "option",
+    [
+        "WDT=81",
+        "wdt=400",
+        ",WDT=400",
+        "WDT=400,InvokeTimeout=180000",
+        "Other=1",
+        "WDT=0x190",
+        " WDT = 400 ",
+        "WDT=80",
+        "WDT",
+    ],
 )
 def test_service_options_in_their_forms(raw: RawClient, option: str) -> None:
     assert raw.ask(START, option) is None
 
 
-def test_a_second_call_during_a_call_returns_busy(raw: RawClient, workshop: Workshop) -> None:
+@pytest.mark.guide("App. C two calls of one connection at a time")
+def test_calls_of_one_connection_are_executed_in_order(raw: RawClient, workshop: Workshop) -> None:
     handle = open_workshop(raw)
     first = execute(raw, handle, "Wait", "first")
     assert workshop.at_work.acquire(timeout=PATIENCE)
-    for number in range(10):
-        assert raw.ask(EXECUTE, handle, "Echo", number) == hresult.E_BUSY_PROC
-    assert raw.ask(STOP) == hresult.E_BUSY_PROC
+    serials = [execute(raw, handle, "Echo", number) for number in range(10)]
+    stop = raw.request(STOP)
     workshop.gate.set()
+    answers = [raw.packet() for _ in range(12)]
+    assert [answer.serial for answer in answers] == [first, *serials, stop]
+    assert [answer.arguments for answer in answers] == [["first"], *([number] for number in range(10)), []]
+
+
+def test_blocking_and_waiting_calls_are_executed_in_order(raw: RawClient, workshop: Workshop) -> None:
+    handle = open_workshop(raw)
+    workshop.gate.set()
+    serials = [execute(raw, handle, command, n) for n, command in enumerate(("Wait", "Block", "Echo", "Wait") * 5)]
+    answers = [raw.packet() for _ in serials]
+    assert [answer.serial for answer in answers] == serials
+    assert [answer.arguments for answer in answers] == [[number] for number in range(20)]
+
+
+def test_requests_that_wait_are_limited(raw: RawClient, workshop: Workshop) -> None:
+    handle = open_workshop(raw)
+    execute(raw, handle, "Wait", "first")
+    assert workshop.at_work.acquire(timeout=PATIENCE)
+    serials = [execute(raw, handle, "Echo", number) for number in range(MOST_WAITING + 1)]
     answer = raw.packet()
-    assert (answer.serial, answer.arguments) == (first, ["first"])
-    assert raw.ask(EXECUTE, handle, "Echo", "free") == "free"
+    assert (answer.serial, answer.code) == (serials[-1], hresult.E_BUSY_PROC)
+    workshop.gate.set()
+    assert [raw.packet().code for _ in range(MOST_WAITING + 1)] == [0] * (MOST_WAITING + 1)
+
+
+def test_waiting_requests_of_a_client_that_disconnects_are_not_executed(
+    raw: RawClient, server: Server, workshop: Workshop
+) -> None:
+    handle = open_workshop(raw)
+    execute(raw, handle, "Wait", "first")
+    assert workshop.at_work.acquire(timeout=PATIENCE)
+    execute(raw, handle, "Wait", "second")
+    raw.close()
+    until(lambda: server.clients == 0)
+    workshop.gate.set()
+    assert not workshop.at_work.acquire(timeout=0.05)
 
 
 def test_busy_concerns_one_client_only(raw: RawClient, server: Server, workshop: Workshop) -> None:
@@ -226,7 +269,7 @@ def test_a_call_longer_than_invoke_timeout(raw: RawClient, workshop: Workshop, c
     while answer.code == hresult.S_EXECUTING:
         assert "WDT" in option
         answer = raw.packet()
-    assert (answer.serial, answer.code, answer.arguments) == (serial, hresult.E_TIMEOUT, [])
+    assert (answer.serial, answer.code, answer.arguments) == (serial, hresult.E_TIMEOUT, [None])
     assert raw.ask(EXECUTE, handle, "Echo", 1) == hresult.E_BUSY_PROC
     workshop.gate.set()
     while (result := raw.ask(EXECUTE, handle, "Echo", 2)) == hresult.E_BUSY_PROC:

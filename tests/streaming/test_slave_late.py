@@ -19,6 +19,7 @@ from orinkit.rc8.slave_lateness import COMMAND, Lateness
 from orinkit.values.poses import J
 from orinkit.values.variant import R8_ARRAY, Variant
 from orinkit.virtual.rc8.objects.robot_commands import ROBOT_COMMANDS, RobotCommand
+from orinkit.virtual.rc8.objects.slave_use import SlaveUse
 from support.both import Both
 from support.hand import Hand
 from support.stopping import stopped
@@ -164,7 +165,7 @@ def test_a_controller_that_does_not_tell(bench: Bench, monkeypatch: pytest.Monke
     if answer is None:
         monkeypatch.delitem(ROBOT_COMMANDS, COMMAND.lower())
     else:
-        monkeypatch.setitem(ROBOT_COMMANDS, COMMAND.lower(), RobotCommand(COMMAND, execute, in_slave=True))
+        monkeypatch.setitem(ROBOT_COMMANDS, COMMAND.lower(), RobotCommand(COMMAND, execute, slave_mode=SlaveUse.ALWAYS))
 
     def body(stream: Any) -> None:
         with bench.late(stream, 0.05):

@@ -286,7 +286,7 @@ def _with(status: int, name: bytes, *values: bytes | None) -> list[Headers]:
 OTHERS = [
     *(Headers(405, method=method) for method in (b"GET", b"PUT", b"HEAD", b"OPTIONS", b"TRACE", b"DELETE", b"BREW", b"post", b"CONNECT", b"X" * 300)),
     *_with(200, b"Content-Type", FORM + b"; charset=UTF-8", None, FORM.upper(), FORM + b';charset="utf8"; x=y', FORM + b";"),
-    *_with(415, b"Content-Type", b"application/json", b"text/plain", b"multipart/form-data; boundary=x", b";;;", FORM + b"; charset=Shift_JIS",
+    *_with(415, b"Content-Type", b"application/json", b"text/plain", b"multipart/form-data; boundary=x", b";;;", FORM + b"; charset=EUC-JP",
            b"text/xml; charset=utf-8", b"\xff\xfe", FORM[:-1], b"x" * 9000),
     *_with(415, b"Content-Encoding", b"gzip", b"br, gzip", b"\x80"),
     *_with(200, b"Content-Encoding", b"identity"),

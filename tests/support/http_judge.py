@@ -353,7 +353,9 @@ def _judge_reply(asked: Asked, answer: Answer, limits: PacketLimits) -> None:
     code, result = read_reply(answer.body, limits)
     if hresult.lookup(code).name.startswith("0x"):
         raise Broken(f"undocumented code: {code:#x}")
-    detail = unquote(answer.headers.get(b"orinkit-detail", b"").decode("ascii"), errors="strict")
+    detail = answer.headers.get(b"orinkit-detail", b"").decode("ascii")
+    if detail.startswith("UTF-8''"):  # RFC 8187
+        detail = unquote(detail.removeprefix("UTF-8''"), errors="strict")
     if len(detail) > 500 or (detail and not hresult.failed(code)):
         raise Broken(f"detail {detail!r}")
     late = answer.body[:1] == b"\n"  # the header had already been sent, so the detail follows the code

@@ -38,11 +38,26 @@ class JogPage:
         return self.page.get_by_test_id(f"jog-{name}")
 
     def hold(self, name: str = "j1+") -> None:
-        """Press a button and wait until the arm moves."""
+        """Press a button and wait until the arm moves; again if a busy machine has delayed the heartbeats."""
         before = self.arm.arm.queue.joints
-        self.button(name).hover()
-        self.page.mouse.down()
-        until(lambda: self.arm.arm.queue.joints != before)
+        while True:
+            self.button(name).hover()
+            self.page.mouse.down()
+            until(lambda: self.arm.arm.queue.joints != before or self.ended)
+            if self.arm.arm.queue.joints != before:
+                return
+            self.page.mouse.up()
+            self.enable_again()
+
+    def enable_again(self) -> None:
+        """Enable jogging that the page has ended."""
+        until(self.arm.free)
+        self.enable()
+
+    @property
+    def ended(self) -> bool:
+        """True if the page has ended jogging."""
+        return bool(self.page.get_by_test_id("jog-state").inner_text() == "Off")
 
     def moved(self) -> float:
         """Wait for standstill; return the largest motion of a joint since the start of the log, after checking the limits."""

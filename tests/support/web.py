@@ -76,19 +76,19 @@ class Web:
         """Send bytes unchanged."""
         self.socket.sendall(data)
 
-    def head(self, body: bytes | str = b"", method: str = "POST", **headers: str) -> bytes:
+    def head(self, body: bytes | str = b"", method: str = "POST", path: str = "/ecap", **headers: str) -> bytes:
         """Return the header of a request; an empty value as in ``Content_Type=""`` omits a line."""
         length = str(len(body.encode() if isinstance(body, str) else body))
         given = {"Host": self.place, "Content-Type": FORM, "Content-Length": length}
         if self.cookie:
             given["Cookie"] = self.cookie
         given.update({name.replace("_", "-"): value for name, value in headers.items()})
-        lines = [f"{method} /ecap HTTP/1.1", *(f"{name}: {value}" for name, value in given.items() if value)]
+        lines = [f"{method} {path} HTTP/1.1", *(f"{name}: {value}" for name, value in given.items() if value)]
         return ("\r\n".join(lines) + "\r\n\r\n").encode("latin-1")
 
-    def ask(self, body: bytes | str, method: str = "POST", **headers: str) -> Answer:
+    def ask(self, body: bytes | str, method: str = "POST", path: str = "/ecap", **headers: str) -> Answer:
         """Send a request and return the reply."""
-        self.send(self.head(body, method, **headers) + (body.encode() if isinstance(body, str) else body))
+        self.send(self.head(body, method, path, **headers) + (body.encode() if isinstance(body, str) else body))
         return self.answer(bodiless=method == "HEAD")
 
     def call(self, function: int, *arguments: Any) -> Answer:
@@ -109,7 +109,7 @@ class Web:
         while line := self.line():
             name, _, value = line.decode("latin-1").partition(":")
             headers[name.lower()] = value.strip()
-        if status == 100:
+        if status in (100, 204):
             return Answer(status, headers, b"")
         if self.keeps_cookies and "set-cookie" in headers:
             self.cookie = headers["set-cookie"].partition(";")[0]

@@ -212,9 +212,15 @@ def test_a_step_has_its_length(jogging):
 def test_the_arm_stops_before_its_limit(jogging):
     jogging.page.get_by_test_id("jog-step").get_by_text("Hold").click()
     set_slider(jogging.page, "jog-speed", 100)
-    jogging.hold("j5+")
-    jogging.page.get_by_test_id("jog-message").get_by_text("joint 5 is at its limit").wait_for()
-    jogging.moved()
+    message = jogging.page.get_by_test_id("jog-message")
+    while True:
+        jogging.hold("j5+")
+        until(lambda: "joint 5 is at its limit" in message.inner_text() or jogging.ended)
+        jogging.moved()
+        if not jogging.ended:
+            break
+        jogging.page.mouse.up()  # a busy machine has delayed the heartbeats
+        jogging.enable_again()
     assert 119 < jogging.arm.arm.queue.joints[4] <= 120
     jogging.page.mouse.up()
     jogging.finish()

@@ -13,7 +13,7 @@ from support.browser import needs_browser, user
 from support.objects_page import expect, fill
 from support.received import received_packets
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.soak]
 
 
 @pytest.fixture(scope="module")

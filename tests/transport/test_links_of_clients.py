@@ -160,7 +160,7 @@ def test_an_answer_to_a_later_try(both: Both, short: float) -> None:
 def test_a_packet_that_is_too_long_for_a_datagram(both: Both) -> None:
     with datagrams(lambda request, count: reply(request, None)) as (url, came):
         client = both.client(url)
-        with pytest.raises(InvalidValue, match="exceeds the limit of 504 bytes"):
+        with pytest.raises(InvalidValue, match="exceeds the limit of 503 bytes"):
             both.run(client.call(f.controller_execute, 1, "Echo", bytes(500)))
         both.run(client.call(f.controller_execute, 1, "Echo", bytes(400)))
         both.run(client.close())

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue, NotationError
+from orinkit.values.codec import encode_variant
 from orinkit.values.notation import MAX_DEPTH, MAX_LENGTH, format_variant, parse, parse_elements, parse_lenient
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, unwrapped
 from support.strategies import same, strings, variants
 
 pytestmark = pytest.mark.core
@@ -59,10 +60,64 @@ def test_examples_of_the_e_cap_document_both_ways(text, value):
     assert format_variant(value) == text
 
 
-def test_a_single_variant_is_the_value_in_its_brackets():
-    assert same(parse("12,(8,Sample)"), bstr("Sample"))
-    assert format_variant(parse("12,(8,Sample)")) == "8,Sample"
-    assert same(parse("8204,(12,(12,(3,1)))"), Variant(VARIANT_ARRAY, [i4(1)]))
+@pytest.mark.field("5.3")
+def test_a_single_variant_contains_the_value_in_its_brackets():
+    value = parse("12,(8,Sample)")
+    assert (value.type, value.value, value.plain) == (VarType.VARIANT, bstr("Sample"), "Sample")
+    assert format_variant(value) == "12,(8,Sample)"
+    assert format_variant(parse("8204,(12,(12,(3,1)))")) == "8204,(12,(12,(3,1)))"
+    assert unwrapped(parse("8204,(12,(12,(3,1))),(8204,(12,(8,x)))")) == parse("8204,(3,1),(8204,(8,x))")
+    assert Variant(VarType.VARIANT, 5).value == i4(5)
+    assert encode_variant(value) == encode_variant(bstr("Sample")), "b-CAP has no such type"
+
+
+@pytest.mark.field("5.3")
+@pytest.mark.parametrize(
+    ("text", "strings"),
+    [
+        ("8200, a , b", [" a ", " b"]),
+        ("8200, ", [" "]),
+        ("8200,", []),
+        ('8200,""', [""]),
+        ("8200,,", ["", ""]),
+        ('8200,"a,b', ['"a', "b"]),
+        ('8200,"a"', ['"a"']),
+        ('8200,"a"b,c', ['"a"b', "c"]),
+        ('8200,"a,b",c', ["a,b", "c"]),
+        ("8200,a(,b", ["a(", "b"]),
+        ("8200,a),b", ["a)", "b"]),
+        ("8200,P(1,2),P2", ["P(1,2)", "P2"]),
+        ("8200,a(b,c(,d)", ["a(b", "c(", "d)"]),
+        ("8200,100%,a+b", ["100%", "a+b"]),
+    ],
+)
+def test_strings_as_in_the_document(text, strings):
+    assert parse(text, exact=True) == Variant(BSTRS, strings)
+
+
+@pytest.mark.field("5.3")
+def test_strings_in_brackets_as_in_the_document():
+    elements = parse('8204,(8, a ),(8,"x"),(8,"5),(8200, a,b )', exact=True).value
+    assert [each.value for each in elements] == [" a ", '"x"', '"5', [" a", "b "]]
+    with pytest.raises(NotationError, match="unbalanced"):
+        parse("8204,(8,a(b,(3,1)", exact=True)
+
+
+@given(variants())
+def test_every_variant_comes_back_exactly(value):
+    assert same(parse(format_variant(value, exact=True), exact=True), value)
+
+
+@given(st.lists(st.text(alphabet=' "(),a', max_size=6), max_size=4))
+def test_every_string_comes_back_exactly(strings):
+    value = Variant(BSTRS, strings)
+    assert parse(format_variant(value, exact=True), exact=True) == value
+    nested = Variant(VARIANT_ARRAY, [value, *map(bstr, strings)])
+    assert parse(format_variant(nested, exact=True), exact=True) == nested
+
+
+def test_unclosed_brackets_take_no_longer():
+    assert parse("8200," + "(," * 50_000, exact=True).value == ["("] * 50_000 + [""]
 
 
 def test_the_pose_printed_in_the_tester():

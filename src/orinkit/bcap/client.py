@@ -25,6 +25,7 @@ from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Argument, Function
+from orinkit.cao.user_functions import MOST_ARGUMENTS, is_user_function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, error_for
 from orinkit.core.i18n import tr
@@ -402,7 +403,11 @@ _ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
 
 
 def _make_encoders(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
-    encoders = _ENCODERS[function.id] = tuple(map(_encoder, function.arguments))
+    if is_user_function(function.id):  # calls of the same function may have different numbers of arguments
+        encoders: tuple[Callable[[Any], bytes], ...] = (codec.encode,) * MOST_ARGUMENTS
+    else:
+        encoders = tuple(map(_encoder, function.arguments))
+    _ENCODERS[function.id] = encoders
     return encoders
 
 

@@ -31,8 +31,8 @@ class Decision(Enum):
 
     NEW = "execute it"
     RESTART = "execute it: a client begins, and the previous one has disconnected"
-    RUNNING = "it is in progress"
-    BUSY = "refuse it: another one is in progress"
+    RUNNING = "it is in progress, or waits"
+    BUSY = "refuse it: others are in progress"
     REPLIED = "repeat the reply"
     STALE = "drop it: its client has given it up"
 
@@ -68,7 +68,7 @@ class DuplicateFilter:
         self._shared = shared
         self._known: dict[int, _Request] = {}  # by number, oldest first
         self._newest = 0
-        self._running: int | None = None
+        self._open: set[int] = set()  # numbers of the requests without a reply
         self._start = 0  # number of the last Service_Start
         self._started = float("-inf")
         self._stopped = True
@@ -82,12 +82,12 @@ class DuplicateFilter:
             function: function id.
             content: function id and arguments as bytes.
             now: the time, s.
-            busy: True if a call is in progress, so that a new request and its duplicates are refused.
+            busy: True if a new request and its duplicates are refused, because calls are in progress.
         """
         number = reserved or serial
         known = self._known.get(number)
         if known is not None and known.content == content:
-            if number == self._running:
+            if number in self._open:
                 return Decision.RUNNING
             # a request that the client has marked as another attempt is a duplicate, regardless of its age
             if (number == self._newest or reserved) and (serial != number or now - known.time < MEMORY):
@@ -98,18 +98,27 @@ class DuplicateFilter:
             return Decision.STALE
         return self._take(number, _Request(content, bool(reserved), now), busy=busy)
 
-    def store_reply(self, reply: CachedReply, now: float) -> None:
-        """Store the reply to the request in progress."""
-        assert self._running is not None
-        request = self._known[self._running]
+    def store_reply(self, number: int, reply: CachedReply, now: float) -> None:
+        """Store the reply to a request.
+
+        Args:
+            number: number of the request: the reserved field, or the serial if that field is 0.
+            reply: the reply.
+            now: the time, s.
+        """
+        request = self._known[number]
         request.reply, request.time = reply, now
-        self._running = None
+        self._open.discard(number)
 
     def reply_to(self, serial: int, reserved: int) -> CachedReply:
         """Return the stored reply to a request for which :meth:`check` returned :attr:`Decision.REPLIED`."""
         reply = self._known[reserved or serial].reply
         assert reply is not None
         return reply
+
+    def abandon(self) -> None:
+        """Forget which requests are without a reply: there will be none."""
+        self._open.clear()
 
     def service_stopped(self) -> None:
         """Record a Service_Stop: the next Service_Start belongs to another client."""
@@ -138,8 +147,9 @@ class DuplicateFilter:
         decision = Decision.NEW if self._stopped else Decision.RESTART
         self._known.clear()
         self._start, self._started, self._stopped = number, request.time, False
+        self._open.clear()
         self._remember(number, request)
-        self._running = number
+        self._open.add(number)
         return decision
 
     def _is_another(self, now: float) -> bool:
@@ -147,13 +157,13 @@ class DuplicateFilter:
         return self._stopped or now - self._started >= (_LATE_BYTES if self._shared else _LATE_DATAGRAM)
 
     def _take(self, number: int, request: _Request, *, busy: bool) -> Decision:
-        if busy:
-            if number != self._running:  # the entry of the running call is kept for its reply
+        if busy or number in self._open:
+            if number not in self._open:  # the entry of a call in progress is kept for its reply
                 request.reply = _BUSY
                 self._remember(number, request)
             return Decision.BUSY
         self._remember(number, request)
-        self._running = number
+        self._open.add(number)
         self._stopped = False
         return Decision.NEW
 
@@ -162,7 +172,7 @@ class DuplicateFilter:
         self._known.pop(number, None)
         self._known[number] = request
         if len(self._known) > _MAX_STORED:
-            del self._known[next(each for each in self._known if each != self._running)]
+            del self._known[next(each for each in self._known if each not in self._open)]
 
     def _is_late(self, number: int, now: float) -> bool:
         """Return True if a request is late: its number is below the newest number."""

@@ -16,6 +16,7 @@ from typing import Final, Protocol
 from orinkit.bcap import packet
 from orinkit.bcap.serial_framer import LineFramer
 from orinkit.cao.transport_profile import TransportProfile
+from orinkit.core.validation import check_whole
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 SILENCE: Final = 0.05
@@ -118,14 +119,20 @@ class BcapProfile(TransportProfile):
         return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
 
 
+LONGEST_DATAGRAM: Final = 503
+"""Limit on the bytes of a packet over UDP, and of a packet that DENSO's libraries accept on a serial line."""
+LONGEST_ON_LINE: Final = 65536
+"""Limit on the bytes of a packet on a serial line, between programs of orinkit."""
+LEAST_ON_LINE: Final = 128
+
 STREAM: Final = BcapProfile("tcp", framer=packet.Framer, server_framer=packet.Framer)
 DATAGRAM: Final = BcapProfile(
     "udp", framer=DatagramFramer, server_framer=DatagramFramer,
-    lossy=True, session_timeout=10.0, packet=488 + packet.OVERHEAD, timeout=0.5,
+    lossy=True, session_timeout=10.0, packet=LONGEST_DATAGRAM, timeout=0.5,
 )  # fmt: skip
 LINE: Final = BcapProfile(
     "serial", framer=LineFramer, server_framer=partial(LineFramer, reports_too_long=True, in_slices=True),
-    crc=True, lossy=True, shared=True, uses_watchdog=False, packet=65536, timeout=0.5,
+    crc=True, lossy=True, shared=True, packet=LONGEST_ON_LINE, timeout=0.5,
 )  # fmt: skip
 """The profile of serial lines; the time-out of 500 ms is from RC8 table 5-1."""
 
@@ -133,3 +140,13 @@ LEAST_TRIES: Final = 1
 MOST_TRIES: Final = 7
 DEFAULT_TRIES: Final = 5
 """Total number of attempts per request on unreliable transports (RC8 table 5-1: TORetry)."""
+
+
+def line_profile(longest: int) -> BcapProfile:
+    """Return the profile of a serial line with another limit on the bytes of a packet.
+
+    Raises:
+        InvalidValue: If the limit is not from 128 to 65,536.
+    """
+    check_whole("serial_packet", longest, LONGEST_ON_LINE, LEAST_ON_LINE)
+    return LINE if longest == LINE.packet else replace(LINE, packet=longest)

@@ -5,19 +5,22 @@ call), :class:`Decode` (decode a large packet), :class:`Continue` (nothing yet),
 :class:`EndSession` (end the client's session). The caller executes the call and passes the result to
 :meth:`~ServerConversation.finish`. It calls :meth:`~ServerConversation.tick` at the time that
 :meth:`~ServerConversation.next_time` returns. One call is executed at a time. Calls that arrive while another call is
-executing return E_BUSY_PROC (docs/protocol.md). On unreliable transports, duplicates are not executed again
-(:mod:`orinkit.bcap.duplicate_filter`).
+executing wait in a limited queue; a call that stops motions is executed at once (:mod:`orinkit.bcap.call_queue`,
+docs/protocol.md). On unreliable transports, duplicates are not executed again (:mod:`orinkit.bcap.duplicate_filter`).
 """
 
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final
 
 from orinkit.bcap import packet
+from orinkit.bcap.actions import Action, Close, Continue, Decode, Encoded, EndSession, Execute, Send
+from orinkit.bcap.call_queue import CallQueue, Request
 from orinkit.bcap.duplicate_filter import CachedReply, Decision, DuplicateFilter
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.cao.dialect import RC8, Dialect
@@ -25,92 +28,23 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.service_options import read_options
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
+from orinkit.rc8.stopping import MAY_MOVE, MAY_STOP, begins_motion, is_stop
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
-from orinkit.values.variant import Variant
+from orinkit.values.variant import Variant, VarType
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
 _MAX_ARGUMENTS: Final = max(len(entry.arguments) for entry in FUNCTIONS.values())
 _FAILED: Final = 0x8000_0000
+_EMPTY: Final = codec.encode_variant(Variant(VarType.EMPTY))
 _OVERDUE: Final = 0.5  # s; if a packet on a serial line is incomplete for longer, a packet inside it is accepted
 _NEVER: Final = float("inf")
 LARGE: Final = 16 * 1024
 """Size in bytes above which packets are decoded, and results encoded, outside the event loop."""
 
 logger = logging.getLogger("orinkit.bcap.server")
-
-
-@dataclass(frozen=True, slots=True)
-class Send:
-    """Send bytes."""
-
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Close:
-    """Close the link after pending data has been sent; ``reason`` is for the log."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class EndSession:
-    """Release the client's objects and cancel its call, as if the client had disconnected; the link stays open."""
-
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Continue:
-    """Do nothing; request the next action after serving other clients. The search for a packet in noise takes longer."""
-
-
-@dataclass(frozen=True, slots=True)
-class Execute:
-    """Execute a call, then pass this object and the result to :meth:`ServerConversation.finish`."""
-
-    serial: int
-    function_id: int
-    arguments: list[Variant]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Decode:
-    """Call ``read``, which decodes a large packet, in a worker thread, so that other clients are served meanwhile.
-
-    Then pass this object and the result of ``read`` to :meth:`ServerConversation.decoded`. Until then, further calls of
-    the client return E_BUSY_PROC.
-
-    Attributes:
-        size: number of bytes of the packet.
-    """
-
-    serial: int
-    function_id: int
-    size: int
-    read: Callable[[], list[Variant] | ProtocolError]
-
-
-class Encoded(NamedTuple):
-    """An encoded result, or the error code if it cannot be sent.
-
-    Attributes:
-        code: the error code; ``None`` if the result can be sent.
-        body: the result, encoded as one argument.
-        room: for a large result, used instead of ``body``: a buffer with the encoded argument and room for the rest of
-            the packet, so that the argument is not copied.
-    """
-
-    code: int | None
-    body: bytes = b""
-    room: bytearray | None = None
-
-
 _CONTINUE: Final = Continue()
-
-Action: TypeAlias = Send | Execute | Decode | Continue | Close | EndSession
 
 
 class ServerConversation:
@@ -124,7 +58,6 @@ class ServerConversation:
         dialect: dialect of the controller.
 
     Attributes:
-        timed_out: True if E_TIMEOUT has been sent for the call in progress.
         wdt: seconds between S_EXECUTING packets during a call, ``None`` for no such packets; set by ``WDT=<ms>``.
         stopped: True from the reply to Service_Stop until the next request.
         packets: number of complete packets received.
@@ -151,18 +84,13 @@ class ServerConversation:
         self._framer = profile.server_framer(limits)
         self.set_limits(limits)
         self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
-        self._current: Execute | Decode | None = None
-        self._serial = 0  # of the latest attempt of the current call
-        self._reserved = 0
-        self._next: Action | None = None  # the action after the one just yielded
+        self._calls = CallQueue(queues=dialect.queues_calls)
+        self._following: deque[Action] = deque()  # the actions after the one just yielded
         self._pending_since = _NEVER  # time since which the buffer contains an incomplete packet
         self.stopped = False
         self.packets = 0
         self.calls = 0
-        self.timed_out = False
-        self._next_wdt = 0.0
         self._now = self.last_request_at = self.last_reply_at = 0.0
-        self._expires_at = 0.0
 
     def set_limits(self, limits: PacketLimits) -> None:
         """Change the limits of a packet."""
@@ -172,7 +100,26 @@ class ServerConversation:
     @property
     def busy(self) -> bool:
         """True while a call is in progress."""
-        return self._current is not None
+        return self._calls.busy
+
+    @property
+    def timed_out(self) -> bool:
+        """True if E_TIMEOUT has been sent for the call in progress."""
+        return self._calls.timed_out
+
+    @property
+    def has_queued(self) -> bool:
+        """True if a request waits for the end of the call in progress."""
+        return bool(self._calls.waiting)
+
+    def is_stop(self, call: Execute) -> bool:
+        """Return True if a call is executed beside the call in progress, because it stops motions."""
+        return self._calls.is_beside(call)
+
+    def gave_up(self, call: Execute) -> bool:
+        """Return True if E_TIMEOUT has been sent for a call."""
+        request = self._calls.request_of(call)
+        return request is not None and request.timed_out
 
     @property
     def discardable_bytes(self) -> int:
@@ -191,11 +138,13 @@ class ServerConversation:
         """Return the reply to a packet that is too long to be received; the caller then closes the connection."""
         return self._pack(0, 0, hresult.E_PACKETSIZEOVER)
 
+    # --- received bytes -----------------------------------------------------------------------------------------
+
     def receive(self, data: bytes, now: float) -> Iterator[Action]:
         """Process received bytes; yield the actions, one at a time.
 
         If the caller passes the result of an :class:`Execute` to :meth:`finish` before it requests the next action, the
-        next call is not refused with E_BUSY_PROC.
+        next call does not have to wait.
 
         Args:
             data: the bytes received.
@@ -235,10 +184,13 @@ class ServerConversation:
             if frame is None:
                 return
             take, took = following, True
-            action = self._request(frame)
-            while action is not None:
-                yield action
-                action, self._next = self._next, None
+            yield from self._with_following(self._request(frame))
+
+    def _with_following(self, action: Action | None) -> Iterator[Action]:
+        """Yield an action, and the actions that follow it."""
+        while action is not None:
+            yield action
+            action = self._following.popleft() if self._following else None
 
     def _inside(self, took: bool) -> bytes | None:
         """Return a packet that follows the header of an overdue incomplete packet; ``None`` if there is none."""
@@ -255,6 +207,8 @@ class ServerConversation:
         """Set the current time; call this method before requesting further actions, and before :meth:`finish`."""
         self._now = now
 
+    # --- requests -----------------------------------------------------------------------------------------------
+
     def _request(self, frame: bytes) -> Action | None:
         self.packets += 1
         _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(frame)
@@ -262,21 +216,31 @@ class ServerConversation:
         if len(frame) > self._limits.packet:  # a datagram; in a stream the framer raises an error
             return Send(self._pack(serial, reserved, hresult.E_PACKETSIZEOVER))
         end = len(frame) - self._profile.tail
+        request = Request(frame, serial, reserved, function_id, count, end)
         if self._requests is not None:
-            if not function_id or function_id & _FAILED:  # a reply; replying to it could cause an endless loop
-                return None
-            stopping = function_id == _SERVICE_STOP  # accepted during a call: there is no connection to close
-            busy = self._current is not None and not stopping
-            decision = self._requests.check(serial, reserved, function_id, frame[9:end], self._now, busy=busy)
-            if decision is Decision.RESTART or (decision is Decision.NEW and self._current is not None):
-                self._current = None
-                self._next = self._take(frame, serial, reserved, function_id, count, end)
-                return EndSession("Service_Stop during a call" if stopping else "a new client begins")
-            if decision is not Decision.NEW:
-                return self._not_new(self._requests, decision, serial, reserved)
-        elif self._current is not None:
-            return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
-        return self._take(frame, serial, reserved, function_id, count, end)
+            return self._request_lossy(self._requests, request)
+        if self._calls.idle:
+            return self._take(request)
+        return self._take_later(request, self._stops(request))
+
+    def _request_lossy(self, requests: DuplicateFilter, request: Request) -> Action | None:
+        function_id = request.function_id
+        if not function_id or function_id & _FAILED:  # a reply; replying to it could cause an endless loop
+            return None
+        ends = function_id == _SERVICE_STOP  # accepted during a call: there is no connection to close
+        stops = not self._calls.idle and self._stops(request)
+        accepts = ends or self._calls.idle or self._calls.accepts(request, stops=stops)
+        content = request.frame[9 : request.end]
+        serial, reserved = request.serial, request.reserved
+        decision = requests.check(serial, reserved, function_id, content, self._now, busy=not accepts)
+        if decision is Decision.RESTART or (decision is Decision.NEW and ends and self._calls.busy):
+            self._calls.clear()
+            taken = self._take(request)
+            self._following.appendleft(taken)
+            return EndSession("Service_Stop during a call" if ends else "a new client begins")
+        if decision is not Decision.NEW:
+            return self._not_new(requests, decision, serial, reserved)
+        return self._take(request) if self._calls.idle else self._take_later(request, stops)
 
     def _not_new(self, requests: DuplicateFilter, decision: Decision, serial: int, reserved: int) -> Action | None:
         """Return the action for a request that must not be executed; ``None`` to drop the request."""
@@ -287,28 +251,67 @@ class ServerConversation:
             return Send(self._pack(serial, reserved, reply.code, reply.count, reply.body))
         if decision is Decision.BUSY:
             return Send(self._pack(serial, reserved, hresult.E_BUSY_PROC))
-        self._serial, self._reserved = serial, reserved  # the client now waits for the reply to this attempt
+        self._calls.attempt(serial, reserved)  # the client now waits for the reply to this attempt
         return Send(self._pack(serial, reserved, hresult.S_EXECUTING))
 
-    def _take(self, frame: bytes, serial: int, reserved: int, function_id: int, count: int, end: int) -> Action:
+    def _stops(self, request: Request) -> bool:
+        """Return True if a request stops motions, so that it must not wait."""
+        if request.function_id not in MAY_STOP or len(request.frame) > LARGE:
+            return False
+        arguments = self._read(request)
+        return not isinstance(arguments, ProtocolError) and is_stop(request.function_id, arguments)
+
+    def _take_later(self, request: Request, stops: bool) -> Action | None:
+        """Return the action for a new request that arrives during a call; ``None`` if the request waits."""
+        if not self._calls.accepts(request, stops=stops):
+            return Send(self._pack(request.serial, request.reserved, hresult.E_BUSY_PROC))
+        if stops:
+            return self._take_stop(request)
+        self._start_timers(request)
+        self._calls.enqueue(request)
+        return None
+
+    def _take_stop(self, request: Request) -> Action:
+        """Return the action that executes a stop at once; waiting requests that begin motions are refused before."""
+        refused = [each for each in self._calls.waiting if self._begins_motion(each)]
+        actions: list[Action] = []
+        for each in refused:
+            self._calls.remove(each)
+            actions.append(Send(self._reply(each, hresult.E_ABORT)))
+        self._start_timers(request)
+        actions.append(self._call(request, self._read(request), beside=True))
+        self._following.extend(actions[1:])
+        return actions[0]
+
+    def _begins_motion(self, request: Request) -> bool:
+        if request.function_id not in MAY_MOVE:
+            return False
+        arguments = self._read(request)
+        return isinstance(arguments, ProtocolError) or begins_motion(request.function_id, arguments)
+
+    def _start_timers(self, request: Request) -> None:
+        request.expires_at = self._now + self.invoke_timeout
+        request.next_wdt = _NEVER if self.wdt is None else self._now + self.wdt
+
+    def _take(self, request: Request) -> Action:
         """Decode a new request, and return the action that executes or refuses it."""
         self.stopped = False
-        self._serial, self._reserved = serial, reserved
-        if _MAX_ARGUMENTS < count <= len(frame) // 10:  # not decoded: no function has so many arguments
-            return Send(self._reply(hresult.E_INVALIDARG if function_id in FUNCTIONS else hresult.E_NOTIMPL))
-        action: Action
-        if len(frame) > LARGE:
-            read = partial(self._read, frame, count, end)
-            self._current = action = Decode(serial, function_id, len(frame), read)
-        else:
-            action = self._call(serial, function_id, self._read(frame, count, end))
-        self.timed_out = False
-        self._expires_at = self._now + self.invoke_timeout
-        if self.wdt is not None:
-            self._next_wdt = self._now + self.wdt
-        return action
+        function_id = request.function_id
+        if _MAX_ARGUMENTS < request.count <= len(request.frame) // 10:  # not decoded: no function has so many arguments
+            known = function_id in FUNCTIONS
+            return Send(self._reply(request, hresult.E_INVALIDARG if known else hresult.E_NOTIMPL))
+        self._start_timers(request)
+        if len(request.frame) <= LARGE:
+            return self._call(request, self._read(request))
+        read = partial(self._decode, request.frame, request.count, request.end)
+        decode = Decode(request.serial, function_id, len(request.frame), read)
+        self._calls.begin(request, decode)
+        return decode
 
-    def _read(self, frame: bytes, count: int, end: int) -> list[Variant] | ProtocolError:
+    def _read(self, request: Request) -> list[Variant] | ProtocolError:
+        return self._decode(request.frame, request.count, request.end)
+
+    def _decode(self, frame: bytes, count: int, end: int) -> list[Variant] | ProtocolError:
         """Decode the arguments of a packet; has no side effects, so it may be called from any thread."""
         try:
             return packet.decode_arguments(frame, count, end, self._limits, exact=True)[0]
@@ -321,56 +324,67 @@ class ServerConversation:
         The call is not executed if E_TIMEOUT has already been sent for it.
         """
         self._now = now
-        if decode is not self._current:
+        request = self._calls.end(decode)
+        if request is None:
             return
-        self._current = None
-        if self.timed_out:
-            self.timed_out = False
-            return
-        action: Action | None = self._call(decode.serial, decode.function_id, arguments)
-        while action is not None:
-            yield action
-            action, self._next = self._next, None
+        if not request.timed_out:
+            yield from self._with_following(self._call(request, arguments))
+        yield from self.resume(now)
 
-    def _call(self, serial: int, function_id: int, arguments: list[Variant] | ProtocolError) -> Action:
+    def resume(self, now: float) -> Iterator[Action]:
+        """Yield the actions for the requests that have waited for the end of a call, as :meth:`receive` does."""
+        self._now = now
+        while (request := self._calls.next()) is not None:
+            yield from self._with_following(self._take(request))
+
+    def _call(self, request: Request, arguments: list[Variant] | ProtocolError, *, beside: bool = False) -> Action:
         """Return the action that executes or refuses a decoded request."""
         if isinstance(arguments, ProtocolError):
             error = arguments
             if self._dialect.closes_on_malformed_packet and error.code == hresult.E_INVALIDRCVPACKET:
-                self._next = EndSession(str(error)) if self._profile.lossy else Close(str(error))
-            return Send(self._reply(error.code))
-        if function_id == _SERVICE_START and self._dialect.takes_start_options:
+                ends_session = EndSession(str(error), keeps_replies=True)
+                self._following.append(ends_session if self._profile.lossy else Close(str(error)))
+            return Send(self._reply(request, error.code))
+        if request.function_id == _SERVICE_START:
             try:
                 self._set_options(arguments)
             except CallError as error:
-                return Send(self._reply(error.code))
+                if self._dialect.takes_start_options:
+                    return Send(self._reply(request, error.code))
         self.calls += 1
-        self._current = call = Execute(serial, function_id, arguments)
+        call = Execute(request.serial, request.function_id, arguments)
+        self._calls.begin(request, call, beside=beside)
         return call
 
     def _set_options(self, arguments: list[Variant]) -> None:
-        options = read_options(arguments)
+        options = read_options(arguments, strict=self._dialect.strict)
         self.wdt, self.max_silence = options.wdt, options.max_silence
         self.invoke_timeout = self._default_timeout if options.invoke_timeout is None else options.invoke_timeout
 
+    # --- replies ------------------------------------------------------------------------------------------------
+
     def finish(self, call: Execute, code: int, result: Variant | Encoded | None) -> bytes | bytearray:
         """Return the reply to a call; ``b""`` if the call has timed out, or was already finished or abandoned.
+
+        If :attr:`has_queued` is True afterwards, the caller processes the actions of :meth:`resume`.
 
         Args:
             call: the call that has been executed.
             code: return code.
             result: the result, ``None`` if there is none; for a large result, the return value of :meth:`encode`.
         """
-        if call is not self._current:
+        request = self._calls.end(call)
+        if request is None:
             return b""
-        self._current = None
         self.last_reply_at = self._now
-        if self.timed_out:
-            self.timed_out = False
+        if request.timed_out:
             return b""
         if call.function_id == _SERVICE_STOP:
             self.stopped = True
-        data = self._reply(code) if result is None else self._reply_with(code, self._as_bytes(call, result))
+        if result is None:
+            data: bytes | bytearray = self._reply(request, code)
+        else:
+            data = self._reply_with(request, code, self._as_bytes(call, result))
         if self.stopped and self._requests is not None:
             self._requests.service_stopped()
         return data
@@ -391,51 +405,51 @@ class ServerConversation:
     def _as_bytes(self, call: Execute, result: Variant | Encoded) -> Encoded:
         return result if isinstance(result, Encoded) else self.encode(call, result)
 
-    def _reply_with(self, code: int, result: Encoded) -> bytes | bytearray:
+    def _reply_with(self, request: Request, code: int, result: Encoded) -> bytes | bytearray:
         if result.room is not None:
+            echoed = request.reserved if self._dialect.echoes_reserved else 0
             return packet.pack_around(
-                result.room, self._serial, self._dialect.code_replacements.get(code, code), 1, self._echoed
+                result.room, request.serial, self._dialect.code_replacements.get(code, code), 1, echoed
             )
-        return self._reply(code, 1, result.body) if result.code is None else self._reply(result.code)
+        return self._reply(request, code, 1, result.body) if result.code is None else self._reply(request, result.code)
 
-    def _reply(self, code: int, count: int = 0, body: bytes = b"") -> bytes:
-        """Return the reply to the current request; on unreliable transports, also store the reply."""
+    def _reply(self, request: Request, code: int, count: int = 0, body: bytes = b"") -> bytes:
+        """Return the reply to a request; on unreliable transports, also store the reply."""
         if self._requests is not None:
-            self._requests.store_reply(CachedReply(code, count, body), self._now)
-        return self._pack(self._serial, self._reserved, code, count, body)
+            self._requests.store_reply(request.number, CachedReply(code, count, body), self._now)
+        return self._pack(request.serial, request.reserved, code, count, body)
 
     def _pack(self, serial: int, reserved: int, code: int, count: int = 0, body: bytes = b"") -> bytes:
         dialect = self._dialect
         code = dialect.code_replacements.get(code, code)
+        if not count and code & _FAILED and dialect.replies_vt_empty:
+            count, body = 1, _EMPTY
         return packet.pack(serial, code, count, body, reserved if dialect.echoes_reserved else 0, crc=self._profile.crc)
 
     def abandon(self) -> None:
-        """Discard the call in progress, because its client has become unreachable."""
-        self._current = None
+        """Discard the calls in progress and the waiting requests, because their client has become unreachable."""
+        self._calls.clear()
+        if self._requests is not None:
+            self._requests.abandon()
         self.max_silence = None
 
-    @property
-    def _echoed(self) -> int:
-        return self._reserved if self._dialect.echoes_reserved else 0
+    # --- time ---------------------------------------------------------------------------------------------------
 
     def next_time(self) -> float | None:
         """Return the time of the next :meth:`tick`, or ``None`` if none is due."""
-        if self._current is None or self.timed_out:
-            return None
-        return self._expires_at if self.wdt is None else min(self._next_wdt, self._expires_at)
+        return self._calls.next_time()
 
     def tick(self, now: float) -> bytes:
-        """Return the packet that is due now (S_EXECUTING or E_TIMEOUT), ``b""`` if none is due.
+        """Return a packet that is due now (S_EXECUTING or E_TIMEOUT), ``b""`` if none is due.
 
         After E_TIMEOUT the call may still be executing: further calls return E_BUSY_PROC until it is complete.
         """
         self._now = now
-        due = self.next_time()
-        if self._current is None or due is None or now < due:
+        request = self._calls.due(now)
+        if request is None:
             return b""
-        if now >= self._expires_at:
-            self.timed_out = True
-            return self._reply(hresult.E_TIMEOUT)
-        assert self.wdt is not None
-        self._next_wdt = now + self.wdt
-        return self._pack(self._serial, self._reserved, hresult.S_EXECUTING)
+        if now >= request.expires_at:
+            self._calls.time_out(request)
+            return self._reply(request, hresult.E_TIMEOUT)
+        request.next_wdt = _NEVER if self.wdt is None else now + self.wdt
+        return self._pack(request.serial, request.reserved, hresult.S_EXECUTING)

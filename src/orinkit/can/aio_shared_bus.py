@@ -110,7 +110,7 @@ class AsyncSharedCanBus(SharedBusBase):
         self.check()
         try:
             for frame in frames:
-                self._bus.send(frame, min(seconds, _MAX_SEND_BLOCK))
+                self._send_frame(frame, min(seconds, _MAX_SEND_BLOCK))
         except ConnectionLost as error:
             self._break(error)
             raise
@@ -168,6 +168,8 @@ class AsyncSharedCanBus(SharedBusBase):
             self._break(thread.error)
 
     def _dispatch(self, frame: CanFrame) -> None:
+        if self.trace is not None:
+            self.trace("<", frame)
         for port in self._ports:
             if port.accepts(frame):
                 port.put(frame)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from time import monotonic
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from orinkit.can.frame import CanFrame
-from orinkit.can.reconnecting_bus import ReconnectingBus
 
 if TYPE_CHECKING:
     from orinkit.can.device import CanDevice
@@ -21,7 +20,17 @@ _SOURCE: Final = 0xFF  # mask of the source address, as in J1939
 _QUIET: Final = 1.0  # s between two logged exceptions of a device
 
 
-def run(devices: Sequence[IsolatedDevice], bus: ReconnectingBus, ending: threading.Event) -> None:
+class ServedBus(Protocol):
+    """The bus of a CAN server; its methods raise no exceptions."""
+
+    def receive(self, seconds: float) -> CanFrame | None:
+        """Return the next frame, ``None`` after a time-out."""
+
+    def send(self, frames: Iterable[CanFrame]) -> None:
+        """Send frames, in order."""
+
+
+def run(devices: Sequence[IsolatedDevice], bus: ServedBus, ending: threading.Event) -> None:
     """Pass received frames to the devices and send the frames that the devices return, until ``ending`` is set."""
     while not ending.is_set():
         frame = bus.receive(min((device.seconds_until_due() for device in devices), default=_LONGEST_WAIT))

@@ -20,6 +20,12 @@ Accepts: TypeAlias = Callable[[CanFrame], bool]
 The filter must neither block nor raise. On a bus shared by threads, any of the threads may call it.
 """
 
+Trace: TypeAlias = Callable[[str, CanFrame], None]
+"""Callback invoked with ``">"`` and each frame that was sent, or ``"<"`` and each frame that was received.
+
+It must neither block nor raise. On a bus shared by threads, any of the threads may call it.
+"""
+
 SIZE: Final = 256
 """Maximum number of frames buffered in a receiver, by default."""
 
@@ -51,12 +57,16 @@ class SharedBusBase:
 
     Args:
         bus: The bus, which is closed with the shared bus. Nothing else may receive from it afterwards.
+
+    Attributes:
+        trace: Callback invoked with every frame; ``None`` if there is none.
     """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._closed = False
         self._broken: str | None = None  # reason for the loss
+        self.trace: Trace | None = None
 
     def __str__(self) -> str:
         return str(self._bus)
@@ -70,6 +80,11 @@ class SharedBusBase:
     def closed(self) -> bool:
         """True if the shared bus was closed."""
         return self._closed
+
+    def _send_frame(self, frame: CanFrame, seconds: float) -> None:
+        self._bus.send(frame, seconds)
+        if self.trace is not None:
+            self.trace(">", frame)
 
     def _check_open(self) -> None:
         if self._closed:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame
+from orinkit.can.invalid_frames import InvalidFrameLog
 from orinkit.core.errors import ConnectionLost, TransportError
 from orinkit.transport.address import CanAddress
 
@@ -21,7 +22,6 @@ _SEND: Final = 0.02  # s to wait until the interface accepts a frame
 _FIRST_DELAY: Final = 0.5  # s before a lost bus is reopened
 _LONGEST_DELAY: Final = 5.0
 _PROVEN: Final = 1.0  # s without an error after which a bus counts as restored, even if nothing is received
-_QUIET: Final = 1.0  # s between two logged invalid frames
 _JOIN: Final = 5.0
 
 
@@ -50,7 +50,7 @@ class ReconnectingBus:
         self._back_at: float | None = None  # time at which a lost bus was reopened
         self._is_lost = False  # the loss has been logged
         self._is_refused = False
-        self._quiet_until = 0.0
+        self._invalid = InvalidFrameLog()
 
     def receive(self, seconds: float) -> CanFrame | None:
         """Return the next frame, ``None`` after a time-out. While the bus is lost, wait for the time-out."""
@@ -83,15 +83,9 @@ class ReconnectingBus:
                 self._is_refused = True
                 return
             except Exception as error:  # noqa: BLE001 - caused by an invalid frame of a device
-                self._log_invalid(frame, error)
+                self._invalid.add(self.url, frame, error)
                 continue
             self._is_refused = False
-
-    def _log_invalid(self, frame: object, error: Exception) -> None:
-        """Log an invalid frame, at most once per second."""
-        if monotonic() >= self._quiet_until:
-            _log.error("%s: a device sent %.80r, which is not a CAN frame: %s", self.url, frame, error)
-            self._quiet_until = monotonic() + _QUIET
 
     def close(self) -> None:
         """Close the bus, unless an open python-can bus was passed to the constructor."""

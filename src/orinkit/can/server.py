@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 DEFAULT_BUS: Final = "can://udp_multicast/239.74.163.2"
 """A bus without hardware, shared by all programs of a network."""
+PSEUDO_TERMINAL: Final = "pty://"
+"""A bus of one program on this machine, which opens it as an slcan adapter; see :attr:`CanServer.url`."""
 
 _JOIN: Final = 5.0  # s
 
@@ -26,11 +28,16 @@ class CanServer(ThreadServer):
 
     def __init__(self, devices: Iterable[CanDevice], at: str | can.BusABC) -> None:
         from orinkit.can.device_thread import IsolatedDevice, run
+        from orinkit.can.pseudo_terminal import PseudoTerminalBus
         from orinkit.can.reconnecting_bus import ReconnectingBus
 
         self._devices = [IsolatedDevice(device) for device in _checked(devices)]
         self._ending = threading.Event()
-        self._wire = ReconnectingBus(_address(at) if isinstance(at, str) else at, self._ending)
+        self._wire: ReconnectingBus | PseudoTerminalBus
+        if at == PSEUDO_TERMINAL:
+            self._wire = PseudoTerminalBus()
+        else:
+            self._wire = ReconnectingBus(_address(at) if isinstance(at, str) else at, self._ending)
         self._lock = threading.Lock()
         self._thread = threading.Thread(
             target=run, args=(tuple(self._devices), self._wire, self._ending), name="orinkit-can-server", daemon=True
@@ -39,7 +46,7 @@ class CanServer(ThreadServer):
 
     @property
     def url(self) -> str:
-        """Address of the bus: ``can://INTERFACE/CHANNEL``."""
+        """Address of the bus, for programs that connect to it: ``can://INTERFACE/CHANNEL``."""
         return self._wire.url
 
     def close(self) -> None:
@@ -59,7 +66,8 @@ def serve_can(*devices: CanDevice, at: str | can.BusABC = DEFAULT_BUS) -> CanSer
 
     Args:
         devices: The devices; they are closed with the server.
-        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, in which the names are those of python-can; or an
+        at: ``can://INTERFACE/CHANNEL?bitrate=500000&OPTION=VALUE``, in which the names are those of python-can;
+            ``pty://`` for a new pseudo-terminal, which one program of this user can open as an slcan adapter; or an
             open python-can bus, which the server does not close, and from which nothing else may receive.
 
     Raises:

@@ -108,7 +108,7 @@ class SharedCanBus(SharedBusBase):
             if self._unusable:
                 self._check_usable(None)
             for frame in frames:
-                self._bus.send(frame, seconds)
+                self._send_frame(frame, seconds)
         except ConnectionLost as error:
             self._break(error)
             raise
@@ -196,6 +196,8 @@ class SharedCanBus(SharedBusBase):
     def _dispatch(self, frame: CanFrame, mine: CanReceiver | None) -> bool:
         """Put a frame into every receiver that accepts it, except ``mine``; return True if ``mine`` accepts it."""
         is_mine = False
+        if self.trace is not None:
+            self.trace("<", frame)
         for port in self._ports:
             if port.accepts(frame):
                 if port is mine:

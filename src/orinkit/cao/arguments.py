@@ -66,6 +66,8 @@ def _default(argument: Argument) -> object:
 _READERS: Final[dict[VarType, Callable[[Variant], Any]]] = {
     VarType.I4: coerce.to_integer,
     VarType.R4: coerce.to_real,
+    VarType.R8: coerce.to_real,
+    VarType.BOOL: lambda value: bool(coerce.to_number(value)),
     VarType.BSTR: coerce.to_text,
     VarType.VARIANT: lambda value: value,
 }

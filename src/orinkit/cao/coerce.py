@@ -15,7 +15,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.values.conversions import CY_CONTEXT
 from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType, type_name
-from orinkit.values.variant import Variant
+from orinkit.values.variant import Variant, unwrapped
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 _NUMBERS: Final = frozenset(
@@ -34,7 +34,8 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
 
 
 def unwrap_single(given: Variant) -> Variant:
-    """Return the element of a one-element array, or any other value unchanged."""
+    """Return the element of a one-element array, or the value in a VT_VARIANT, or any other value unchanged."""
+    given = unwrapped(given)
     if given.type & ARRAY and len(given.value) == 1:
         element = given.value[0]
         return element if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
@@ -118,6 +119,7 @@ def to_text(given: Variant) -> str:
 
 def to_values(given: Variant) -> list[Any]:
     """Return a list of plain values: the elements of an array, or one value; ``[]`` for VT_EMPTY and VT_NULL."""
+    given = unwrapped(given)
     if given.type in EMPTIES:
         return []
     plain = given.plain

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from orinkit.core import hresult
@@ -16,11 +16,15 @@ class Dialect:
     Attributes:
         name: name of the dialect, ``"rc8"``.
         echoes_reserved: whether a reply repeats the reserved field of its request; otherwise the field is 0.
-        replies_vt_empty: whether the reply to an Execute without a result has one argument, VT_EMPTY; otherwise it has no
-            argument.
+        replies_vt_empty: whether the reply to an Execute or a Command_Execute without a result, and every reply with an
+            error code, has one argument, VT_EMPTY; otherwise it has no argument.
         vt_error_size: size of a VT_ERROR, bytes.
         closes_on_malformed_packet: whether the server disconnects a client after replying E_INVALIDRCVPACKET to a malformed packet.
-        takes_start_options: whether Service_Start may have an argument.
+        takes_start_options: whether a client sends options with Service_Start, and invalid options are refused; otherwise
+            invalid options are ignored.
+        strict: whether a server follows the documents if they are narrower than real controllers.
+        queues_calls: whether calls that arrive during a call of the same client are executed after it; otherwise they are
+            refused.
         code_replacements: return codes that the dialect does not have, and their replacements.
         takes_arm: whether TakeArm, GiveArm and Halt exist; otherwise only slave mode moves the arm.
         short_numbers: whether the parameters of the commands Motor and ClearError are a single VT_I2; otherwise, the
@@ -39,6 +43,8 @@ class Dialect:
     vt_error_size: int = 4
     closes_on_malformed_packet: bool = False
     takes_start_options: bool = True
+    strict: bool = False
+    queues_calls: bool = True
     code_replacements: Mapping[int, int] = field(default_factory=dict)
     takes_arm: bool = True
     short_numbers: bool = False
@@ -52,6 +58,9 @@ class Dialect:
 RC8: Final = Dialect("rc8")
 """RC8, RC8A, RC9, COBOTTA."""
 
+RC8_STRICT: Final = replace(RC8, strict=True)
+"""The same, of a server that follows the documents where they are narrower."""
+
 VE026A: Final = Dialect(
     "ve026a",
     echoes_reserved=True,
@@ -59,6 +68,7 @@ VE026A: Final = Dialect(
     vt_error_size=2,
     closes_on_malformed_packet=True,
     takes_start_options=False,
+    queues_calls=False,
     code_replacements={  # table 3-5 has none of the codes on the left
         hresult.E_BUSY_PROC: hresult.E_ROBOTISBUSY,
         hresult.E_TIMEOUT: hresult.E_ABORT,

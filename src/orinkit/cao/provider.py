@@ -24,6 +24,7 @@ from orinkit.cao.results import BlockingCall as BlockingCall
 from orinkit.cao.results import Deferred as Deferred
 from orinkit.cao.results import Result as Result
 from orinkit.cao.results import ResultWithCode as ResultWithCode
+from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import Value, Variant, VarType
@@ -447,6 +448,10 @@ class Provider:
             even if its arguments are invalid.
         fixed_handles: whether :meth:`handle_of` determines the handles, separately for each interface; otherwise
             handles are allocated from 2 upwards.
+        unwraps_variants: True if the device receives the value in a VT_VARIANT instead of the VT_VARIANT itself, which
+            only clients of e-CAP send.
+        unique_names: True if the names of controllers are unique over all clients of a server (provider guide 5.2.1);
+            otherwise only over the controllers of one client.
         requires_secret: True if :meth:`connect` refuses clients that do not send a secret. A server of such a provider
             accepts only few connections and small packets of clients that have no object yet. Over b-CAP, the calls of
             all other clients take precedence over the calls of the clients of other servers in the same event loop.
@@ -457,7 +462,13 @@ class Provider:
     dialect: Dialect = RC8
     functions: frozenset[int] | None = None
     fixed_handles: bool = False
+    unwraps_variants: bool = False
+    unique_names: bool = False
     requires_secret: bool = False
+
+    def user_functions(self) -> Sequence[UserFunction]:
+        """Return the user-defined functions of the device; by default, there are none."""
+        return ()
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the handle of an object, by default 1; called only if ``fixed_handles`` is True.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 
+from orinkit.cao.controller_names import ControllerNames
 from orinkit.cao.provider import Provider
 from orinkit.cao.quota import ByteQuota
+from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
@@ -20,12 +22,17 @@ class ProviderRegistry:
     Args:
         providers: the providers; one with the name ``"*"`` also serves unknown names.
         objects: limit on the objects of one client; beyond it, E_MAX_OBJECT is returned.
+
+    Attributes:
+        names: names of the controllers of all clients.
+        user_functions: user-defined functions by their numbers, each with its provider.
     """
 
     def __init__(self, providers: Provider | Iterable[Provider], objects: int = 1000) -> None:
         self.providers = [providers] if isinstance(providers, Provider) else _checked(providers)
         self.objects = objects
         self.kept = ByteQuota()
+        self.names = ControllerNames()
         self._by_name = {name.lower(): p for p in reversed(self.providers) for name in _names(p)}
         first, *others = self.providers
         for other in others:
@@ -34,6 +41,8 @@ class ProviderRegistry:
         self.functions = first.functions
         self.fixed_handles = first.fixed_handles
         self.requires_secret = all(each.requires_secret for each in self.providers)
+        self.unwraps_variants = any(each.unwraps_variants for each in self.providers)
+        self.user_functions = _user_functions(self.providers)
 
     def find(self, name: str) -> Provider:
         """Return a provider by its name.
@@ -49,6 +58,30 @@ class ProviderRegistry:
                 tr("unknown provider {name}; available: {offered}", name=quoted(name), offered=offered),
             )
         return found
+
+
+def _user_functions(providers: Iterable[Provider]) -> dict[int, tuple[Provider, UserFunction]]:
+    """Return the user-defined functions of all providers by their numbers.
+
+    Raises:
+        ValueError: If two providers have a function of the same number.
+    """
+    found: dict[int, tuple[Provider, UserFunction]] = {}
+    for provider in providers:
+        for each in provider.user_functions():
+            number = each.function.id
+            if number in found:
+                names = type(found[number][0]).__name__, type(provider).__name__
+                raise ValueError(
+                    tr(
+                        "{first} and {second} both have the user-defined function {number}",
+                        first=names[0],
+                        second=names[1],
+                        number=number,
+                    )
+                )
+            found[number] = provider, each
+    return found
 
 
 def _checked(given: object) -> list[Provider]:

@@ -12,7 +12,8 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant
 
-_MIN_MS: Final = 80
+MIN_MS: Final = 80
+"""Smallest interval and time-out of Service_Start, ms; the document requires more than this for WDT."""
 LEAST_ALIVE_MS: Final = 200
 _MAX_MS: Final = 0x7FFF_FFFF
 
@@ -32,10 +33,15 @@ class ServiceOptions(NamedTuple):
     max_silence: float | None = None
 
 
-def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
+def read_options(arguments: Sequence[Variant], *, strict: bool = False) -> ServiceOptions:
     """Return the options of Service_Start.
 
     If the type or the number of the arguments is wrong, the defaults are returned; the session then refuses the call.
+    A value of WDT or InvokeTimeout that is not a number means "not limited", as real controllers read it.
+
+    Args:
+        arguments: the arguments of the call.
+        strict: True to refuse ``WDT=80`` and values that are not numbers, as the document requires.
 
     Raises:
         CallError: E_INVALIDARG if the value of an option is invalid.
@@ -49,17 +55,17 @@ def read_options(arguments: Sequence[Variant]) -> ServiceOptions:
             return ServiceOptions()
         raise
     return ServiceOptions(
-        _seconds(options, "WDT", _MIN_MS + 1),
-        _seconds(options, "InvokeTimeout", _MIN_MS),
-        _seconds(options, "Alive", LEAST_ALIVE_MS),
+        _seconds(options, "WDT", MIN_MS + strict, strict=strict),
+        _seconds(options, "InvokeTimeout", MIN_MS, strict=strict),
+        _seconds(options, "Alive", LEAST_ALIVE_MS, strict=True),
     )
 
 
-def _seconds(options: Options, name: str, least: int) -> float | None:
+def _seconds(options: Options, name: str, least: int, *, strict: bool) -> float | None:
     try:
         number = options.number(name)
     except ValueError:
-        number = -1
+        number = -1 if strict else None
     if number is None:
         return None
     if not least <= number <= _MAX_MS:

@@ -19,6 +19,7 @@ from traceback import format_exception_only
 from typing import Any, Final, TypeAlias, cast
 
 from orinkit.cao.arguments import read_arguments
+from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
 from orinkit.cao.provider import (
@@ -33,10 +34,12 @@ from orinkit.cao.provider import (
 from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cao.quota import CLIENT_LIMIT, STORING_METHODS, ByteQuota, stored_size
 from orinkit.cao.table import Function
+from orinkit.cao.user_functions import FIRST_BCAP
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import cut, printable, quoted, tr
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.types import ARRAY
+from orinkit.values.variant import Variant, VarType, unwrapped, variant
 
 logger = logging.getLogger("orinkit.session")
 
@@ -44,6 +47,7 @@ _FIRST_HANDLE: Final = 2  # as in the samples of the documents (RC8 3.1.2); 1 is
 _LAST_HANDLE: Final = 0x7FFF_FFFF
 _MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
 _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
+_NAMES: Final = VarType.BSTR | ARRAY
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +112,19 @@ class Session:
         host: the providers.
         client: information on the client.
         numbers: allocator of the handles; by default a new one, whose handles begin at 2.
+        own_code: function that replaces a return code of the server itself, for an invalid argument, by one that the
+            protocol permits; it does not change the return codes of a device.
     """
 
     def __init__(
-        self, host: ProviderRegistry, client: ClientInfo | None = None, numbers: HandleAllocator | None = None
+        self,
+        host: ProviderRegistry,
+        client: ClientInfo | None = None,
+        numbers: HandleAllocator | None = None,
+        own_code: Callable[[int], int] = hresult.unsigned,
     ) -> None:
         self.host = host
+        self._own_code = own_code
         self._reasons: dict[int, str] = {}
         # not a method of this session, because a device that stores ClientInfo would then keep the session in memory
         self.client = (client or ClientInfo())._replace(describe_error=partial(_describe_error, self._reasons))
@@ -141,15 +152,45 @@ class Session:
         """
         function = FUNCTIONS.get(function_id)
         if function is None or (self._functions is not None and function_id not in self._functions):
-            return CallReply(hresult.E_NOTIMPL, detail=tr("unknown function {function_id}", function_id=function_id))
+            return self._invoke_user_function(function_id, arguments)
         try:
-            values = read_arguments(function, arguments)
+            values = self._values(function, arguments)
             special = _SPECIAL.get(function.id)
             if special is not None:
                 return special(self, function, values)
             return self._call_method(function, values)
         except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
             return self._failed(function, error)
+
+    def _invoke_user_function(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
+        """Execute a user-defined function; a function that no device has declared returns E_NOTIMPL."""
+        provider, user = self.host.user_functions.get(function_id, (None, None))
+        over_bcap = self.client.transport != "http"
+        if provider is None or user is None or (over_bcap and function_id < FIRST_BCAP):
+            return CallReply(hresult.E_NOTIMPL, detail=tr("unknown function {function_id}", function_id=function_id))
+        function = user.function
+        try:
+            if provider.requires_secret and not self._entries:
+                raise error_for(hresult.E_ACCESSDENIED, function.name)
+            values = self._values(function, arguments)[: len(arguments)]  # the function has its own defaults
+            with provider.guard:
+                result = user.call(*values)
+            return self._outcome(function, 0, "", result, provider)
+        except BaseException as error:  # noqa: BLE001 - as in invoke
+            return self._failed(function, error)
+
+    def _values(self, function: Function[..., Any], arguments: Sequence[Variant]) -> list[Any]:
+        """Return the arguments with their types.
+
+        Raises:
+            CallError: If they are invalid, with a return code that the protocol permits to the server itself.
+        """
+        if self.host.unwraps_variants and self.client.transport == "http" and function.method not in STORING_METHODS:
+            arguments = [unwrapped(each) for each in arguments]
+        try:
+            return read_arguments(function, arguments)
+        except CallError as error:
+            raise error_for(self._own_code(error.code), error.detail) from None
 
     def complete(self, pending: Pending, result: Any, *, client_waits: bool = True) -> CallReply:
         """Return the reply to a pending call whose work has returned ``result``.
@@ -175,7 +216,8 @@ class Session:
 
     def refuse(self, function_id: int, error: CallError) -> CallReply:
         """Return the reply to a call whose result cannot be sent, and store the description of the error."""
-        return self._failed(FUNCTIONS[function_id], error)
+        user = self.host.user_functions.get(function_id)
+        return self._failed(FUNCTIONS[function_id] if user is None else user[1].function, error)
 
     def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
         entry = self._find(function, values[0])
@@ -222,10 +264,6 @@ class Session:
             raise error_for(hresult.E_HANDLE, self._handle_error(handle, entry, function))
         return entry
 
-    def _omits_result(self, function: Function[..., Any]) -> bool:
-        """Return True if a reply without a result has no argument; otherwise, it has the argument VT_EMPTY."""
-        return function.method == "execute" and not self.host.dialect.replies_vt_empty
-
     def _existing(self, interface: str, parent: int, label: str, option: str) -> CallReply | None:
         """Return the reply with the handle of the existing object ``label`` if ``option`` contains @IfNotMember.
 
@@ -254,8 +292,11 @@ class Session:
             code, result = hresult.unsigned(result.code), result.value
         if function.creates:
             result = self._add(function.creates, result, parent, label, provider) & _ON_WIRE
-        if function.result is None or (result is None and self._omits_result(function)):
-            return CallReply(code)
+        executes = function.method == "execute"
+        if function.result is None or (executes and result is None):
+            return CallReply(code, Variant(VarType.EMPTY) if executes and self.host.dialect.replies_vt_empty else None)
+        if function.method.endswith("_names") and isinstance(result, list | tuple) and not result:
+            result = Variant(_NAMES, [])  # not a VARIANT array, for clients with static types
         try:
             return CallReply(
                 code, variant(result) if function.result is VarType.VARIANT else Variant(function.result, result)
@@ -275,7 +316,8 @@ class Session:
                 logger.log(level, "%s: %s", function.name, message, extra={"kind": function.name})
             return self._failure(error.code, error.detail)
         logger.error("%s: the device raised an exception", function.name, exc_info=error, extra={"kind": function.name})
-        return self._failure(hresult.E_FAIL, cut("".join(format_exception_only(error)).strip(), _MAX_DESCRIPTION))
+        code = hresult.E_OUTOFMEMORY if isinstance(error, MemoryError) else hresult.E_FAIL
+        return self._failure(code, cut("".join(format_exception_only(error)).strip(), _MAX_DESCRIPTION))
 
     def _failure(self, code: int, detail: str) -> CallReply:
         """Return the reply to a failed call, and store the description of the error."""
@@ -355,6 +397,8 @@ class Session:
             handle = self._handles.take(self._entries)
         guard = self._entries[parent].guard if provider is None else provider.guard
         self._entries[handle] = _Entry(handle, interface, served, parent, label, guard)
+        if provider is not None and provider.unique_names:
+            self.host.names.hold(label, (id(self), handle))
         return handle
 
     def _remove(self, handle: int) -> None:
@@ -366,6 +410,8 @@ class Session:
 
     def _release_one(self, handle: int) -> None:
         entry = self._entries.pop(handle)
+        if entry.interface == "Controller":
+            self._free_name(entry)
         self._kept.change(-sum(entry.kept.values()))
         try:
             with entry.guard:
@@ -386,6 +432,8 @@ class Session:
     # --- functions of the session itself ------------------------------------------------------------
 
     def _service_start(self, _function: Function[..., Any], _values: list[Any]) -> CallReply:
+        if starts_anew(self.client.transport):
+            self.free_names()
         return CallReply()
 
     def _service_stop(self, _function: Function[..., Any], _values: list[Any]) -> CallReply:
@@ -399,15 +447,30 @@ class Session:
             existing = self._existing("Controller", 0, name, option)
             if existing is not None:
                 return existing
-            if not self._spaces and self._named("Controller", 0, name) is not None:
+            if self._is_taken(name, option, provider):
                 raise error_for(hresult.E_CAO_COLLECTION_REGISTERED, name)
         else:
             self._check_room()
             taken = {entry.label.lower() for entry in self._controllers()}
-            name = next(free for n in self._numbers if (free := f"Controller{n}").lower() not in taken)
+            numbered = (f"Controller{number}" for number in self._numbers)
+            name = next(each for each in numbered if each.lower() not in taken and not self.host.names.is_taken(each))
         with provider.guard:
             made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
         return self._outcome(function, 0, name, made, provider)
+
+    def _is_taken(self, name: str, option: str, provider: Provider) -> bool:
+        """Return True if a controller has the name, so that no other controller may have it."""
+        if provider.unique_names:
+            return self.host.names.is_taken(name) and not Options(option).flag("@IfNotMember")
+        return not self._spaces and self._named("Controller", 0, name) is not None
+
+    def free_names(self) -> None:
+        """Permit other clients to use the names of the controllers of this client."""
+        for entry in self._controllers():
+            self._free_name(entry)
+
+    def _free_name(self, entry: _Entry) -> None:
+        self.host.names.free(entry.label, (id(self), entry.handle))
 
     def _release(self, function: Function[..., Any], values: list[Any]) -> CallReply:
         self._remove(self._find(function, values[0]).handle)

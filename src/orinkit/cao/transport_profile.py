@@ -17,9 +17,9 @@ class TransportProfile:
         shared: whether successive clients use the same line. The end of one client is then detected only when the next
             one begins.
         session_timeout: seconds of silence after which a controller ends a session; 0 if it detects the end of the connection.
-        uses_watchdog: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the reply to
-            a repeated request, or the connection itself, shows that the call is executing.
-        packet: limit on the size of a packet, bytes. UDP: 488 bytes plus header and EOT (RC8 table 5-1).
+        uses_watchdog: whether a client requests S_EXECUTING (``WDT=``) to monitor a long-running call; otherwise the
+            connection itself shows that the call is executing.
+        packet: limit on the size of a packet, bytes.
         timeout: seconds that a client waits for a reply to each attempt.
     """
 

@@ -31,7 +31,7 @@ HINTS: Final[dict[str, tuple[str, str]]] = {
     "packet": ("Client and server interpret the packet differently; decode its bytes to find the difference.", "双方のパケットの解釈が食い違っています。バイト列を解読して、違う箇所を探してください。"),
     "provider": ("Specify the provider of the controller (provider=, --provider): CaoProv.DENSO.VRC (RC8, COBOTTA), CaoProv.DENSO.VRC9 (RC9), or the name of your own device's provider.", "コントローラに合ったプロバイダ名を指定してください (provider=、--provider): CaoProv.DENSO.VRC (RC8, COBOTTA)、CaoProv.DENSO.VRC9 (RC9)、または自作デバイスのプロバイダ名。"),
     "restart": ("Restart the controller's service; if the error recurs, check the controller's log.", "コントローラのサービスを再起動してください。再発する場合は、コントローラのログを確認してください。"),
-    "size": ("Split the data over several calls, or use TCP (16 MiB) instead of UDP (504 bytes).", "データを複数回に分けてください。UDPの上限は504バイトです。TCP (16MiB) も検討してください。"),
+    "size": ("Split the data over several calls, or use TCP (16 MiB) instead of UDP (503 bytes).", "データを複数回に分けてください。UDPの上限は503バイトです。TCP (16MiB) も検討してください。"),
     "arm": ("Check the command. A VE026A supports only Motor, slvChangeMode, slvMove and ClearError; in Python, connect with dialect='ve026a'.", "つづりを確認してください。VE026A のコマンドは Motor、slvChangeMode、slvMove、ClearError のみです。Python では dialect='ve026a' で接続してください。"),
     "timeout": ("Use a longer timeout, or check whether the previous command is still executing.", "タイムアウトを長くするか、前のコマンドがまだ実行中でないか確認してください。"),
     "type": ("Convert the value to the type of the variable or argument.", "変数または引数の型に値を変換してください。"),

@@ -276,7 +276,10 @@ class CallError(OrinError):
         detail: Additional information, for example the text of an exception in a served device.
         subject: Name of the object whose function was called; ``""`` if unknown.
         info: Name, text and hint of the code (:class:`orinkit.core.hresult.ReturnCode`).
+        defined_by_device: True if the device has defined the code, so that the codes of b-CAP do not describe it.
     """
+
+    defined_by_device = False
 
     def __init__(self, code: int, detail: str = "", function: str = "", arguments: tuple[object, ...] = ()) -> None:
         code = hresult.unsigned(code)
@@ -290,7 +293,7 @@ class CallError(OrinError):
     @property
     def info(self) -> ReturnCode:
         """The name, text and hint of the code."""
-        return hresult.lookup(self.code)
+        return hresult.defined_by_device(self.code) if self.defined_by_device else hresult.lookup(self.code)
 
     def __str__(self) -> str:
         info = self.info

@@ -402,6 +402,12 @@ def lookup(code: int) -> ReturnCode:
     return known or _unknown(value)
 
 
+def defined_by_device(code: int) -> ReturnCode:
+    """Return the description of a code that the device defines, regardless of the codes of b-CAP (e-CAP table 3)."""
+    value = unsigned(code)
+    return ReturnCode(value, _hex(value), "Error defined by the device", "デバイスが定義したエラー")
+
+
 def by_name(name: str) -> ReturnCode:
     """Return the return code that has the symbol ``name``; upper and lower case are equivalent.
 

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from orinkit.device.declarations import command, command_object, extension, file, robot, task, variable
+from orinkit.device.declarations import command, command_object, extension, file, robot, task, user_function, variable
 from orinkit.device.device import Device, Part
 
 __all__ = [
@@ -21,5 +21,6 @@ __all__ = [
     "file",
     "robot",
     "task",
+    "user_function",
     "variable",
 ]

@@ -9,11 +9,13 @@ from typing import Any, Final, Generic, TypeVar, overload
 
 from orinkit.cao import coerce
 from orinkit.cao.provider import BlockingCall
+from orinkit.cao.table import Argument
+from orinkit.cao.user_functions import check_number, user_entry
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.values.types import ARRAY, BY_PYTHON, EMPTIES, VarType, type_name
-from orinkit.values.variant import Variant
+from orinkit.values.variant import Variant, plain
 from orinkit.values.variant import variant as to_variant
 
 D = TypeVar("D", bound="Declared")
@@ -172,6 +174,57 @@ def _as_type(vt: int, value: Variant) -> Variant:
     return Variant(vt, Decimal(repr(number)) if vt == VarType.CY else number)
 
 
+_ARGUMENT_TYPES: Final = {
+    annotation: vt
+    for python, vt in ((int, VarType.I4), (float, VarType.R8), (str, VarType.BSTR), (bool, VarType.BOOL))
+    for annotation in (python, python.__name__)
+}
+
+
+class DeclaredFunction(Declared):
+    """A declared user-defined function, which clients call by its number.
+
+    Attributes:
+        entry: the entry of the function, with its arguments.
+    """
+
+    kind = "User function"
+
+    def __init__(self, method: Callable[..., Any], number: int, name: str, help: str, quick: bool) -> None:  # noqa: A002
+        super().__init__(method, str(check_number(number)), help, quick)
+        parameters = list(inspect.signature(method).parameters.values())[1:]
+        if any(each.kind not in _BY_POSITION for each in parameters):
+            raise TypeError(
+                tr(
+                    "user-defined function {number}: its parameters must be positional, without * and **",
+                    number=number,
+                )
+            )
+        result = inspect.signature(method).return_annotation
+        self.entry = user_entry(
+            number,
+            name or method.__name__,
+            tuple(map(_argument, parameters)),
+            None if result in (None, "None") else VarType.VARIANT,
+            self.help,
+            self.help,
+        )
+
+    def call(self, part: object, *values: Any) -> Any:
+        """Call the method with the arguments of a client, converted to their types."""
+        return self.run(self.method, part, *(plain(value) for value in values))
+
+
+_BY_POSITION: Final = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+
+
+def _argument(parameter: inspect.Parameter) -> Argument:
+    """Return the argument that a parameter with its annotation represents; without one, any type is accepted."""
+    vt = _ARGUMENT_TYPES.get(parameter.annotation, VarType.VARIANT)
+    optional = parameter.default is not inspect.Parameter.empty
+    return Argument(parameter.name, vt, optional=optional, default=parameter.default if optional else None)
+
+
 class DeclaredChild(Declared):
     """A declared child object. Each time a client connects to it, the decorated method is called and returns it."""
 
@@ -233,6 +286,31 @@ def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[Dec
     """
     _check_name("command", name)
     return _Decorator(lambda method: DeclaredCommand(method, name, help, quick))
+
+
+def user_function(
+    number: int,
+    name: str = "",
+    *,
+    help: str = "",  # noqa: A002
+    quick: bool = False,
+) -> _Decorator[DeclaredFunction]:
+    """Declare a user-defined function (e-CAP 3.3), which clients call by its number, without a handle.
+
+    The annotations of the parameters (bool, int, float, str) determine their types; a parameter without an annotation
+    accepts any type. The function has at most five parameters. The client receives the return value of the method.
+
+    Args:
+        number: Number of the function: from 256, or 255 for clients of e-CAP only.
+        name: Name for messages; the default is the name of the method.
+        help: Help text; the default is the docstring of the method.
+        quick: True if the method returns immediately; the server then calls it in its event loop.
+
+    Raises:
+        InvalidValue: If the number is not valid, or the method has more than five parameters.
+        TypeError: If the method has keyword-only or variable parameters.
+    """
+    return _Decorator(lambda method: DeclaredFunction(method, number, name, help, quick))
 
 
 def _child(kind: str, decorator: str) -> Callable[..., _Decorator[DeclaredChild]]:

@@ -37,6 +37,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from functools import partial
 from types import FunctionType
 from typing import Any, Final
 from weakref import WeakKeyDictionary
@@ -59,12 +60,14 @@ from orinkit.cao.provider import (
     VariableObject,
     not_found,
 )
+from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.device.declarations import Declared as Declared
 from orinkit.device.declarations import DeclaredChild as DeclaredChild
 from orinkit.device.declarations import DeclaredCommand as DeclaredCommand
+from orinkit.device.declarations import DeclaredFunction as DeclaredFunction
 from orinkit.device.declarations import DeclaredVariable as DeclaredVariable
 from orinkit.device.declarations import declared_in
 from orinkit.values.variant import Value, Variant
@@ -101,9 +104,9 @@ class Device(Part, Provider):
 
     Clients connect to a device with Controller_Connect. The server uses the members of
     :class:`~orinkit.cao.provider.Provider`, so these names are reserved: ``close``, ``connect``, ``dialect``,
-    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``, ``requires_secret``. A device may
-    override a reserved name with the same meaning, for example define ``close()`` to clean up after the server has
-    stopped. Any other use of these names raises TypeError.
+    ``fixed_handles``, ``functions``, ``guard``, ``handle_of``, ``provider_names``, ``requires_secret``,
+    ``unique_names``, ``unwraps_variants``, ``user_functions``. A device may override a reserved name with the same meaning, for example
+    define ``close()`` to clean up after the server has stopped. Any other use of these names raises TypeError.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -127,6 +130,14 @@ class Device(Part, Provider):
             raise _misused(type(self), name)
         super().__setattr__(name, value)
 
+    def user_functions(self) -> Sequence[UserFunction]:
+        """Return the declared user-defined functions."""
+        return [
+            UserFunction(member.entry, partial(member.call, self))
+            for member in _DECLARED.get(type(self), {}).values()
+            if isinstance(member, DeclaredFunction)
+        ]
+
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControllerObject:
         """Return a controller object for one client; the controller objects of all clients use this device."""
         return _PartController(self, name, client.describe_error)
@@ -144,9 +155,12 @@ _NEEDED: Final = {
     "handle_of": "handle_of(self, interface, name)",
     "provider_names": "Sequence[str]",
     "requires_secret": "bool",
+    "unique_names": "bool",
+    "unwraps_variants": "bool",
+    "user_functions": "user_functions(self)",
 }
 """Names that the server uses, and the required type or signature of each."""
-_ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2}
+_ARGUMENTS: Final = {"close": 0, "connect": 4, "handle_of": 2, "user_functions": 0}
 _OTHERWISE: Final = {"close": "close_fingers", "connect": "open_port"}
 
 
@@ -172,7 +186,7 @@ def _fits(name: str, value: object) -> bool:
         return callable(value) and _takes(value, _ARGUMENTS[name])
     if name == "dialect":
         return isinstance(value, Dialect)
-    if name in ("fixed_handles", "requires_secret"):
+    if name in ("fixed_handles", "requires_secret", "unique_names", "unwraps_variants"):
         return isinstance(value, bool)
     if name == "functions":
         return value is None or isinstance(value, frozenset)

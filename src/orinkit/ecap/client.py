@@ -16,9 +16,10 @@ from orinkit.cao.functions import service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
-from orinkit.core.errors import InvalidValue, error_for
+from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.ecap.message import read_detail, read_reply, write_request
+from orinkit.ecap.fields import UTF_8
+from orinkit.ecap.message import read_detail, read_reply, reply_error, write_request
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Variant, VarType
 
@@ -43,6 +44,7 @@ class EcapConversation:
         profile: the transport profile.
         dialect: dialect of the controller; may be set later, when it is known.
         clock: callback that returns the time in s; required for deadlines and for the detection of too many line feeds.
+        charset: encoding of the text: ``"utf-8"`` or ``"shift_jis"``.
 
     Attributes:
         stray_replies: always 0, because a reply arrives on the connection of its request.
@@ -60,8 +62,10 @@ class EcapConversation:
         profile: TransportProfile = HTTP,
         dialect: Dialect = RC8,
         clock: Clock = no_clock,
+        charset: str = UTF_8,
     ) -> None:
         self._clock = clock
+        self._charset = charset
         self.trace = trace
         self.profile = profile
         self.dialect = dialect
@@ -101,7 +105,7 @@ class EcapConversation:
                 many line feeds.
             CallError: If the controller has returned an error code.
         """
-        request = write_request(function, arguments)
+        request = write_request(function, arguments, self._charset)
         if len(request) > self._limits.packet:
             raise _too_long(function, len(request), self._limits)
         self._trace(">", request)
@@ -115,9 +119,9 @@ class EcapConversation:
             expired = timer.timeout_error() if received is None else None
             raise expired or no_answer(function, received, seconds)
         self._trace("<", received)
-        code, result = read_reply(received, self._limits)
+        code, result = read_reply(received, self._limits, self._charset)
         if code >= _FAILED:
-            raise error_for(code, read_detail(received), function.name, arguments)
+            raise reply_error(code, read_detail(received), function.name, arguments)
         self._stopped = function is service_stop
         if function.result is None:
             return code, None

@@ -3,8 +3,10 @@
 * Fields are separated by ``&``. A ``,`` separates fields if it is followed by the name of a field and ``=``. Any other
   comma is part of a value: ``Arg1=WDT=400,InvokeTimeout=5000`` is one field.
 * Names are ``Func`` and ``Arg1`` to ``Arg5``, in upper or lower case, in any order, possibly surrounded by blanks.
-* Values are form-urlencoded: ``+`` represents a blank, and ``%2C`` the byte 2C. The bytes of a value are UTF-8, with or
-  without this encoding. Encoded characters never separate fields.
+* ``%2C`` in a value represents the byte 2C; a ``%`` without two hexadecimal digits represents itself. Encoded characters
+  never separate fields. ``+`` represents itself if the fields are separated by commas, as in the document. If they are
+  separated by ``&``, as in HTML forms, ``+`` represents a blank.
+* The bytes of a value are UTF-8, or Shift_JIS if the server or the request selects this encoding.
 * A body that was encoded as a whole, as ``curl --data-urlencode "Func=17,Arg1=3"`` does, is first decoded, then split.
 * Line breaks at the end and a byte order mark at the beginning are ignored.
 
@@ -25,6 +27,9 @@ ARGUMENTS: Final = 5
 """Number of argument fields that a request may have: ``Arg1`` to ``Arg5``."""
 MOST: Final = 32
 """Maximum number of pieces into which a body is split; a valid body has at most six fields."""
+UTF_8: Final = "utf-8"
+SHIFT_JIS: Final = "shift_jis"
+"""The encodings of text. Shift_JIS is code page 932, as on Japanese Windows."""
 BLANKS: Final = " \t\r\n"
 """Characters allowed around names and numbers."""
 
@@ -36,10 +41,22 @@ _NAME: Final = rb"(func|arg[1-5])" + _BLANK + rb"="
 _SEPARATOR: Final = re.compile(rb"&|,(?=" + _BLANK + _NAME.replace(b"(", b"(?:") + rb")", re.IGNORECASE)
 _FIELD: Final = re.compile(_BLANK + _NAME, re.IGNORECASE)
 _WHOLE: Final = re.compile(_BLANK + rb"(?:func|arg[1-5])(?:%20|\+)*+%3d", re.IGNORECASE)
-_BAD_ESCAPE: Final = re.compile(rb"%(?![0-9a-f]{2})", re.IGNORECASE)
+_BARE_PERCENT: Final = re.compile(rb"%(?![0-9a-f]{2})", re.IGNORECASE)
 _MARK: Final = b"\xef\xbb\xbf"
 _SURROGATES: Final = 8192  # bytes decoded at a time if there are surrogates, which are slow to decode
 _LONGEST_PAIR: Final = 6  # bytes of two surrogates
+
+
+_CODECS: Final = {UTF_8: "utf-8", SHIFT_JIS: "cp932"}
+_CHARSETS: Final = {
+    "utf8": UTF_8, "shiftjis": SHIFT_JIS, "sjis": SHIFT_JIS, "xsjis": SHIFT_JIS, "mskanji": SHIFT_JIS,
+    "windows31j": SHIFT_JIS, "cp932": SHIFT_JIS,
+}  # fmt: skip
+
+
+def find_charset(name: str) -> str | None:
+    """Return the encoding that a name denotes: ``"utf-8"`` or ``"shift_jis"``; ``None`` for any other name."""
+    return _CHARSETS.get(name.strip().strip('"').lower().replace("-", "").replace("_", ""))
 
 
 class FormField(NamedTuple):
@@ -54,26 +71,33 @@ class FormField(NamedTuple):
     plus: bool = False
 
 
-def read_fields(body: bytes) -> dict[str, FormField]:
+def read_fields(body: bytes, charset: str = UTF_8) -> dict[str, FormField]:
     """Return the fields of a body by their names in lower case, including ``func``.
 
+    Args:
+        body: the body.
+        charset: encoding of the text: :data:`UTF_8` or :data:`SHIFT_JIS`.
+
     Raises:
-        CallError: E_INVALIDARG if ``Func`` is missing, a field is repeated or unknown, an escape is invalid, or the
-            bytes are not UTF-8.
+        CallError: E_INVALIDARG if ``Func`` is missing, a field is repeated or unknown, or the bytes do not have the
+            encoding.
     """
     body = body.removeprefix(_MARK).rstrip(b"\r\n")
     if b"=" not in body and _WHOLE.match(body):
-        return _decoded(_split(_form_bytes(body)), bytes)
-    fields = _decoded(_split(body), _form_bytes)
+        return _decoded(_split(_form_bytes(body))[0], bytes, charset)
+    pieces, by_ampersand = _split(body)
+    is_form = by_ampersand or len(pieces) == 1
+    fields = _decoded(pieces, _form_bytes if is_form else _unescaped_bytes, charset)
     if len(fields) == 1:
-        whole = b"Func=" + fields["func"].text.encode("utf-8", "surrogatepass")
+        whole = b"Func=" + encoded(fields["func"].text, charset)
         if _search(_SEPARATOR, whole):
-            return _decoded(_split(whole), bytes)
+            return _decoded(_split(whole)[0], bytes, charset)
     return fields
 
 
-def _split(body: bytes) -> dict[str, bytes]:
-    pieces = _pieces(body)
+def _split(body: bytes) -> tuple[dict[str, bytes], bool]:
+    """Return the values of the fields by their names, and whether ``&`` separates any fields."""
+    pieces, by_ampersand = _pieces(body)
     if len(pieces) > MOST:
         raise refused(
             tr(
@@ -98,20 +122,22 @@ def _split(body: bytes) -> dict[str, bytes]:
         raise _no_function(body.strip())
     if unknown:
         raise _unknown(unknown)
-    return found
+    return found, by_ampersand
 
 
-def _pieces(body: bytes) -> list[bytes]:
-    """Split a body at its separators into at most ``MOST + 1`` pieces.
+def _pieces(body: bytes) -> tuple[list[bytes], bool]:
+    """Split a body at its separators into at most ``MOST + 1`` pieces; also return whether one of them is ``&``.
 
     The last of ``MOST + 1`` pieces may contain further separators.
     """
     pieces: list[bytes] = []
     at = 0
+    by_ampersand = False
     while len(pieces) < MOST and (found := _search(_SEPARATOR, body, at)) is not None:
         pieces.append(body[at : found.start()])
         at = found.end()
-    return [*pieces, body[at:]]
+        by_ampersand = by_ampersand or found[0] == b"&"
+    return [*pieces, body[at:]], by_ampersand
 
 
 def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match[bytes] | None:
@@ -123,38 +149,60 @@ def _search(pattern: re.Pattern[bytes], data: bytes, start: int = 0) -> re.Match
     return None
 
 
-def _decoded(pieces: dict[str, bytes], decode: Callable[[bytes], bytes]) -> dict[str, FormField]:
-    return {name: _decode(name.capitalize(), value, decode) for name, value in pieces.items()}
+def _decoded(pieces: dict[str, bytes], decode: Callable[[bytes], bytes], charset: str) -> dict[str, FormField]:
+    return {name: _decode(name.capitalize(), value, decode, charset) for name, value in pieces.items()}
 
 
-def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes]) -> FormField:
+def _decode(name: str, value: bytes, decode: Callable[[bytes], bytes], charset: str) -> FormField:
     try:
-        return FormField(to_text(decode(value)), decode is _form_bytes and b"+" in value)
-    except CallError as error:
-        raise refused(f"{name}: {error.detail}") from None
+        return FormField(decoded(decode(value), charset), decode is _form_bytes and b"+" in value)
     except UnicodeDecodeError as error:
         found = error.object[error.start : error.start + 4].hex(" ")
-        raise refused(
-            tr(
-                "{name} is not UTF-8: bytes {found} at {offset}. Try: send UTF-8, not Shift_JIS",
+        if charset == UTF_8:
+            text = tr(
+                "{name} is not UTF-8: bytes {found} at {offset}. Try: send UTF-8, or the header "
+                "Content-Type: application/x-www-form-urlencoded; charset=Shift_JIS",
                 name=name,
                 found=found,
                 offset=error.start,
             )
-        ) from None
+        else:
+            text = tr(
+                "{name} is not {charset}: bytes {found} at {offset}",
+                name=name,
+                charset=charset,
+                found=found,
+                offset=error.start,
+            )
+        raise refused(text) from None
+
+
+def decoded(data: bytes, charset: str) -> str:
+    """Return the text that bytes represent.
+
+    Raises:
+        UnicodeDecodeError: If the bytes do not have the encoding.
+    """
+    return to_text(data) if charset == UTF_8 else data.decode(_CODECS[charset])
+
+
+def encoded(text: str, charset: str) -> bytes:
+    """Return the bytes of a text; a character that Shift_JIS does not have becomes ``?``."""
+    if charset == UTF_8:
+        return text.encode("utf-8", "surrogatepass")
+    return text.encode(_CODECS[charset], "replace")
 
 
 def _form_bytes(value: bytes) -> bytes:
     """Return the decoded bytes of a form-urlencoded value."""
     if b"%" not in value and b"+" not in value:
         return value
-    bad = _search(_BAD_ESCAPE, value)
-    if bad:
-        found = quoted(value[bad.start() : bad.start() + 3].decode("ascii", "replace"))
-        raise refused(
-            tr('{found} is not an escape ("%" and two hexadecimal digits). Try: encode a "%" as %25', found=found)
-        )
-    return b"".join(map(_unescaped, _slices(value)))
+    return b"".join([_unescaped(each.replace(b"+", b" ")) for each in _slices(value)])
+
+
+def _unescaped_bytes(value: bytes) -> bytes:
+    """Return a value with its escapes decoded; a ``%`` without two hexadecimal digits is kept."""
+    return b"".join(map(_unescaped, _slices(value))) if b"%" in value else value
 
 
 def _slices(value: bytes) -> Iterator[bytes]:
@@ -170,7 +218,7 @@ def _slices(value: bytes) -> Iterator[bytes]:
 
 
 def _unescaped(value: bytes) -> bytes:
-    value = value.replace(b"+", b" ")
+    value = _BARE_PERCENT.sub(b"%25", value)
     # Python decodes all escapes such as \x41 in one pass. This is ten times as fast as urllib.parse, which takes
     # seconds for the longest bodies.
     return value.replace(b"\\", b"%5C").replace(b"%", b"\\x").decode("unicode_escape").encode("latin-1")

@@ -14,23 +14,32 @@ Every VARIANT is transmitted without loss, except NaN: every NaN is received as 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
-from urllib.parse import quote
+from urllib.parse import quote_from_bytes
 
 from orinkit.cao import coerce
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument, Function
+from orinkit.cao.user_functions import NO_FUNCTIONS, UserFunction, is_user_function
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, InvalidValue, LimitExceeded, NotationError, ProtocolError, error_for
+from orinkit.core.errors import (
+    CallError,
+    InvalidValue,
+    LimitExceeded,
+    NotationError,
+    ProtocolError,
+    error_for,
+)
 from orinkit.core.i18n import printable, quoted, tr
 from orinkit.core.validation import rounded_to_single
-from orinkit.ecap.fields import ARGUMENTS, BLANKS, FormField, read_fields, refused, to_text
+from orinkit.ecap.fields import ARGUMENTS, BLANKS, UTF_8, FormField, decoded, encoded, read_fields, refused
+from orinkit.ecap.limits import check_cost, parse_limited, too_long
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
-from orinkit.values.notation import format_variant, parse
-from orinkit.values.notation_numbers import LONGEST, REAL, WHOLE
-from orinkit.values.types import ARRAY, TABLE, VARIANT_ARRAY, VarType, misfit
+from orinkit.values.notation import format_variant, parse, parse_lenient
+from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE
+from orinkit.values.types import VarType, misfit
 from orinkit.values.variant import Variant, trusted, variant
 
 _FAILED: Final = 0x8000_0000
@@ -53,38 +62,70 @@ class EcapRequest(NamedTuple):
 # --- requests ---------------------------------------------------------------------------------------------------------
 
 
-def write_request(function: Function[..., Any], arguments: tuple[Any, ...]) -> bytes:
+def own_code(code: int) -> int:
+    """Return the code with which a server of e-CAP itself replies; 0x8001xxxx belongs to the device (e-CAP table 3)."""
+    return hresult.E_INVALIDARG if is_device_code(code) else code
+
+
+def is_device_code(code: int) -> bool:
+    """Return True for a code that the device defines (e-CAP table 3)."""
+    return hresult.unsigned(code) >> 16 == 0x8001
+
+
+def write_request(function: Function[..., Any], arguments: tuple[Any, ...], charset: str = UTF_8) -> bytes:
     """Return the body of a call.
 
     Args:
-        function: an entry of the table of functions.
+        function: an entry of the table of functions, or the entry of a user-defined function.
         arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
+        charset: encoding of the text.
 
     Raises:
         InvalidValue: If an argument does not fit its type; the message names the function and the argument.
     """
     texts = [""] * ARGUMENTS
+    is_user = is_user_function(function.id)
     for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
         try:
-            texts[number - 1] = quote(_WRITERS[argument.vt](value), safe="", errors="surrogatepass")
+            text = _write_user_argument(value) if is_user else _WRITERS[argument.vt](value)
+            texts[number - 1] = quote_from_bytes(encoded(text, charset), safe="")
         except InvalidValue as error:
             raise InvalidValue(function.where(number) + str(error)) from None
     fields = "".join(f",Arg{number}={text}" for number, text in enumerate(texts, 1))
     return f"Func={function.id}{fields}".encode("ascii")
 
 
-def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequest:
+def read_request(
+    body: bytes,
+    limits: PacketLimits = DEFAULT_LIMITS,
+    charset: str = UTF_8,
+    user_functions: Mapping[int, UserFunction] = NO_FUNCTIONS,
+) -> EcapRequest:
     """Decode the body of a call.
 
+    Args:
+        body: the body.
+        limits: limits on the size of the body and on the values in it.
+        charset: encoding of the text.
+        user_functions: the user-defined functions of the server, by their numbers.
+
     Raises:
-        CallError: E_INVALIDARG if the body is not a request or an argument is invalid; E_INVALIDARGTYPE if an argument
-            is not a number; E_NOTIMPL if the function is unknown; E_PACKETSIZEOVER or E_ARGSIZEOVER if a limit is
-            exceeded.
+        CallError: E_INVALIDARG if the body is not a request, an argument is invalid, or a limit is exceeded; E_NOTIMPL
+            if the function is unknown.
     """
+    try:
+        return _read_request(body, limits, charset, user_functions)
+    except CallError as error:
+        raise error_for(own_code(error.code), error.detail) from None
+
+
+def _read_request(
+    body: bytes, limits: PacketLimits, charset: str, user_functions: Mapping[int, UserFunction]
+) -> EcapRequest:
     if len(body) > limits.packet:
-        raise error_for(hresult.E_PACKETSIZEOVER, _too_long(len(body), limits))
-    fields = read_fields(body)
-    function = _function(fields["func"].text.strip(BLANKS))
+        raise error_for(hresult.E_PACKETSIZEOVER, too_long(len(body), limits))
+    fields = read_fields(body, charset)
+    function = _function(fields["func"].text.strip(BLANKS), user_functions)
     given = [fields.get(f"arg{number}", _EMPTY) for number in range(1, ARGUMENTS + 1)]
     _check_number(function, given)
     count = len(function.arguments)
@@ -92,7 +133,7 @@ def read_request(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> EcapRequ
         count -= 1
     pairs = list(zip(function.arguments, given[:count], strict=False))
     try:
-        _check_cost((field.text for argument, field in pairs if argument.vt is VarType.VARIANT), limits)
+        check_cost((field.text for argument, field in pairs if argument.vt is VarType.VARIANT), limits)
     except LimitExceeded as error:
         raise error_for(error.code, f"{function.name}: {error}") from None
     return EcapRequest(function, [_read(function, number, *pair, limits) for number, pair in enumerate(pairs, 1)])
@@ -139,7 +180,21 @@ def _write_string(value: Any) -> str:
 
 def _write_variant(value: Any) -> str:
     item = variant(value)
-    return "" if item.type == VarType.EMPTY else format_variant(item)
+    return "" if item.type == VarType.EMPTY else format_variant(item, exact=True)
+
+
+def _write_user_argument(value: Any) -> str:
+    """Return an argument of a user-defined function: text and numbers without a type, as the document has it.
+
+    The client does not know the type of the argument. A :class:`~orinkit.values.variant.Variant` and any other value are
+    written with their types.
+    """
+    if isinstance(value, str):
+        return str.__str__(value)
+    if isinstance(value, bool | int | float):
+        item = variant(value)
+        return format_variant(item).partition(",")[2]
+    return _write_variant(value)
 
 
 _WRITERS: Final[dict[VarType, Callable[[Any], str]]] = {
@@ -155,11 +210,13 @@ _WRITERS: Final[dict[VarType, Callable[[Any], str]]] = {
 _IDS: Final = {entry.name.lower(): entry.id for entry in FUNCTIONS.values()}
 
 
-def _function(word: str) -> Function[..., Any]:
+def _function(word: str, user_functions: Mapping[int, UserFunction]) -> Function[..., Any]:
     number = _whole(word)
     if number is None:
         by_name = _IDS.get(word.lower(), 3)
         raise refused(tr("Func: {word} is not a number. Try: Func={by_name}", word=quoted(word), by_name=by_name))
+    if number in user_functions:
+        return user_functions[number].function
     function = FUNCTIONS.get(number)
     if function is None:
         raise error_for(
@@ -192,7 +249,8 @@ def _read(
 ) -> Variant:
     try:
         if argument.vt is VarType.VARIANT:
-            return _read_variant(field.text, limits)
+            read = _read_user_argument if is_user_function(function.id) else _read_variant
+            return read(field.text, limits)
         return _read_handle(field.text) if argument.is_handle else _READERS[argument.vt](field.text)
     except NotationError as error:
         kind = tr("; a VARIANT is written <type>,<value>, such as 3,100 or 8,text")
@@ -206,7 +264,14 @@ def _read(
 
 
 def _read_variant(text: str, limits: PacketLimits) -> Variant:
-    return _parse(text, limits) if text.strip(BLANKS) else trusted(VarType.EMPTY, None)
+    return parse_limited(text, limits) if text.strip(BLANKS) else trusted(VarType.EMPTY, None)
+
+
+def _read_user_argument(text: str, limits: PacketLimits) -> Variant:
+    """Return an argument of any type: a VARIANT in the notation, or a text or number without a type."""
+    if _TYPED.match(text):
+        return parse_limited(text, limits)
+    return parse_lenient(text) if text else trusted(VarType.EMPTY, None)
 
 
 def _read_string(text: str) -> Variant:
@@ -246,11 +311,27 @@ def _read_handle(text: str) -> Variant:
         ) from None
 
 
+def _read_double(text: str) -> Variant:
+    word = text.strip(BLANKS)
+    if len(word) <= LONGEST and REAL.fullmatch(word):
+        return trusted(VarType.R8, coerce.to_real(trusted(VarType.R8, float(word))))
+    return trusted(VarType.R8, coerce.to_real(_read_number(text)))
+
+
+def _read_flag(text: str) -> Variant:
+    """Return a flag; also ``true`` and ``false`` as text."""
+    flag = FLAGS.get(text.strip(BLANKS).lower())
+    return trusted(VarType.BOOL, bool(_read_number(text).value) if flag is None else flag)
+
+
 _READERS: Final[dict[VarType, Callable[[str], Variant]]] = {
     VarType.I4: _read_integer,
     VarType.R4: _read_real,
+    VarType.R8: _read_double,
+    VarType.BOOL: _read_flag,
     VarType.BSTR: _read_string,
 }
+_TYPED: Final = re.compile(r"[ \t\r\n]*[0-9]{1,5}[ \t\r\n]*,")
 
 
 def _read_number(text: str) -> Variant:
@@ -279,6 +360,7 @@ def _integer(number: int) -> Variant:
 
 # --- replies ----------------------------------------------------------------------------------------------------------
 
+_SLICE: Final = 4096  # characters encoded at a time
 _BLANK: Final = rb"[ \t\r\n]*+"
 # A return code, followed by a comma or the end of the body. The document prints no comma between code and result.
 # Therefore a code of eight hexadecimal digits may also be followed immediately by the result.
@@ -289,19 +371,19 @@ _REPLY: Final = re.compile(
 )  # fmt: skip
 
 
-def write_reply(code: int, result: Variant | None) -> bytes:
+def write_reply(code: int, result: Variant | None, charset: str = UTF_8) -> bytes:
     """Return the body of a reply; a result of type VT_EMPTY is omitted, as if there were no result.
 
     Raises:
         InvalidValue: If VARIANT arrays are nested deeper than the notation allows.
     """
-    text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result)}"
+    text = "" if result is None or result.type == VarType.EMPTY else f",{format_variant(result, exact=True)}"
     text = f"0x{hresult.unsigned(code):08X}{text}"
     slices = range(0, len(text), _SLICE)  # other threads cannot run while Python encodes one slice
-    return b"".join([text[at : at + _SLICE].encode("utf-8", "surrogatepass") for at in slices])
+    return b"".join([encoded(text[at : at + _SLICE], charset) for at in slices])
 
 
-def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int, Variant | None]:
+def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS, charset: str = UTF_8) -> tuple[int, Variant | None]:
     """Return the return code, as an unsigned number, and the result of a reply (``None`` if the reply has no result).
 
     In the body, the code is hexadecimal with ``0x``, or decimal, signed or unsigned. Line feeds may precede it. Data
@@ -311,16 +393,16 @@ def read_reply(body: bytes, limits: PacketLimits = DEFAULT_LIMITS) -> tuple[int,
         ProtocolError: If the body is not a reply.
     """
     if len(body) > limits.packet:
-        raise LimitExceeded(_too_long(len(body), limits), hresult.E_PACKETSIZEOVER)
+        raise LimitExceeded(too_long(len(body), limits), hresult.E_PACKETSIZEOVER)
     code, rest = _split_reply(body)
     if code >= _FAILED or not rest.strip():
         return code, None
     try:
-        text = to_text(rest)
-        _check_cost([text], limits)
-        return code, _parse(text, limits)
+        text = decoded(rest, charset)
+        check_cost([text], limits)
+        return code, parse_limited(text, limits)
     except UnicodeDecodeError:
-        raise _no_reply(rest, tr("not UTF-8")) from None
+        raise _no_reply(rest, tr("not {charset}", charset=charset)) from None
     except NotationError as error:
         raise _no_reply(rest, str(error)) from None
 
@@ -331,16 +413,26 @@ def read_detail(body: bytes) -> str:
     return printable(" ".join(rest[: 4 * _DETAIL].decode("utf-8", "replace").split()))
 
 
+def reply_error(code: int, detail: str, function: str, arguments: tuple[object, ...]) -> CallError:
+    """Return the exception for the return code of a reply.
+
+    A code 0x8001xxxx belongs to the device, so the texts of b-CAP do not describe it. A server of orinkit sends a detail.
+    """
+    error = error_for(code, detail, function, arguments)
+    error.defined_by_device = is_device_code(code) and not detail
+    return error
+
+
 def explain_reply(body: bytes) -> str:
     """Return a one-line summary of a reply, even of an invalid one, for example ``S_OK 3,2``."""
     try:
         code, rest = _split_reply(body)
     except ProtocolError as error:
         return str(error)
-    info = hresult.lookup(code)
+    detail = read_detail(body)
+    info = hresult.lookup(code) if detail or not is_device_code(code) else hresult.defined_by_device(code)
     if info.failed:
         name = "" if info.name.startswith("0x") else f" {info.name}"
-        detail = read_detail(body)
         return f"0x{code:08X}{name}: {info.text}" + (f" [{detail}]" if detail else "")
     return f"{info.name} {printable(rest[:1000].decode('utf-8', 'replace'))}".rstrip()
 
@@ -368,85 +460,3 @@ def _no_reply(rest: bytes, reason: str) -> ProtocolError:
 
 def _quoted(data: bytes) -> str:
     return quoted(data[:200].decode("utf-8", "replace"))
-
-
-# --- limits -----------------------------------------------------------------------------------------------------------
-
-
-def _too_long(length: int, limits: PacketLimits) -> str:
-    return tr("body of {length} bytes exceeds the limit of {most} bytes", length=length, most=limits.packet)
-
-
-_SLICE: Final = 4096  # characters searched at a time
-_MARGIN: Final = 80  # characters; at least the longest match of _HEAD
-_FIRST: Final = re.compile(r"[ \t\r\n]*+([0-9]{1,5})")
-_HEAD: Final = re.compile(r"(?:\A|\()[ \t\r\n]{0,64}+([0-9]{1,5}|[ \t\r\n])")
-# The types of arrays whose elements are slow to parse. The elements of VARIANT arrays are counted by their brackets.
-_SLOW: Final = {int(row.code) | ARRAY for row in TABLE if row.elements_per_unit == 1} - {VARIANT_ARRAY}
-# The costs are the estimated times to parse a character, in microseconds. _ALLOWANCE is the time allowed for each
-# permitted element, also in microseconds; with the default limits, the total is one second. The costs of brackets and
-# of commas of slow types are overestimated: PacketLimits.variants limits such arrays after parsing.
-_BRACKET_COST: Final = 10
-_SLOW_COST: Final = 5
-_QUOTES_FOR_ONE: Final = 8
-_ALLOWANCE: Final = 20
-
-
-def _check_cost(texts: Iterable[str], limits: PacketLimits) -> None:
-    """Estimate the time to parse texts by counting characters, and refuse texts that would take too long.
-
-    Raises:
-        LimitExceeded: If the texts contain too many brackets, quotation marks and commas.
-    """
-    left = _ALLOWANCE * limits.variants
-    for text in texts:
-        if len(text) > limits.variants:
-            left -= _cost(text, left)
-    if left < 0:
-        raise LimitExceeded(
-            tr(
-                "the arrays have too many elements for e-CAP, which transfers arrays as text. Try: use smaller "
-                "arrays, several calls, or b-CAP"
-            ),
-            hresult.E_ARGSIZEOVER,
-        )
-
-
-def _cost(text: str, left: int) -> int:
-    head = _FIRST.match(text)
-    if not head or not (int(head[1]) & ARRAY or int(head[1]) == VarType.VARIANT):
-        return 0  # a scalar, or not a VARIANT in the notation
-    cost = _BRACKET_COST * _count(text, "(") + _count(text, '"') // _QUOTES_FOR_ONE
-    if cost > left:
-        return cost
-    return cost + (_SLOW_COST if _has_slow(text) else 1) * _count(text, ",")
-
-
-def _count(text: str, sign: str) -> int:
-    return sum(text.count(sign, at, at + _SLICE) for at in range(0, len(text), _SLICE))
-
-
-def _has_slow(text: str) -> bool:
-    """Return True if a text may contain an array whose type is slow to parse.
-
-    More than 64 blanks before a type also count as such an array, because the type after them is not examined.
-    """
-    for at in range(0, len(text), _SLICE):
-        heads = set(_HEAD.findall(text, at, at + _SLICE + _MARGIN))
-        if any(head.isspace() or int(head) in _SLOW for head in heads):
-            return True
-    return False
-
-
-def _parse(text: str, limits: PacketLimits) -> Variant:
-    """Return the VARIANT that a text in the notation of e-CAP 3.5 represents.
-
-    Raises:
-        NotationError: If the text is not a VARIANT.
-        LimitExceeded: If the value exceeds the limits of a b-CAP packet.
-    """
-    item = parse(text)
-    if item.type & ARRAY and len(text) > limits.variants:  # a shorter text cannot have more elements than the limit
-        sizes = PacketLimits(limits.packet, limits.depth, limits.variants)
-        codec.decode(codec.encode_variant(item), limits=sizes)
-    return item

@@ -278,6 +278,7 @@ class RemoteProvider(Provider):
     def __init__(self, upstream: AnyUpstream | Mapping[str, AnyUpstream], *, names: Sequence[str] = ("*",)) -> None:
         listed = upstream if isinstance(upstream, Mapping) else {"": upstream}
         self.provider_names = names
+        self.unwraps_variants = True  # b-CAP has no VT_VARIANT
         self._upstreams = {
             str(name).strip(): each if isinstance(each, Upstream) else Upstream(each) for name, each in listed.items()
         }

@@ -196,6 +196,8 @@ class RestrictedProvider(Provider):
         self.functions = provider.functions
         self.fixed_handles = provider.fixed_handles
         self.requires_secret = provider.requires_secret
+        self.unique_names = provider.unique_names
+        self.unwraps_variants = True  # the rules apply to the values
 
     def handle_of(self, interface: str, name: str) -> int:
         """Return the restricted provider's handle for an object; used only if ``fixed_handles`` is set."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic, time
 from typing import Final, Literal, NamedTuple, Self
 
@@ -343,7 +343,7 @@ class RawExchange:
                 if progress is not None:
                     progress(state)
                 await asyncio.sleep(0)  # other tasks, such as one that calls stop(), get their turn
-        return state
+        return replace(state, stopped=rounds < number)
 
     def stop(self) -> None:
         """End a loop, and the wait for a reply or a packet."""

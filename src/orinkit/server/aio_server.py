@@ -10,6 +10,7 @@ from socket import gaierror
 from types import TracebackType
 from typing import Final, Self
 
+from orinkit.bcap.profiles import LONGEST_ON_LINE
 from orinkit.cao.provider import Provider
 from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.core.errors import ConnectFailed
@@ -58,6 +59,8 @@ class AsyncServer:
             keep-alive) may be silent while its motions run and it has no call in progress: 0.5 to 3,600. After this
             time, the client is disconnected.
         http: access control for HTTP, and the server's certificate for https.
+        serial_packet: limit on the bytes of a packet on a serial line, 128 to 65,536. DENSO's libraries accept 503
+            bytes, and drop longer replies. With this limit, a longer reply is E_TOO_MUCH_DATA.
 
     Use the server with ``async with``, or call :meth:`start` and :meth:`close`.
 
@@ -77,11 +80,14 @@ class AsyncServer:
         dead_after: float = DEAD_AFTER,
         alive: float = ALIVE,
         http: HttpOptions = DEFAULT_HTTP,
+        serial_packet: int = LONGEST_ON_LINE,
     ) -> None:
         self._http = http
         self._addresses = [_parse_listen_address(url) for url in urls or (DEFAULT_URL,)]
         self._host = ProviderRegistry(providers, objects)
-        self._context = ServerContext(self._host, limits, clients, invoke_timeout, dead_after, per_address, alive)
+        self._context = ServerContext(
+            self._host, limits, clients, invoke_timeout, dead_after, per_address, alive, serial_packet
+        )
         self._listeners: list[Listener] = []
         self.urls: list[str] = []
 

@@ -10,30 +10,24 @@ from typing import Any
 from orinkit.cao.provider import BlockingCall, Deferred
 
 
-def result_of(work: Any, computed: Callable[[], None] = lambda: None) -> Awaitable[Any]:
+def result_of(work: Any) -> Awaitable[Any]:
     """Return an awaitable for the result of a call.
 
     Args:
         work: ``Pending.work``: a :class:`~orinkit.cao.provider.BlockingCall`, a
             :class:`~orinkit.cao.provider.Deferred`, or an awaitable.
-        computed: callback invoked if the result of a Deferred is another Deferred, which is then awaited.
     """
     if type(work) is BlockingCall:
         return in_thread(work.run)
     if type(work) is Deferred:
-        return wait_deferred(work, computed)
+        return wait_deferred(work)
     awaitable: Awaitable[Any] = work
     return awaitable
 
 
-def is_brief(work: Any) -> bool:
-    """Return True if the next request of the client has to wait for ``Pending.work`` (``Deferred.brief``)."""
-    return type(work) is Deferred and work.brief
-
-
 def is_cancellable(work: Any) -> bool:
     """Return True if ``Pending.work`` ends when its task is cancelled; work in another thread continues."""
-    return type(work) is not BlockingCall and not is_brief(work)
+    return type(work) is not BlockingCall and not (type(work) is Deferred and work.brief)
 
 
 def abandon(work: Any) -> None:
@@ -77,16 +71,15 @@ async def in_thread(function: Callable[[], Any]) -> Any:
     raise value
 
 
-async def wait_deferred(deferred: Deferred[Any], computed: Callable[[], None] = lambda: None) -> Any:
+async def wait_deferred(deferred: Deferred[Any]) -> Any:
     """Wait for a deferred result; return it, or raise the exception of the call.
 
-    If the result is another Deferred, invoke ``computed`` and wait for that one.
+    If the result is another Deferred, wait for that one.
     """
     await _settled(deferred)
     result = deferred.result()
     if type(result) is not Deferred:
         return result
-    computed()
     return await wait_deferred(result)
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Final, Protocol
 
+from orinkit.bcap.profiles import LONGEST_ON_LINE, BcapProfile, line_profile
 from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cao.session import HandleAllocator, Session
 from orinkit.cao.shared_secret import SecretAttempts
@@ -116,8 +117,10 @@ class ServerContext:
         alive: seconds that a connectionless client may be silent while its motions run.
         dead_after: time in s after which a TCP connection counts as lost if the client's machine does not reply.
         per_address: maximum number of clients from one address; by default three quarters of ``clients``, rounded up.
+        serial_packet: limit on the bytes of a packet on a serial line.
 
     Attributes:
+        line: profile of serial lines.
         requires_secret: True if clients must send a secret (:attr:`~orinkit.cao.provider.Provider.requires_secret`).
         first_limits: limits on the packets of a client that has not sent the required secret.
         open: the connected clients.
@@ -149,8 +152,10 @@ class ServerContext:
         dead_after: float = DEAD_AFTER,
         per_address: int | None = None,
         alive: float = ALIVE,
+        serial_packet: int = LONGEST_ON_LINE,
     ) -> None:
         log_limiter.install()
+        self.line: BcapProfile = line_profile(serial_packet)
         self.host = host
         self.limits = self.first_limits = limits
         self.requires_secret = host.requires_secret
@@ -228,6 +233,7 @@ class ServerContext:
             client: the client's name in the log.
             virtual_time: the client's position in the queue (:class:`~orinkit.server.fair_queue.QueuedClient`).
         """
+        session.free_names()  # the client may connect again before its objects are released
         release = _Release(session, client, self._releases)
         release.virtual_time = virtual_time
         if self.closing or not len(session):

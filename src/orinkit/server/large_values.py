@@ -37,7 +37,9 @@ def is_large(result: Variant) -> bool:
     while rest and left >= 0:
         item = rest.pop()
         value = item.value if isinstance(item, Variant) else item
-        if isinstance(value, str | bytes):
+        if isinstance(value, Variant):  # in a VT_VARIANT
+            rest.append(value)
+        elif isinstance(value, str | bytes):
             left -= len(value)
         elif isinstance(value, list):
             left -= _ELEMENT * len(value)
@@ -58,7 +60,9 @@ def memory_of(values: Iterable[Variant]) -> int:
         item, weight = rest.pop()
         value = item.value if isinstance(item, Variant) else item
         size = _OBJECT
-        if isinstance(value, str):
+        if isinstance(value, Variant):  # in a VT_VARIANT
+            rest.append((value, weight))
+        elif isinstance(value, str):
             size += sys.getsizeof(value) + 2 * len(value)
         elif isinstance(value, bytes):
             size += 2 * len(value)

@@ -10,14 +10,15 @@ from collections.abc import Callable, Coroutine, Iterator
 from functools import partial
 from typing import Any, Final
 
+from orinkit.bcap.actions import Action, Close, Decode, Encoded, EndSession, Execute, Send
 from orinkit.bcap.profiles import BcapProfile
-from orinkit.bcap.server import Action, Close, Decode, Encoded, EndSession, Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
-from orinkit.server.call_runner import abandon, is_brief, is_cancellable, result_of
+from orinkit.server.call_runner import abandon, is_cancellable, result_of
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.fair_queue import QueuedClient, queue_of
@@ -32,7 +33,6 @@ logger = logging.getLogger("orinkit.server")
 _DRAIN_TURNS: Final = 3
 _BYTE: Final = 3e-7  # s to decode a byte of the slowest values (dates)
 _LONG: Final = 4000  # bytes of received data for the estimate of its time: more usually consists of many packets
-_MAX_HOLD: Final = 1.0  # s; while reading is stopped, the end of the connection is not detected
 
 
 class Peer(QueuedClient):
@@ -83,7 +83,7 @@ class Peer(QueuedClient):
         self._heard = 0.0
         self._network: str | None = None
         self._held = False
-        self._hold_timer: asyncio.TimerHandle | None = None
+        self._stops: dict[asyncio.Task[None], Any] = {}  # calls beside the call in progress, with Pending.work of each
 
     # --- identity ------------------------------------------------------------------------------------------------
 
@@ -109,11 +109,11 @@ class Peer(QueuedClient):
         self._set_alarm(None)
         if self._liveness is not None:
             self._liveness.end()
-        self._stop_hold_timer()
         self._context.open.discard(self)
         session, self._session = self._session, None  # breaks a reference cycle
         task, self._task = self._task, None
         self._abandon_call()
+        self._abandon_stops()
         if task is not None and self._cancellable:
             task.cancel()
         if task is None or self._cancellable:  # otherwise, the call continues and still requires its memory
@@ -128,6 +128,13 @@ class Peer(QueuedClient):
     def _abandon_call(self) -> None:
         work, self._work = self._work, None
         abandon(work)
+
+    def _abandon_stops(self) -> None:
+        stops, self._stops = self._stops, {}
+        for task, work in stops.items():
+            abandon(work)
+            if is_cancellable(work):
+                task.cancel()
 
     @property
     def network(self) -> str:
@@ -282,7 +289,8 @@ class Peer(QueuedClient):
                     self._execute(session, action)
             else:
                 self._perform(action)
-            if self._conversation.incomplete_bytes or len(waiting) > 1:  # there may be another packet
+            # there may be another packet
+            if self._conversation.incomplete_bytes or self._conversation.has_queued or len(waiting) > 1:
                 return True
         self._on_processed()
         return False
@@ -299,7 +307,10 @@ class Peer(QueuedClient):
             self._waiting.clear()
             self.close()
         elif type(action) is EndSession:
-            self._end_session(action.reason)
+            if action.keeps_replies:
+                self._end_served_session(action.reason)
+            else:
+                self._end_session(action.reason)
 
     def _on_processed(self) -> None:
         """Handle that all received data has been processed, except the beginning of an incomplete packet."""
@@ -311,6 +322,10 @@ class Peer(QueuedClient):
     def _end_session(self, reason: object = None) -> None:
         """Close the session; the peer may become a client again."""
         self._leave(reason)
+
+    def _end_served_session(self, reason: object = None) -> None:
+        """Close the session; the replies that have not been transmitted yet belong to the same client."""
+        self._end_session(reason)
 
     def _refuse(self, call: Execute) -> None:
         self._answer(call, CallReply(hresult.E_MAX_CONNECT))
@@ -338,6 +353,13 @@ class Peer(QueuedClient):
         self._task = self._work = None
         self._set_alarm(None)
 
+    def _resume_queue(self) -> None:
+        """Execute the requests that have waited for the end of a call."""
+        self._set_alarm(self._conversation.next_time())
+        if self._conversation.has_queued:
+            self._waiting.appendleft(self._conversation.resume(self._loop.time()))
+            self._continue()
+
     async def _decode(self, action: Decode) -> None:
         session = self._session
         arguments, size = await self._context.worker.run(partial(_read, action))
@@ -361,41 +383,48 @@ class Peer(QueuedClient):
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:
+            if self._conversation.is_stop(call):
+                self._run_stop(session, call, outcome)
+                return
             self._work = outcome.work
-            if is_brief(outcome.work):
-                self._hold()
-                self._hold_timer = self._loop.call_later(_MAX_HOLD, self._end_hold)
             self._run_task(self._finish(session, call, outcome, self._memory), cancellable=is_cancellable(outcome.work))
 
-    def _stop_hold_timer(self) -> bool:
-        """Return True if reading is stopped because of a brief call; the caller then calls :meth:`_unhold`."""
-        timer, self._hold_timer = self._hold_timer, None
-        if timer is not None:
-            timer.cancel()
-        return timer is not None
+    def _run_stop(self, session: Session, call: Execute, pending: Pending) -> None:
+        """Execute a stop beside the call in progress."""
+        task = self._loop.create_task(self._finish_stop(session, call, pending))
+        self._stops[task] = pending.work
+        self._context.tasks.add(task)
+        task.add_done_callback(self._context.tasks.discard)
+        self._set_alarm(self._conversation.next_time())
 
-    def _end_hold(self) -> None:
-        """Resume reading during a brief call: further requests return E_BUSY_PROC."""
-        if self._stop_hold_timer():
-            self._unhold()
+    async def _finish_stop(self, session: Session, call: Execute, pending: Pending) -> None:
+        reply = await self._reply_to(session, call, pending)
+        task = asyncio.current_task()
+        if self._serves(session) and task is not None:
+            self._stops.pop(task, None)
+            self._conversation.update_time(self._loop.time())
+            self._deliver(call, reply.code, reply.result)
+            self._set_alarm(self._conversation.next_time())
 
-    async def _finish(self, session: Session, call: Execute, pending: Pending, memory: CallMemory) -> None:
-        begin_call(lambda: self._conversation.timed_out or not self._serves(session))
+    async def _reply_to(self, session: Session, call: Execute, pending: Pending) -> CallReply:
+        """Wait for the result of a call, and return the reply."""
+        begin_call(lambda: self._conversation.gave_up(call) or not self._serves(session))
         try:
-            result = await result_of(pending.work, self._end_hold)
+            result = await result_of(pending.work)
         except BaseException as error:
             if isinstance(error, asyncio.CancelledError) and not self._serves(session):
                 raise  # cancelled because the client has disconnected
-            reply = session.fail(pending, error)
-        else:
-            reply = session.complete(pending, result, client_waits=not self._conversation.timed_out)
+            return session.fail(pending, error)
+        return session.complete(pending, result, client_waits=not self._conversation.gave_up(call))
+
+    async def _finish(self, session: Session, call: Execute, pending: Pending, memory: CallMemory) -> None:
+        reply = await self._reply_to(session, call, pending)
         if self._serves(session):
-            held = self._stop_hold_timer()
             self._free()
             self._conversation.update_time(self._loop.time())
             self._answer(call, reply)
-            if held and self._task is None:  # otherwise reading resumes after the worker has encoded the result
-                self._unhold()
+            if self._task is None:  # otherwise the worker encodes the result first
+                self._resume_queue()
         else:
             memory.release()
 
@@ -441,6 +470,7 @@ class Peer(QueuedClient):
             self._conversation.update_time(self._loop.time())
             self._deliver(call, code, encoded)
             self._on_reply_sent()
+            self._resume_queue()
             self._unhold()
 
     def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
@@ -454,10 +484,10 @@ class Peer(QueuedClient):
         self._alarm = None if when is None else self._loop.call_at(when, self._tick)
 
     def _tick(self) -> None:
-        data = self._conversation.tick(self._loop.time())
-        if self._conversation.timed_out:
-            self._abandon_call()  # before E_TIMEOUT is sent, after which nothing may start
-        if data:
+        now = self._loop.time()
+        while data := self._conversation.tick(now):
+            if self._conversation.timed_out:
+                self._abandon_call()  # before E_TIMEOUT is sent, after which nothing may start
             self._send(data)
         self._set_alarm(self._conversation.next_time())
 
@@ -472,17 +502,3 @@ def _marker(reached: Callable[[], None]) -> Iterator[Action]:
     """Return an iterator without actions that invokes a callback when it is requested for one."""
     reached()
     yield from ()
-
-
-class ConnectionlessClient(Peer):
-    """A client without a connection: its session begins with its first call and ends with Service_Stop."""
-
-    def _new_session(self) -> Session | None:
-        return self._admit()
-
-    def _deliver(self, call: Execute, code: int, result: Variant | Encoded | None) -> None:
-        data = self._conversation.finish(call, code, result)
-        if self._conversation.stopped:
-            self._end_session()
-        if data:
-            self._send(data)

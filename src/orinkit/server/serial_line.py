@@ -7,13 +7,13 @@ import logging
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Final, Self, cast
 
+from orinkit.bcap.actions import Action
 from orinkit.bcap.profiles import LINE, SILENCE
-from orinkit.bcap.server import Action
 from orinkit.cao.provider import ClientInfo
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
+from orinkit.server.connectionless import ConnectionlessClient
 from orinkit.server.context import ServerContext
-from orinkit.server.peer import ConnectionlessClient
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.serial.address import PtyAddress, SerialAddress
 from orinkit.transport.serial.settings import open_failed, settings
@@ -46,7 +46,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         path: str,
         lost: Callable[[Exception | None], None] | None = None,
     ) -> None:
-        super().__init__(context, loop, LINE)
+        super().__init__(context, loop, context.line)
         self._name = self._host = path
         self._lost = lost
         self._full = False
@@ -134,6 +134,9 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
         """Close the session and drop unsent replies, which the next client must not receive."""
         super()._end_session(reason)
         self._drop_unsent()
+
+    def _end_served_session(self, reason: object = None) -> None:
+        super()._end_session(reason)
 
     def give_up(self, reason: str) -> None:
         """Close the session of an unreachable client; the line stays open."""

@@ -7,8 +7,8 @@ import logging
 from collections.abc import Iterable
 from typing import Final, Self, cast
 
+from orinkit.bcap.actions import Execute
 from orinkit.bcap.profiles import STREAM, BcapProfile
-from orinkit.bcap.server import Execute
 from orinkit.cao.provider import ClientInfo
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.capacity import CallMemory

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from orinkit.bcap.profiles import LONGEST_ON_LINE
 from orinkit.cao.provider import Provider
 from orinkit.core.thread_server import ThreadServer
 from orinkit.server.alive_option import ALIVE
@@ -83,6 +84,7 @@ def serve(
     dead_after: float = DEAD_AFTER,
     alive: float = ALIVE,
     http: HttpOptions = DEFAULT_HTTP,
+    serial_packet: int = LONGEST_ON_LINE,
 ) -> Server:
     """Serve providers in a background thread until the server is closed; use it in a ``with`` statement.
 
@@ -107,5 +109,6 @@ def serve(
             dead_after=dead_after,
             alive=alive,
             http=http,
+            serial_packet=serial_packet,
         )
     )

@@ -9,12 +9,12 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any, Final, Self, TypeAlias, cast
 
+from orinkit.bcap.actions import Encoded, Execute
 from orinkit.bcap.profiles import DATAGRAM
-from orinkit.bcap.server import Encoded, Execute
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.session import Session
+from orinkit.server.connectionless import ConnectionlessClient
 from orinkit.server.context import ServerContext
-from orinkit.server.peer import ConnectionlessClient
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.values.variant import Variant

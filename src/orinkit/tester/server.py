@@ -33,7 +33,7 @@ from orinkit.tester.ui.session import language_of_page
 from orinkit.transport.address import is_loopback
 
 DEFAULT_HTTP: Final = "127.0.0.1:8450"
-_RECONNECT: Final = 6.0  # s in which a browser may connect again without losing its page
+_RECONNECT: Final = 10.0  # s in which a browser may connect again without losing its page
 _LARGEST_MESSAGE: Final = 32 * 1024 * 1024
 _SHUTDOWN: Final = 2  # s
 _ARM_PAGE: Final = "/arm"

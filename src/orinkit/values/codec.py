@@ -169,8 +169,14 @@ def encode_variant(item: Variant, vt_error_size: int = 4) -> bytes:
 
 
 def _append(vt: int, value: Any, parts: list[bytes], vt_error_size: int) -> None:
-    """Append type, count and data of a value to ``parts``, in the layout of an element inside a VARIANT array."""
+    """Append type, count and data of a value to ``parts``, in the layout of an element inside a VARIANT array.
+
+    b-CAP has no VT_VARIANT except as the type of an array; the value that it contains is written instead.
+    """
     base = vt & ~ARRAY
+    if vt == VarType.VARIANT:
+        _append(value.type, value.value, parts, vt_error_size)
+        return
     row = ROWS[base]
     items = value if vt & ARRAY else (value,)
     parts.append(_HEAD.pack(vt, len(items)))

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
-from orinkit.values.type_row import TypeRow, no_type, shown
+from orinkit.values.type_row import TypeRow, shown
 
 CY_CONTEXT: Final = Context(prec=40, traps=[])
 """Context of all arithmetic with VT_CY. The decimal context of the caller is not used: it may round or raise errors."""
@@ -35,9 +35,9 @@ def nothing(row: TypeRow, value: Any) -> None:
         raise row.misfit(value)
 
 
-def only_in_arrays(row: TypeRow, _value: Any) -> Any:
-    """Raise an error, because VT_VARIANT is valid only as the type of an array, whose elements have their own types."""
-    raise no_type(row.name, row.code)
+def any_variant(row: TypeRow, value: Any) -> Any:
+    """Return the value of a VT_VARIANT; :func:`orinkit.values.variant.variant` has converted it to a Variant."""
+    raise row.misfit(value)
 
 
 def integer(row: TypeRow, value: Any) -> int:

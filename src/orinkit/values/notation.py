@@ -11,7 +11,7 @@ text                                   VARIANT
 ``8194,100,200,300``                   VT_I2 array
 ``8200,Sample,Test``                   VT_BSTR array of two
 ``8204,(8,Sample),(2,100)``            VARIANT array: "Sample", 100; nested up to 16 deep
-``12,(8,Sample)``                      VT_VARIANT: the value in the brackets
+``12,(8,Sample)``                      VT_VARIANT, which contains the value in the brackets
 ``(8197, 0, 0), (3, 0), (3, -2)``      the elements of a VARIANT array without its type, as entered in the b-CAP
                                        Tester; only for :func:`parse_elements`
 =====================================  ==========================================================================
@@ -32,6 +32,10 @@ module uses these rules:
   in it doubled: ``(8," :-) ")``, ``8200,"a,b",c``. A string counts as quoted only if it begins with ``"``. ``8200,`` is
   an array without strings, and ``8200,""`` is an array of one empty string.
 
+e-CAP uses ``exact=True``, because its document has neither quotes nor ignored blanks: blanks around strings are kept,
+an unbalanced bracket in a VT_BSTR array is part of the string, and a string in quotes is unquoted only if it could not be
+written otherwise (:mod:`orinkit.values.notation_strings`).
+
 For every VARIANT, ``parse(format_variant(value))`` is therefore the same value with the same types (a VT_R4 in single
 precision, as in a packet). Plain text is written as in the documents.
 """
@@ -45,8 +49,9 @@ from typing import Any, Final
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
 from orinkit.values.notation_numbers import FLAGS, LONGEST, REAL, WHOLE, ElementFormat
+from orinkit.values.notation_strings import end_of_quoted, quoted_text, read_exactly, undoubled
 from orinkit.values.type_row import no_type
-from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VARIANT_ARRAY, VarType, type_name
+from orinkit.values.types import ARRAY, EMPTIES, ROWS, TABLE, UI1_ARRAY, VarType, type_name
 from orinkit.values.variant import Value, Variant, trusted, variant
 
 MAX_DEPTH: Final = 16
@@ -67,14 +72,18 @@ _KNOWN: Final = ", ".join(str(int(vt)) for vt in sorted(_TYPES) if vt < ARRAY)
 # --- text -> Variant --------------------------------------------------------------------------------------------------
 
 
-def parse(text: str) -> Variant:
+def parse(text: str, *, exact: bool = False) -> Variant:
     """Parse ``<type>,<data>`` by the rules of this module's docstring.
+
+    Args:
+        text: The text.
+        exact: True for the strings of e-CAP, in which blanks count.
 
     Raises:
         NotationError: If the text is not valid VARIANT notation, is nested deeper than MAX_DEPTH, or is longer than
             MAX_LENGTH. The message contains the column, counted from 1, and the expected text.
     """
-    reader = _NotationParser(text)
+    reader = _NotationParser(text, exact=exact)
     result = reader.variant()
     reader.finish()
     return result
@@ -164,10 +173,10 @@ def _error(at: int, problem: str) -> NotationError:
 class _NotationParser:
     """Parses a text in one pass; ``at`` is the position, ``depth`` the number of open brackets."""
 
-    __slots__ = ("at", "depth", "text")
+    __slots__ = ("at", "depth", "exact", "text")
 
-    def __init__(self, text: str) -> None:
-        self.text, self.at, self.depth = text, 0, 0
+    def __init__(self, text: str, *, exact: bool = False) -> None:
+        self.text, self.at, self.depth, self.exact = text, 0, 0, exact
         if len(text) > MAX_LENGTH:
             raise _error(
                 MAX_LENGTH,
@@ -188,7 +197,7 @@ class _NotationParser:
         """Read the data of a VARIANT whose type is known."""
         base = vt & ~ARRAY
         if vt == VarType.VARIANT:
-            return self._bracketed()
+            return trusted(vt, self._bracketed())
         if vt in EMPTIES:
             self._blank()
             return trusted(vt, None)
@@ -279,6 +288,9 @@ class _NotationParser:
         self._blank()
         return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
 
+    def _at_end_exactly(self) -> bool:
+        return self.at == len(self.text) or (self.depth > 0 and self.text[self.at] == ")")
+
     def _expected(self, wanted: str, length: int = 0) -> NotationError:
         """Return the error for unexpected text at this position; ``length`` is its length, 0 if it is unknown."""
         self._blank()
@@ -321,11 +333,13 @@ class _NotationParser:
 
     def _string(self) -> str:
         if self.depth:
-            return self._text(_BRACKET)
+            return self._exact_text() if self.exact else self._text(_BRACKET)
         start, self.at = self.at, len(self.text)
         return self.text[start:]
 
     def _strings(self) -> list[str]:
+        if self.exact:
+            return [] if self._at_end_exactly() else list(self._exact_strings())
         if self._at_end():
             return []
         result = [self._text(_BRACKET_OR_COMMA)]
@@ -372,50 +386,77 @@ class _NotationParser:
             tr('"{sign}" is unbalanced. Try: double quotes around the string', sign=sign),
         )
 
+    def _exact_strings(self) -> Iterator[str]:
+        """Yield the strings of an array in which blanks count, and quotes only if they are required."""
+        nests, in_brackets = True, self.depth > 0
+        while True:
+            found = read_exactly(self.text, self.at, in_array=True, in_brackets=in_brackets, nests=nests)
+            if found is None and not in_brackets:
+                nests = False  # for the rest of the array, so that the time is proportional to the length
+                found = read_exactly(self.text, self.at, in_array=True, in_brackets=False, nests=False)
+            if found is None:
+                raise self._unbalanced_exactly()
+            value, self.at = found
+            yield value
+            if not self.text.startswith(",", self.at):
+                return
+            self.at += 1
+
+    def _exact_text(self) -> str:
+        found = read_exactly(self.text, self.at, in_array=False, in_brackets=True)
+        if found is None:
+            raise self._unbalanced_exactly()
+        value, self.at = found
+        return value
+
+    def _unbalanced_exactly(self) -> NotationError:
+        return self._unbalanced(max(self.text.find("(", self.at), 0))
+
     def _quoted(self) -> str:
-        start = self.at
-        end = self.text.find('"', start + 1)
-        while end >= 0 and self.text.startswith('"', end + 1):
-            end = self.text.find('"', end + 2)
+        end = end_of_quoted(self.text, self.at)
         if end < 0:
             raise _error(
-                start,
+                self.at,
                 tr("the quote is not closed; quotes inside a quoted string must be doubled"),
             )
-        self.at = end + 1
-        return _undoubled(self.text[start + 1 : end])
+        start, self.at = self.at, end
+        return undoubled(self.text[start + 1 : end - 1])
 
 
 # --- Variant -> text --------------------------------------------------------------------------------------------------
 
 
-def format_variant(value: Value) -> str:
+def format_variant(value: Value, *, exact: bool = False) -> str:
     """Return a value as ``<type>,<data>``, in the notation of the documents: ``8204,(8,Sample),(2,100)``.
 
     Args:
         value: A :class:`~orinkit.values.variant.Variant`, or a value that :func:`~orinkit.values.variant.variant`
             accepts.
+        exact: True for the strings of e-CAP, in which blanks count; ``parse`` requires the same argument.
 
     Raises:
         InvalidValue: If the value cannot be converted to a VARIANT, or is nested deeper than MAX_DEPTH.
     """
-    return _write(variant(value), 0)
+    return _write(variant(value), 0, exact)
 
 
-def _write(item: Variant, depth: int) -> str:
-    return f"{item.type},{_write_data(item, depth)}"
+def _write(item: Variant, depth: int, exact: bool) -> str:
+    return f"{item.type},{_write_data(item, depth, exact)}"
 
 
-def _write_data(item: Variant, depth: int) -> str:
+def _write_data(item: Variant, depth: int, exact: bool) -> str:
     vt, value = item.type, item.value
-    if vt == VARIANT_ARRAY:
+    if vt & ~ARRAY == VarType.VARIANT:
         if depth >= MAX_DEPTH:
             raise InvalidValue(tr("VARIANT arrays nested deeper than {depth}", depth=MAX_DEPTH))
-        return ",".join(f"({_write(element, depth + 1)})" for element in value)
+        elements = value if vt & ARRAY else [value]
+        return ",".join(f"({_write(element, depth + 1, exact)})" for element in elements)
     if vt == VarType.BSTR:
-        return _quote(value, brackets=depth > 0)
+        return quoted_text(value, exact=exact) if depth else value
     if vt == VarType.BSTR | ARRAY:
-        return '""' if value == [""] else ",".join(_quote(text, element=True) for text in value)
+        if value == [""]:
+            return '""'
+        return ",".join(quoted_text(text, in_array=True, exact=exact) for text in value)
     if vt in EMPTIES:
         return ""
     write = _FORMS[vt & ~ARRAY].write
@@ -423,44 +464,3 @@ def _write_data(item: Variant, depth: int) -> str:
         return write(value)
     # The list is joined in pieces, because joining a long list in one call would block other threads.
     return ",".join(",".join(map(write, value[at : at + _PIECE])) for at in range(0, len(value), _PIECE))
-
-
-def _quote(text: str, *, brackets: bool = False, element: bool = False) -> str:
-    """Return a string as text inside brackets or an array; quote it if it would otherwise be parsed differently."""
-    if not text or not (brackets or element):
-        return text
-    begins, ends = text[0], text[-1]
-    special = begins in _BLANKS or ends in _BLANKS or begins == '"' or (element and "," in text) or not _balanced(text)
-    return f'"{_doubled(text)}"' if special else text
-
-
-def _undoubled(text: str) -> str:
-    """Return a text with each pair of quotation marks replaced by one, the inverse of :func:`_doubled`.
-
-    The text is processed in slices; a slice never ends inside such a pair.
-    """
-    pieces = []
-    at = 0
-    while at < len(text):
-        end = at + _PIECE
-        quotes = 0
-        while end - quotes > at and text[end - quotes - 1 : end - quotes] == '"':
-            quotes += 1
-        end -= quotes % 2 if end < len(text) else 0
-        pieces.append(text[at:end].replace('""', '"'))
-        at = end
-    return "".join(pieces)
-
-
-def _doubled(text: str) -> str:
-    return "".join([text[at : at + _PIECE].replace('"', '""') for at in range(0, len(text), _PIECE)])
-
-
-def _balanced(text: str) -> bool:
-    depth = 0
-    for at in range(0, len(text), _PIECE):
-        for sign in _BRACKET.findall(text, at, at + _PIECE):
-            depth += 1 if sign == "(" else -1
-            if depth < 0:
-                return False
-    return depth == 0

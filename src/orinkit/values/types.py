@@ -76,7 +76,7 @@ TABLE: Final = (
         VarType.BOOL, conversions.boolean, "h", python=bool, dtypes=("b1",), to_wire=conversions.flag_to_wire,
         from_wire=bool, text=notation_numbers.FLAG,
     ),
-    TypeRow(VarType.VARIANT, conversions.only_in_arrays, elements_per_unit=1),
+    TypeRow(VarType.VARIANT, conversions.any_variant, elements_per_unit=1),
     _integer(VarType.I1, "b", "i1"),
     _integer(VarType.UI1, "B", "u1", elements_per_unit=1 << 32),  # an array is bytes; elements are not processed individually
     _integer(VarType.UI2, "H", "u2"),

@@ -60,6 +60,7 @@ __all__ = [
     "plain",
     "trusted",
     "type_name",
+    "unwrapped",
     "variant",
 ]
 
@@ -90,7 +91,7 @@ class Variant:
     """A value with an explicit VARIANT type.
 
     ``value`` is a Python scalar, ``bytes`` for an array of VT_UI1, and a list for any other array. The elements of a
-    VT_VARIANT array are :class:`Variant` objects. The value of a VT_DATE may also be a ``float``: the number of days
+    VT_VARIANT array, and the value of a VT_VARIANT (e-CAP), are :class:`Variant` objects. The value of a VT_DATE may also be a ``float``: the number of days
     since 1899-12-30.
 
     Raises:
@@ -115,6 +116,8 @@ class Variant:
         """
         if self.type == VARIANT_ARRAY:
             return [element.plain for element in self.value]
+        if self.type == VarType.VARIANT:
+            return self.value.plain
         if self.type == VarType.DATE:
             return to_datetime(self.value)
         if self.type == VarType.DATE | ARRAY:
@@ -140,6 +143,15 @@ def variant(value: Value) -> Variant:
 def plain(value: Any) -> Any:
     """Return the plain Python value of a :class:`Variant`; return other values unchanged."""
     return value.plain if isinstance(value, Variant) else value
+
+
+def unwrapped(item: Variant) -> Variant:
+    """Return the value in a VT_VARIANT; also replace the elements of VARIANT arrays that are VT_VARIANT."""
+    while item.type == VarType.VARIANT:
+        item = item.value
+    if item.type == VARIANT_ARRAY and any(each.type in (VarType.VARIANT, VARIANT_ARRAY) for each in item.value):
+        return trusted(VARIANT_ARRAY, [unwrapped(each) for each in item.value])
+    return item
 
 
 def trusted(vt: int, value: Any) -> Variant:
@@ -225,6 +237,8 @@ def _conform(vt: int, value: Any) -> Any:
     row = ROWS.get(vt & ~ARRAY)
     if row is None or (row.empty and vt & ARRAY):
         raise no_type(type_name(vt), vt)
+    if vt == VarType.VARIANT:
+        return variant(value)
     if not vt & ARRAY:
         return row.conform(row, value)
     if vt == UI1_ARRAY and isinstance(value, bytes | bytearray | memoryview):

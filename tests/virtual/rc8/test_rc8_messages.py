@@ -32,11 +32,22 @@ def test_an_error_is_reported_to_every_client(rc8, connect, clock, refused):
     assert deaf.events is None
 
 
-@pytest.mark.parametrize("option", ["", "@EventDisable=false", "Wpj=*,Interval=8", "@IfNotMember,What=ever,,="])
+@pytest.mark.parametrize(
+    "option", ["", "@EventDisable=false", "Wpj=*,Interval=8", "@IfNotMember,What=ever,,=", "Message=True", "Message"]
+)
 def test_events_come_unless_disabled(option, connect, rc8):
     client = connect("c", option)
     rc8.set_mode(1)
     assert client.get_message().get_number() == 2
+
+
+@pytest.mark.field("3.5")
+@pytest.mark.parametrize("option", ["Message=False", "Interval=8, message = 0", "Message=false,Debug=True"])
+def test_no_events_come_with_message_false(option, connect, rc8, refused):
+    client = connect("c", option)
+    rc8.set_mode(1)
+    assert refused(client.get_message) == NONE_WAITS
+    assert client.events is None
 
 
 def test_changes_of_mode_and_emergency_stop_are_reported(rc8, controller, refused):

@@ -11,7 +11,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.engine.control_loop import PERIOD
-from orinkit.virtual.engine.servo import LAG, LOG_LENGTH
+from orinkit.virtual.engine.servo import LAG
 from support.cell import Cell
 
 PTP, LINE = 1, 2
@@ -389,13 +389,13 @@ def test_destination_with_a_time_stamp(cell, command, count):
 def test_clear_log_begins_to_record_into_a_ring_buffer(cell):
     execute(cell, "ClearLog")
     assert execute(cell, "GetLogCount").plain == 0
-    cell.trace(LOG_LENGTH + 10)
-    assert execute(cell, "GetLogCount").plain == LOG_LENGTH
+    cell.trace(cell.arm.log.capacity + 10)
+    assert execute(cell, "GetLogCount").plain == cell.arm.log.capacity
     assert cell.arm.log.running
     execute(cell, "StopLog")
-    newest = cell.arm.log.record(LOG_LENGTH - 1)
+    newest = cell.arm.log.record(cell.arm.log.capacity - 1)
     cell.trace(5)
-    assert cell.arm.log.record(LOG_LENGTH - 1) == newest
+    assert cell.arm.log.record(cell.arm.log.capacity - 1) == newest
 
 
 @pytest.mark.guide("5.2.28.38 StartLog")
@@ -403,11 +403,11 @@ def test_recording_ends_by_itself_after_start_log(cell):
     execute(cell, "ClearLog")
     cell.trace(20)
     execute(cell, "StartLog")
-    cell.trace(LOG_LENGTH - 5)
+    cell.trace(cell.arm.log.capacity - 5)
     assert cell.arm.log.running
     cell.trace(10)
     assert not cell.arm.log.running
-    assert execute(cell, "GetLogCount").plain == LOG_LENGTH
+    assert execute(cell, "GetLogCount").plain == cell.arm.log.capacity
     first = cell.arm.log.record(0)
     cell.trace(5)
     assert cell.arm.log.record(0) == first

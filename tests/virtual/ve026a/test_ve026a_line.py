@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from orinkit.bcap import packet, profiles
+from orinkit.bcap.actions import Close, EndSession, Execute, Send
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.server import Close, EndSession, Execute, Send, ServerConversation
+from orinkit.bcap.server import ServerConversation
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.cao.provider_registry import ProviderRegistry

@@ -41,6 +41,7 @@ class ABH3Provider(Provider):
     """
 
     provider_names: Sequence[str] = ("CaoProv.Waco.ABH3",)
+    unwraps_variants: bool = True
 
     def __init__(self, bus: str | can.BusABC | None = None, **defaults: Any) -> None:
         self._own_bus: str | bool = bus if isinstance(bus, str) else bus is not None

@@ -94,6 +94,10 @@ class ConnectionOptions:
         str | None,
         Parameter(help=tr("File with the token for an HTTP server.")),
     ] = None
+    charset: Annotated[
+        str,
+        Parameter(help=tr("Encoding of text over e-CAP: utf-8 or shift_jis.")),
+    ] = "utf-8"
     cafile: Annotated[
         str | None,
         Parameter(help=tr("PEM file with the CA certificates that verify an https server.")),
@@ -144,6 +148,7 @@ class ConnectionOptions:
             token=self._token(),
             cafile=self.cafile or "",
             alive=alive,
+            charset=self.charset,
         )
 
     @contextmanager
@@ -176,6 +181,7 @@ class ConnectionOptions:
             trace=self.tracer(url),
             token=self._token(),
             cafile=self.cafile or "",
+            charset=self.charset,
         )
 
     def _timeout(self) -> float | None:

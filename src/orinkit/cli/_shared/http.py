@@ -52,6 +52,19 @@ class HttpServerOptions:
             )
         ),
     ] = DEFAULT_HTTP.idle
+    http_origin: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help=tr(
+                "Origin of web pages that may call this server, for example https://panel.example:8443; "
+                "by default, only the server's own pages may."
+            )
+        ),
+    ] = ()
+    http_charset: Annotated[
+        str,
+        Parameter(help=tr("Encoding of requests that do not name one, and of their replies: utf-8 or shift_jis.")),
+    ] = DEFAULT_HTTP.charset
 
     @property
     def secure(self) -> bool:
@@ -81,7 +94,15 @@ class HttpServerOptions:
         token = "" if self.token_file is None else read_token(self.token_file)
         check_range("--http-idle", self.http_idle, LEAST_IDLE, MOST_IDLE, seconds=True)
         try:
-            return HttpOptions(token, self.cert or "", self.key or "", self.http_host, self.http_idle)
+            return HttpOptions(
+                token,
+                self.cert or "",
+                self.key or "",
+                self.http_host,
+                self.http_idle,
+                self.http_origin,
+                self.http_charset,
+            )
         except InvalidValue as error:
             raise CommandError(str(error), 2) from None
 
@@ -93,6 +114,8 @@ class HttpServerOptions:
             "--cert": self.cert is not None,
             "--http-host": bool(self.http_host),
             "--http-idle": self.http_idle != DEFAULT_HTTP.idle,
+            "--http-origin": bool(self.http_origin),
+            "--http-charset": self.http_charset != DEFAULT_HTTP.charset,
         }
         options = ", ".join(option for option, is_given in given.items() if is_given)
         if options and not served:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from cyclopts import Parameter
 
+from orinkit.bcap.profiles import LONGEST_ON_LINE, line_profile
 from orinkit.cao.provider import Provider
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.http import HttpServerOptions
@@ -75,6 +76,16 @@ class ServerOptions:
             )
         ),
     ] = ALIVE
+    serial_packet: Annotated[
+        int,
+        Parameter(
+            converter=whole_number,
+            help=tr(
+                "Maximum bytes of a packet on a serial line; 503 for clients with DENSO's libraries, "
+                "which drop longer replies."
+            ),
+        ),
+    ] = LONGEST_ON_LINE
     verbose: Annotated[bool, Parameter(name=("--verbose", "-v"), help=tr("Log at debug level."))] = False
 
 
@@ -96,8 +107,10 @@ def check(listening: ServerOptions) -> None:
     try:
         check_dead_after(listening.dead_after)
         check_alive(listening.alive)
+        line_profile(listening.serial_packet)
     except InvalidValue as error:
-        raise CommandError(str(error).replace("dead_after", "--dead-after").replace("alive", "--alive"), 2) from None
+        text = str(error).replace("dead_after", "--dead-after").replace("alive", "--alive")
+        raise CommandError(text.replace("serial_packet", "--serial-packet"), 2) from None
     _urls(listening)
     _http_options(listening)
 
@@ -180,6 +193,7 @@ async def _serve(
                 dead_after=listening.dead_after,
                 alive=listening.alive,
                 http=_http_options(listening),
+                serial_packet=listening.serial_packet,
             )
             await servers.enter_async_context(server)
             for warning in _warnings(listening):  # not earlier: an address that cannot be used is not reachable

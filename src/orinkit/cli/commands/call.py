@@ -8,6 +8,7 @@ controller.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
@@ -18,6 +19,7 @@ from orinkit import functions
 from orinkit.cao.argument_text import read_argument
 from orinkit.cao.replies import Reply
 from orinkit.cao.table import Argument, Function
+from orinkit.cao.user_functions import foreign_entry, is_user_function
 from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.signature import signature
@@ -25,6 +27,7 @@ from orinkit.client._sync.objects import ObjectBase
 from orinkit.core.errors import ObjectNotFound
 from orinkit.core.hresult import lookup
 from orinkit.core.i18n import N_, tr
+from orinkit.values.notation import parse_lenient
 from orinkit.values.variant import VarType
 
 _CONNECTION: Final = ConnectionOptions()
@@ -57,7 +60,12 @@ def call(
     url: Url,
     function: Annotated[
         str,
-        Parameter(help=tr("Id, name or Python name of the function: 17, Controller_Execute, controller_execute.")),
+        Parameter(
+            help=tr(
+                "Id, name or Python name of the function: 17, Controller_Execute, controller_execute; "
+                "from 255, the number of a user-defined function."
+            )
+        ),
     ],
     /,
     *args: Annotated[
@@ -72,9 +80,14 @@ def call(
     """Call a function of the table and print its result."""
     from orinkit.cli._shared.output import jsonable, print_json, text, typed_document
 
-    entry = find(function)
+    user = _user_function(function, len(args))
+    entry = user or find(function)
     _check_options(entry, owning, other)
-    if entry.interface == "Service" or entry is functions.controller_connect:
+    if user is not None:
+        with connection.opened(url) as controller:
+            arguments = tuple(map(_user_argument, args))
+            reply = _request(controller, entry, arguments)
+    elif entry.interface == "Service" or entry is functions.controller_connect:
         arguments, reply = _call_service(entry, args, url, connection)
     else:
         sent = read_arguments(entry, entry.arguments[1:], args)
@@ -90,6 +103,20 @@ def call(
                     "code": reply.code, "code_name": name, "result": result})  # fmt: skip
     else:
         print(name if reply.value is None else text(reply.value))
+
+
+def _user_function(name: str, count: int) -> Function[..., Any] | None:
+    """Return the entry of a user-defined function if a name is the number of one; otherwise ``None``."""
+    return foreign_entry(int(name), count) if name.isdecimal() and is_user_function(int(name)) else None
+
+
+_TYPED: Final = re.compile(r"\s*[0-9]{1,5}\s*,")
+
+
+def _user_argument(text: str) -> Any:
+    """Return an argument of a user-defined function; a text without a type is sent without one over e-CAP."""
+    value = parse_lenient(text)
+    return value if _TYPED.match(text) else value.plain
 
 
 _APPLY: Final[dict[str, tuple[str, ...]]] = {

@@ -20,7 +20,6 @@ from orinkit.cli._shared.listen_addresses import LISTENING, ListenAddresses, lis
 from orinkit.cli._shared.serving import ServerOptions, begin_log, check, run
 from orinkit.cli.abh3.bus import BusOptions, Url, default_text, whole_numbers
 from orinkit.core.i18n import tr
-from orinkit.transport.address import CanAddress
 
 if TYPE_CHECKING:
     from orinkit.virtual.abh3 import VirtualABH3
@@ -29,6 +28,8 @@ _DRIVER: Final = Group(tr("Driver"), sort_key=6)
 _MODE: Final = re.compile(r"([0-7])=(\d{1,4})", re.ASCII)
 _BROADCASTS: Final = 8
 _POLL: Final = 0.1  # s between two checks for a signal
+_PTY: Final = "pty://"
+_VIRTUAL: Final = "can://virtual/"
 
 
 if TYPE_CHECKING:
@@ -144,10 +145,12 @@ def serve_abh3(
 
     With an address such as --tcp HOST:PORT, also serve the provider CaoProv.Waco.ABH3 for this bus to CAO clients, and
     print "ready URL" for each listener.
+
+    With the URL pty://, the bus is a pseudo-terminal of this machine, which one program can open: the printed URL.
     """
     served = any(listening.listen.items())
     check(listening)
-    at = bus.address(url)
+    at = _PTY if url == _PTY and bus == BusOptions() else str(bus.address(url))
     period = -1 if single_period is None else _period(single_period)
     settings = {
         "host": None if any_host else host, "group": group, "dialect": dialect, "load_unit": load_unit, "model": model,
@@ -160,24 +163,24 @@ def serve_abh3(
     return _serve(drivers, at, (listening, defaults) if served else None)
 
 
-def _serve(drivers: list[VirtualABH3], at: CanAddress, cao: tuple[ServerOptions, dict[str, Any]] | None) -> int:
+def _serve(drivers: list[VirtualABH3], at: str, cao: tuple[ServerOptions, dict[str, Any]] | None) -> int:
     """Serve drivers until a signal arrives.
 
     Args:
         drivers: The drivers.
-        at: The bus to serve them on.
+        at: Address of the bus to serve them on.
         cao: The server options for CAO clients, and the defaults for the connection options that a client omits;
             ``None`` if CAO clients are not served.
     """
     from orinkit.can.server import serve_can
 
-    with serve_can(*drivers, at=str(at)) as server:
+    with serve_can(*drivers, at=at) as server:
         if cao is not None:
             from orinkit.abh3.provider.provider import ABH3Provider
 
             return run([ABH3Provider(server.url, **cao[1])], cao[0], before=(f"ready {server.url}",))
         with _wait_for_signals() as wait:
-            if at.interface == "virtual":
+            if at.startswith(_VIRTUAL):
                 print(_only_here(), file=sys.stderr)
             print(f"ready {server.url}", flush=True)
             wait()

@@ -17,6 +17,7 @@ from orinkit.cao.functions import controller_connect, controller_get_name
 from orinkit.cao.replies import Reply, Trace
 from orinkit.cao.table import Function
 from orinkit.cao.transport_profile import TransportProfile
+from orinkit.cao.user_functions import foreign_entry
 from orinkit.client._async.connection import AsyncConnection
 from orinkit.client._shared.common import (
     CallRequest,
@@ -49,6 +50,7 @@ from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import AsyncLink, Deadline, asend_close
 from orinkit.transport.tcp_keepalive import DEAD_AFTER, check_dead_after
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
+from orinkit.values.variant import Value
 
 _LAST_SERIAL: Final = 0xFFFF
 _SIGN_INTERVAL: Final = 0.5  # s between signs of life
@@ -77,6 +79,7 @@ class AsyncClient(AsyncConnection):
         profile: Properties of the transport.
         messages: False to refuse the message functions (:func:`connect`).
         debug: True to keep the last packets (:func:`connect`).
+        charset: Encoding of text over e-CAP (:func:`connect`).
 
     Attributes:
         timeout: Time-out of a call in s; on UDP and serial lines, of each attempt. Each S_EXECUTING from the controller
@@ -99,11 +102,12 @@ class AsyncClient(AsyncConnection):
         profile: TransportProfile = STREAM,
         messages: bool = True,
         debug: bool = False,
+        charset: str = "utf-8",
     ) -> None:
         self._timeout = check_timeout(profile.timeout if timeout is None else timeout)
         self._tries = check_tries(tries)
         self._local, trace = local_calls(trace, messages=messages, debug=debug)
-        super().__init__(link, conversation(profile, limits, trace))
+        super().__init__(link, conversation(profile, limits, trace, charset))
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = asyncio.Lock()
@@ -188,6 +192,7 @@ class AsyncClient(AsyncConnection):
         deadline: float | None = None,
         messages: bool = True,
         debug: bool = False,
+        charset: str = "utf-8",
     ) -> Self:
         """Open a connection without calling any function; the caller must call Service_Start.
 
@@ -202,7 +207,7 @@ class AsyncClient(AsyncConnection):
                 executing; for other e-CAP servers, the time-out of a call is at least 180 s.
             tries: Maximum number of times that a request is sent on UDP and serial lines, clamped to 1 to 7
                 (RC8 table 5-1: TORetry). On TCP and HTTP, requests are sent once.
-            limits: Limits on the size of received packets and on the values in them. A packet has at most 504 bytes on
+            limits: Limits on the size of received packets and on the values in them. A packet has at most 503 bytes on
                 UDP, and 65,536 bytes on a serial line.
             trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received),
                 and the bytes.
@@ -214,6 +219,7 @@ class AsyncClient(AsyncConnection):
                 time-out. The deadline of calls is :attr:`AsyncClient.deadline`.
             messages: False to refuse the message functions (:func:`connect`).
             debug: True to keep the last packets (:func:`connect`).
+            charset: Encoding of text over e-CAP (:func:`connect`).
 
         Raises:
             InvalidAddress: If the URL is invalid.
@@ -226,7 +232,9 @@ class AsyncClient(AsyncConnection):
         )
         address, profile, seconds = opening_of(url, timeout, tries)
         seconds = min(seconds, check_deadline(deadline) or seconds)
-        opening = LinkOptions(seconds, access_to(address, token, cafile), limits.packet, check_dead_after(dead_after))
+        opening = LinkOptions(
+            seconds, access_to(address, token, cafile, charset), limits.packet, check_dead_after(dead_after)
+        )
         link = await open_link(address, opening)
         return cls(
             link,
@@ -237,6 +245,7 @@ class AsyncClient(AsyncConnection):
             profile=profile,
             messages=messages,
             debug=debug,
+            charset=charset,
         )
 
     async def call(self, function: Function[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
@@ -280,6 +289,21 @@ class AsyncClient(AsyncConnection):
         bound = function.bind(arguments, {})
         async with self._lock:
             return Reply(*await self._execute(function, bound, seconds, exact, limit))
+
+    async def call_user(self, number: int, *arguments: Value, timeout: float | None = None) -> Any:
+        """Call a user-defined function of a device (e-CAP 3.3) and return its result.
+
+        Args:
+            number: Number of the function: from 256, over e-CAP from 255.
+            arguments: Up to five arguments. Over e-CAP, text and numbers are sent without a type, as its document
+                requires; a :class:`~orinkit.values.variant.Variant` is sent with its type.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Raises:
+            InvalidValue: If the number or the arguments are not valid.
+            CallError: If the device returned an error code; E_NOTIMPL if it has no such function.
+        """
+        return (await self.request(foreign_entry(number, len(arguments)), *arguments, timeout=timeout)).value
 
     async def send_raw(self, data: bytes, *, timeout: float | None = None) -> bytes | None:
         """Send bytes unchanged on this connection, and return the packet received in reply.

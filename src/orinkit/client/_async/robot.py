@@ -404,10 +404,7 @@ class AsyncRobot(AsyncArmBase):
         await self._begin(f.robot_move, interpolation, common.raw_pose(pose), option, wait=common.waits(option))
 
     async def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
-        # Controllers do not support Robot_Drive (RC8 provider guide 5.2.24).
-        await self._begin(
-            f.robot_execute, "DriveEx", [common.axes_text({axis: value}, ""), option], wait=common.waits(option)
-        )
+        await self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
 
     async def _drive(
         # Also in client._async.robot: the overload of drive repeats its signature.

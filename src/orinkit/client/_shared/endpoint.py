@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     AnyConversation: TypeAlias = BcapConversation | EcapConversation
 
 L = TypeVar("L")
+_UTF_8: Final = "utf-8"
 _MIN_DEADLINE: Final = 3.0  # s
 _MIN_OPEN_TIMEOUT: Final = 1.0  # s, because name resolution takes time
 
@@ -54,13 +55,29 @@ def connection_deadline(timeout: float, tries: int, profile: TransportProfile) -
     return max(3 * timeout * (tries if profile.lossy else 1), _MIN_DEADLINE)
 
 
-def conversation(profile: TransportProfile, limits: PacketLimits, trace: Trace | None) -> AnyConversation:
-    """Create the conversation, b-CAP or e-CAP, for the transport that a profile describes."""
+def conversation(
+    profile: TransportProfile, limits: PacketLimits, trace: Trace | None, charset: str = _UTF_8
+) -> AnyConversation:
+    """Create the conversation, b-CAP or e-CAP, for the transport that a profile describes.
+
+    Args:
+        profile: Properties of the transport.
+        limits: Limits on the size of received packets and on the values in them.
+        trace: Callback invoked with every packet or body.
+        charset: Encoding of text over e-CAP.
+
+    Raises:
+        InvalidValue: If the encoding is not supported.
+    """
     if isinstance(profile, BcapProfile):
         return BcapConversation(limits, trace, profile, clock=monotonic)
     from orinkit.ecap.client import EcapConversation as EcapConversation
+    from orinkit.ecap.fields import find_charset
 
-    return EcapConversation(limits, trace, profile, clock=monotonic)
+    found = find_charset(charset)
+    if found is None:
+        raise InvalidValue(tr('charset must be "utf-8" or "shift_jis", not {charset!r:.40}', charset=charset))
+    return EcapConversation(limits, trace, profile, clock=monotonic, charset=found)
 
 
 def raw_operation(by: AnyConversation, data: bytes, seconds: float) -> RawOperation:
@@ -121,15 +138,17 @@ def another(link: L) -> L | None:
     return link.another() if isinstance(link, _RepeatableLink) else None
 
 
-def access_to(address: AnyAddress, token: str, cafile: str) -> Credentials:
+def access_to(address: AnyAddress, token: str, cafile: str, charset: str = "") -> Credentials:
     """Return the credentials of a client.
 
     Raises:
-        InvalidValue: If token or cafile is given for an address that is not HTTP.
+        InvalidValue: If token, cafile or charset is given for an address that is not HTTP.
     """
     if (token or cafile) and not row_of(address).http:
         schemes = ", ".join(f"{row.scheme}://" for row in rows() if row.http)
         raise InvalidValue(
             tr("token and cafile require {schemes}; {address} uses b-CAP", schemes=schemes, address=address)
         )
-    return Credentials(token, cafile)
+    if charset and charset.lower() != _UTF_8 and not row_of(address).http:
+        raise InvalidValue(tr("charset requires http:// or https://; text over b-CAP is UTF-16"))
+    return Credentials(token, cafile, charset if row_of(address).http and charset.lower() != _UTF_8 else "")

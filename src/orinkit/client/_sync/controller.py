@@ -301,6 +301,10 @@ class Controller(ObjectContainer):
         """Return the controller's own text for a return code (GetErrorDescription)."""
         return str(self.execute("GetErrorDescription", hresult.signed(code)))
 
+    def call_user(self, number: int, *arguments: Value, timeout: float | None = None) -> Any:
+        """Call a user-defined function of a device (e-CAP 3.3) and return its result (:meth:`Client.call_user`)."""
+        return self.client.call_user(number, *arguments, timeout=timeout)
+
     def close(self, *, deadline: float | None = None) -> None:
         """Release all objects, newest first, disconnect, stop the service and close the connection.
 
@@ -342,6 +346,7 @@ def connect(
     deadline: float | None = None,
     messages: bool = True,
     debug: bool = False,
+    charset: str = "utf-8",
 ) -> Controller:
     """Connect to a controller: open the connection, then call Service_Start and Controller_Connect (RC8 3.1).
 
@@ -353,17 +358,17 @@ def connect(
             ``Server=192.168.0.1, UDP=0, Timeout=800`` (:class:`~orinkit.ConnectionString`). Its options replace the
             arguments; its default time-out is 0.5 s.
         provider: Provider name; RC9 and COBOTTA PRO require ``CaoProv.DENSO.VRC9``, RC7 ``CaoProv.DENSO.NetwoRC``.
-        name: Name of the controller within this connection; if empty, the controller chooses the name.
+        name: Name of the controller; if empty, the controller chooses the name. A controller may require that the name
+            is unique over all clients, unless the option contains ``@IfNotMember``.
         machine: Machine name; controllers accept ``localhost`` or their own address.
         option: Option string of Controller_Connect, for example ``@IfNotMember``.
         timeout: Time-out in s for connecting and for each call; on UDP and serial lines for each attempt, so that a
             call may take ``timeout * tries``. The default is 3.0 s on TCP and HTTP, 0.5 s otherwise.
         tries: Maximum number of times that a request is sent on UDP and serial lines, 1 to 7 (RC8 table 5-1: TORetry).
             The controller executes a repeated request only once. On TCP and HTTP, requests are sent once.
-        service: Option string of Service_Start. The default requests a watchdog (``WDT=400``), so that a call may take
-            longer than the time-out. On serial lines, the default is empty, because the reply to a repeated request
-            shows that the call is still executing. On HTTP, the default is empty, too, because each request asks the
-            server to report that the call is still executing.
+        service: Option string of Service_Start. The default requests a watchdog (``WDT=400``, at most half the
+            time-out), so that a call may take longer than the time-out. On HTTP, the default is empty, because each
+            request asks the server to report that the call is still executing.
         limits: Limits on the size of received packets and on the values in them.
         trace: Callback invoked for every packet, or every e-CAP body, with ``">"`` (sent) or ``"<"`` (received), and
             the bytes.
@@ -384,9 +389,10 @@ def connect(
             time-out, on UDP and serial lines also multiplied by ``tries``, but at least 3 s. After connecting, calls
             have no deadline by default; ``controller.client.deadline`` sets one.
         messages: False to disable messages (RC8 table 5-1: Message): the client refuses Controller_GetMessage and the
-            functions of messages. The controller is not informed; it may still queue events.
+            functions of messages. ``Message=False`` in ``option`` makes the controller queue no events.
         debug: True for debug mode (RC8 table 5-1: Debug): the client keeps the last packet of each direction, or the
             last e-CAP body, as the variables ``$LAST_SEND_PACKET$`` and ``$LAST_RECEIVE_PACKET$`` of the controller.
+        charset: Encoding of text over e-CAP: ``"utf-8"``, or ``"shift_jis"`` for servers that require it.
 
     Raises:
         InvalidAddress: If the URL or the connection string is invalid.
@@ -404,7 +410,7 @@ def connect(
     end = Deadline(check_deadline(deadline))
     client = Client.open(
         url, timeout=timeout, tries=tries, limits=limits, trace=trace, token=token, cafile=cafile, dead_after=dead_after,
-        deadline=deadline, messages=messages, debug=debug,
+        deadline=deadline, messages=messages, debug=debug, charset=charset,
     )  # fmt: skip
     try:
         client.set_overall_deadline(client.connection_deadline() if deadline is None else end.left)

@@ -402,10 +402,7 @@ class Robot(ArmBase):
         self._begin(f.robot_move, interpolation, common.raw_pose(pose), option, wait=common.waits(option))
 
     def _drive_raw(self, axis: int, value: float, option: str = "") -> None:
-        # Controllers do not support Robot_Drive (RC8 provider guide 5.2.24).
-        self._begin(
-            f.robot_execute, "DriveEx", [common.axes_text({axis: value}, ""), option], wait=common.waits(option)
-        )
+        self._begin(f.robot_drive, axis, value, option, wait=common.waits(option))
 
     def _drive(
         # Also in client._sync.robot: the overload of drive repeats its signature.

@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 from starlette.responses import PlainTextResponse
 
 from orinkit.core.i18n import tr
+from orinkit.ecap.fields import find_charset
 from orinkit.server.http.limits import server_closing_message
 from orinkit.server.http.options import HttpOptions
 
@@ -18,9 +19,14 @@ Headers: TypeAlias = dict[bytes, bytes]
 
 _CACHED: Final = 64  # maximum number of accepted header values in each cache
 _FORM: Final = b"application/x-www-form-urlencoded"
-_UTF8: Final = (b"utf-8", b"utf8")
 _OF_PROXIES: Final = (b"via", b"forwarded")  # headers that proxies add
 _FORWARDED: Final = b"x-forwarded-"
+_PREFLIGHT: Final = b"access-control-request-method"
+_ALLOWED: Final = {
+    "Access-Control-Allow-Methods": "GET, POST",
+    "Access-Control-Allow-Headers": "Authorization, Content-Type, Orinkit-Executing",
+    "Access-Control-Max-Age": "600",
+}
 _WEB: Final = {"http": "80", "https": "443"}  # schemes of web pages, and their default ports
 
 
@@ -39,26 +45,53 @@ class AccessCheck:
         self._port = "443" if secure else "80"
         self._known_hosts: set[bytes] = {b""}
         self._known_types: set[bytes] = {_FORM}
+        self._origins = {_origin(text) for text in options.origins}
+        self._charset = options.charset
 
-    def refusal(self, method: str, headers: Headers) -> PlainTextResponse | None:
-        """Return the response that refuses a request, or ``None`` if the request is permitted."""
+    def refusal(self, method: str, headers: Headers, *, reads: bool = False) -> PlainTextResponse | None:
+        """Return the response that refuses a request or answers a preflight, or ``None`` if the request is permitted.
+
+        Args:
+            method: method of the request.
+            headers: headers of the request.
+            reads: True if the path of the request permits GET instead of POST.
+        """
         host = headers.get(b"host", b"")
         if host not in self._known_hosts and not self._is_ours(host):
             return _wrong_host(host)
         if b"origin" in headers and not self._is_same_origin(headers[b"origin"], host):
-            return plain(
-                403,
-                tr("requests from other web sites are refused (Origin)"),
-            )
-        if method != "POST":
-            return _not_post(method)
+            if not self.allowed_origin(headers):
+                text = tr(
+                    "requests from other web sites are refused (Origin). Try: start the server with --http-origin ORIGIN"
+                )
+                return plain(403, text)
+            if method == "OPTIONS" and _PREFLIGHT in headers:
+                return _preflight(headers)
+        if method != ("GET" if reads else "POST"):
+            return _not_post(method, reads=reads)
         if self._token and not self._has_token(headers.get(b"authorization", b"")):
             text = tr("a token is required (Authorization: Bearer ...)")
             return plain(401, text, {"WWW-Authenticate": "Bearer"})
+        if reads:
+            return None
         content_type = headers.get(b"content-type", _FORM)
         if (content_type not in self._known_types and not self._is_form(content_type)) or not _is_uncompressed(headers):
-            return plain(415, tr("the body must be {type} in UTF-8, uncompressed", type=_FORM.decode()))
+            text = tr("the body must be {type} in UTF-8 or Shift_JIS, uncompressed", type=_FORM.decode())
+            return plain(415, text)
         return None
+
+    def allowed_origin(self, headers: Headers) -> str:
+        """Return the origin of the page that sends a request if this origin is in the list of origins; otherwise ``""``."""
+        given = headers.get(b"origin")
+        if given is None or not self._origins:
+            return ""
+        text = given.decode("latin-1")
+        return text if _origin(text) in self._origins else ""
+
+    def charset(self, headers: Headers) -> str:
+        """Return the encoding of the body of a permitted request, and of its reply."""
+        given = headers.get(b"content-type", _FORM)
+        return self._charset if given == _FORM else _charset_of(given) or self._charset
 
     def _is_ours(self, given: bytes) -> bool:
         """Return True if a Host header names this server.
@@ -87,14 +120,27 @@ class AccessCheck:
         return hmac.compare_digest(token.strip(), self._token) and kind.lower() == b"bearer"
 
     def _is_form(self, given: bytes) -> bool:
-        content_type, *parameters = (part.strip() for part in given.lower().split(b";"))
-        for parameter in parameters:
-            name, _, value = parameter.partition(b"=")
-            if name.strip() == b"charset" and value.strip().strip(b'"') not in _UTF8:
-                return False
+        content_type = given.lower().split(b";")[0].strip()
+        if _charset_of(given) is None:
+            return False
         if content_type == _FORM:
             _remember(self._known_types, given)
         return content_type == _FORM
+
+
+def _charset_of(content_type: bytes) -> str | None:
+    """Return the encoding that a Content-Type names; ``""`` if it names none, ``None`` if the encoding is unknown."""
+    for parameter in content_type.split(b";")[1:]:
+        name, _, value = parameter.partition(b"=")
+        if name.strip().lower() == b"charset":
+            return find_charset(value.decode("latin-1"))
+    return ""
+
+
+def _origin(text: str) -> tuple[str, str, str]:
+    """Return scheme, host and port of an origin."""
+    scheme, _, netloc = text.lower().partition("://")
+    return (scheme, *_host_and_port(netloc, _WEB.get(scheme, "")))
 
 
 # --- responses ---------------------------------------------------------------------------------------------------------
@@ -150,7 +196,27 @@ def too_many_request_bytes() -> PlainTextResponse:
     )
 
 
-def _not_post(method: str) -> PlainTextResponse:
+def cors_headers(origin: str) -> dict[str, str]:
+    """Return the headers with which a browser passes a response to a page of an allowed origin."""
+    return {
+        "Access-Control-Allow-Origin": origin,
+        "Access-Control-Allow-Credentials": "true",
+        "Access-Control-Expose-Headers": "Orinkit-Error, Orinkit-Detail",
+        "Vary": "Origin",
+    }
+
+
+def _preflight(headers: Headers) -> PlainTextResponse:
+    """Return the response to the request with which a browser asks if a page may call this server."""
+    allowed = dict(_ALLOWED)
+    if b"access-control-request-private-network" in headers:
+        allowed["Access-Control-Allow-Private-Network"] = "true"
+    return PlainTextResponse("", 204, allowed)
+
+
+def _not_post(method: str, *, reads: bool) -> PlainTextResponse:
+    if reads:
+        return plain(405, tr("variables can only be read (GET)"), {"Allow": "GET"})
     text = tr("e-CAP requires POST")
     if method == "GET":
         text = (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, TypeAlias
 
@@ -16,19 +16,21 @@ from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 
 from orinkit.bcap.server import LARGE
-from orinkit.cao.functions import robot_halt, robot_hold, task_stop
 from orinkit.cao.service_options import ServiceOptions, read_options
 from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
-from orinkit.ecap.message import EcapRequest, read_request, write_reply
+from orinkit.ecap.message import EcapRequest, own_code, read_request, write_reply
+from orinkit.rc8.stopping import is_stop
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.http.access import (
     AccessCheck,
     ambiguous,
     closed,
+    cors_headers,
     is_proxied,
     plain,
     too_long,
@@ -36,8 +38,10 @@ from orinkit.server.http.access import (
     too_many_request_bytes,
 )
 from orinkit.server.http.exchange import EXECUTING, Disconnected, Exchange
+from orinkit.server.http.json_text import is_view
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.sessions import CALLS, HttpSession, HttpSessions, RunningCall
+from orinkit.server.http.variables import VariableViews
 from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.log_limiter import CLIENT
 from orinkit.values.codec import PacketLimits
@@ -47,9 +51,9 @@ logger = logging.getLogger("orinkit.server")
 
 _SERVICE_START: Final = 1
 _SERVICE_STOP: Final = 2
-_STOPPING: Final = (robot_halt.id, robot_hold.id, task_stop.id)  # permitted even if the client is busy
 _CONNECT: Final = 3
 _WITHOUT_HANDLE: Final = (_SERVICE_START, _SERVICE_STOP, _CONNECT)
+_REFUSED: Final = 400
 _NO_TOKEN: Final = 401
 _HELD: Final = 32  # maximum number of delayed replies to wrong tokens of one address
 _SUSPICIOUS: Final = (_NO_TOKEN, 403, 421, 429)
@@ -73,9 +77,12 @@ class App:
         self._sessions = HttpSessions(context, options.idle)
         self._access = AccessCheck(options, secure=secure)
         self._secure = secure
+        self._views = VariableViews(context)
         self._cookie = b""
+        self._strict = context.host.dialect.strict
         self._takes_start_options = context.host.dialect.takes_start_options
         self._code_replacements = context.host.dialect.code_replacements
+        self._user_functions = {number: user for number, (_, user) in context.host.user_functions.items()}
 
     def listens_at(self, port: int) -> None:
         """Set the port of the listener.
@@ -94,11 +101,13 @@ class App:
                 self._log(exchange, unclear.status_code)
                 await exchange.refuse(unclear, _DO_NOT_READ)
                 return
+            self._allow_origin(exchange)
             refusal = self._refusal(scope["method"], exchange)
             if refusal is None:
                 refusal = await self._serve(exchange)
             if refusal is not None:
-                self._log(exchange, refusal.status_code)
+                if refusal.status_code >= _REFUSED:
+                    self._log(exchange, refusal.status_code)
                 if refusal.status_code == _NO_TOKEN:
                     await self._slow_down(exchange)
                 await exchange.refuse(refusal, self._context.limits.packet if exchange.has_room else _DO_NOT_READ)
@@ -120,7 +129,14 @@ class App:
             return closed()
         if self._context.held[exchange.connection.network] >= _HELD and not self._session_of(exchange):
             return too_many_guesses()
-        return self._access.refusal(method, exchange.headers)
+        return self._access.refusal(method, exchange.headers, reads=is_view(exchange.path))
+
+    def _allow_origin(self, exchange: Exchange) -> None:
+        """Add the headers for a page of an allowed origin to the response."""
+        origin = self._access.allowed_origin(exchange.headers)
+        if origin:
+            for name, value in cors_headers(origin).items():
+                exchange.add(name.lower().encode(), value.encode("latin-1"))
 
     def _session_of(self, exchange: Exchange) -> HttpSession | None:
         """Return the session that the cookie of the request identifies; ``None`` if there is none."""
@@ -157,10 +173,14 @@ class App:
             The response to send instead of the reply if the body of the request is too long, or exceeds the limit on
             the bytes of incomplete requests; otherwise ``None``.
         """
+        if is_view(exchange.path):
+            await self._views.answer(exchange)
+            return None
         key = self._key(exchange.headers.get(b"cookie", b""))
         session = self._sessions.by_key(key) if key else None
         if session is not None:
             self._enter(session, exchange)
+        exchange.use_charset(self._access.charset(exchange.headers))
         context, connection = self._context, exchange.connection
         limits = context.first_limits
         if context.requires_secret and session is not None and session.holds_objects:
@@ -170,7 +190,7 @@ class App:
                 body = await exchange.body(limits.packet, context.partial)
                 if body is None:
                     return too_long(limits.packet) if exchange.has_room else too_many_request_bytes()
-                read: Callable[[], _Read] = partial(_read, body, limits)
+                read: Callable[[], _Read] = partial(_read, body, limits, exchange.charset, self._user_functions)
                 if len(body) > LARGE:
                     read = partial(_same, self._with_memory(exchange, await context.worker.run(read), len(body)))
             finally:  # the body counts until the worker has decoded it
@@ -267,7 +287,7 @@ class App:
             if not hresult.failed(reply.code):
                 session.end()
             return reply
-        if session.at_call_limit and function_id not in _STOPPING:
+        if session.at_call_limit and not is_stop(function_id, request.arguments):
             detail = tr("{calls} calls of this client are in progress", calls=CALLS)
             return CallReply(hresult.E_BUSY_PROC, detail=detail)
         if function_id == _SERVICE_START:
@@ -277,9 +297,11 @@ class App:
 
     def _start(self, session: HttpSession, request: EcapRequest) -> CallReply:
         try:
-            options = read_options(request.arguments) if self._takes_start_options else ServiceOptions()
+            options = (
+                read_options(request.arguments, strict=self._strict) if self._takes_start_options else ServiceOptions()
+            )
         except CallError as error:
-            return CallReply(error.code, detail=error.detail)
+            return CallReply(own_code(error.code), detail=error.detail)
         session.set_options(options)
         return _call_immediately(session.session, request)
 
@@ -330,12 +352,13 @@ class App:
             CallError: E_TOO_MUCH_DATA if the body would be longer than a packet; E_OUTOFMEMORY if calls and replies
                 require too much memory.
         """
+        charset = exchange.charset
         if result is None:
             return write_reply(code, None)
         longest = self._context.limits.packet
         if isinstance(result.value, bytes) and 2 * len(result.value) > longest:
             raise error_for(hresult.E_TOO_MUCH_DATA)
-        write = partial(write_reply, code, result)
+        write = partial(write_reply, code, result, charset)
         if is_large(result):
             if not exchange.memory.set(memory_of((result,))):
                 raise out_of_memory()
@@ -352,10 +375,10 @@ class App:
 # --- helpers -----------------------------------------------------------------------------------------------------------
 
 
-def _read(body: bytes, limits: PacketLimits) -> _Read:
+def _read(body: bytes, limits: PacketLimits, charset: str, user_functions: Mapping[int, UserFunction]) -> _Read:
     """Return the request in a body, or the reply to an invalid body."""
     try:
-        return read_request(body, limits)
+        return read_request(body, limits, charset, user_functions)
     except CallError as error:
         return CallReply(error.code, detail=error.detail)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from typing import Final
 from urllib.parse import quote
 
@@ -12,8 +13,10 @@ from starlette.types import Message, Receive, Scope, Send
 from orinkit.cao.session import CallReply
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
+from orinkit.ecap.fields import UTF_8, encoded
 from orinkit.server.capacity import CallMemory, IncompleteRequests
 from orinkit.server.http.access import Headers
+from orinkit.server.http.json_text import as_json, is_view
 from orinkit.server.http.limits import LimitedProtocol
 from orinkit.server.http.sessions import HttpSession
 
@@ -25,7 +28,8 @@ PIECE: Final = 64 * 1024
 _LONGEST_DETAIL: Final = 500  # maximum number of characters of an error description
 _INTERVALS: Final = range(80, 60_001)  # valid intervals of keep-alive bytes, ms
 _PLAIN: Final = "".join(chr(sign) for sign in range(0x20, 0x7F) if chr(sign) != "%")
-_TEXT: Final = (b"content-type", b"text/plain; charset=utf-8")
+_CONTENT_TYPE: Final = b"text/plain; charset="
+_ENCODED: Final = "UTF-8''"  # precedes percent-encoded text in a header
 
 
 class Disconnected(Exception):
@@ -49,6 +53,9 @@ class Exchange:
         interval: interval of keep-alive bytes during a call, ms; 0 if the client has not requested them.
         begun: True if the response has begun.
         session: the session of the client; ``None`` until it is found.
+        content_type: content type of the response.
+        charset: encoding of the body of the request, and of the response.
+        path: path of the request.
         has_room: False if the limit on the bytes of incomplete requests does not permit the body of the request.
     """
 
@@ -59,11 +66,14 @@ class Exchange:
         "_send",
         "_whole",
         "begun",
+        "charset",
         "connection",
+        "content_type",
         "has_room",
         "headers",
         "interval",
         "memory",
+        "path",
         "scope",
         "session",
     )
@@ -76,6 +86,9 @@ class Exchange:
         interval = self.headers.get(EXECUTING, b"")
         self.interval = int(interval) if interval.isdigit() and len(interval) < 6 and int(interval) in _INTERVALS else 0
         self.begun = False
+        self.charset = UTF_8
+        self.content_type = _CONTENT_TYPE + UTF_8.encode()
+        self.path: str = scope.get("path", "")
         self.session: HttpSession | None = None
         self._receive = receive
         self._send = send
@@ -84,12 +97,21 @@ class Exchange:
         self._whole = False
         self._more: list[tuple[bytes, bytes]] = []
 
+    def use_charset(self, charset: str) -> None:
+        """Set the encoding of the body of the request, and of the response."""
+        self.charset = charset
+        self.content_type = _CONTENT_TYPE + charset.encode()
+
     def add(self, name: bytes, value: bytes) -> None:
         """Add a header to the response."""
         self._more.append((name, value))
 
     def _add_text(self, name: bytes, text: str) -> None:
-        self.add(name, quote(text[:_LONGEST_DETAIL].strip(), safe=_PLAIN, errors="replace").encode())
+        """Add a header with a text: ASCII unchanged, any other text as in RFC 8187 (``UTF-8''%E3%81%82``)."""
+        text = text[:_LONGEST_DETAIL].strip()
+        if not text.isascii() or not text.isprintable():
+            text = _ENCODED + quote(text, safe=_PLAIN, errors="replace")
+        self.add(name, text.encode())
 
     async def _next(self) -> bytes:
         message = await self._receive()
@@ -147,7 +169,18 @@ class Exchange:
         if not self._whole or self.scope["method"] == "CONNECT":
             refusal.headers["connection"] = "close"
         self.begun = True
-        await refusal(self.scope, self._receive, self._send)
+        for name, value in self._more:
+            refusal.headers[name.decode()] = value.decode("latin-1")
+        await (as_json(refusal) if is_view(self.path) else refusal)(self.scope, self._receive, self._send)
+
+    async def answer_json(self, status: int, document: object) -> None:
+        """Send a response with a JSON document."""
+        body = json.dumps(document, ensure_ascii=False, allow_nan=False).encode("utf-8", "surrogatepass")
+        self.begun = True
+        headers = [(b"content-type", b"application/json"), (b"content-length", b"%d" % len(body)), *self._more]
+        headers.append((b"cache-control", b"no-store"))
+        await self._send({"type": "http.response.start", "status": status, "headers": headers})
+        await self._send({"type": "http.response.body", "body": body})
 
     async def send_keep_alives(self, reply: asyncio.Future[CallReply | None]) -> None:
         """Send a line feed after each ``interval`` until the reply is available."""
@@ -175,7 +208,7 @@ class Exchange:
             await self._begin([(b"content-length", b"%d" % len(body))])
         elif detail and hresult.failed(code):
             # The header has been sent already. Clients that requested keep-alive bytes read the detail after the code.
-            body += b"," + detail[:_LONGEST_DETAIL].strip().encode("utf-8", "replace")
+            body += b"," + encoded(detail[:_LONGEST_DETAIL].strip(), self.charset)
         at = 0
         while len(body) - at > PIECE:  # one large piece would be copied several times within one turn of the loop
             await self._send({"type": "http.response.body", "body": body[at : at + PIECE], "more_body": True})
@@ -185,7 +218,7 @@ class Exchange:
 
     async def _begin(self, headers: list[tuple[bytes, bytes]]) -> None:
         self.begun = True
-        headers.append(_TEXT)
+        headers.append((b"content-type", self.content_type))
         if self.interval:
             headers.append((EXECUTING, b"%d" % self.interval))
         headers += self._more

@@ -23,6 +23,7 @@ from orinkit.cao.service_options import ServiceOptions
 from orinkit.cao.session import CallReply, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
+from orinkit.ecap.message import own_code
 from orinkit.server.call_runner import abandon, is_cancellable, result_of
 from orinkit.server.context import ServerContext
 from orinkit.server.liveness import LivenessMonitor, log_disconnected
@@ -111,7 +112,7 @@ class HttpSession:
         context = sessions.context
         self.key = key
         self.address = address
-        self.session = Session(context.host, ClientInfo(address, "http", port), context.numbers)
+        self.session = Session(context.host, ClientInfo(address, "http", port), context.numbers, own_code)
         self.invoke_timeout = context.invoke_timeout
         self.known = False
         self.plain = False

@@ -48,6 +48,7 @@ PAGES: Final = (
     Page("/monitor", N_("Monitor"), "show_chart", "monitor:build"),
     Page("/programs", N_("Programs"), "code", "programs:build"),
     Page("/slave-move", N_("Slave Move"), "timeline", "slave_move:build"),
+    Page("/abh3", "ABH3", "electric_rickshaw", "abh3:build"),
     Page("/packets", N_("Packets"), "receipt_long", "packets:build"),
     Page("/raw", N_("Raw packets"), "data_array", "raw:build"),
 )
@@ -68,11 +69,13 @@ def _register(page: Page, workspace: Workspace) -> None:
     async def show() -> None:
         session = open_session(workspace)
         complete = _hold_back(session.client)
-        with frame(session, page, PAGES):
-            await asyncio.sleep(0)
-            for _ in build(session) or ():
+        try:
+            with frame(session, page, PAGES):
                 await asyncio.sleep(0)
-        complete.set()
+                for _ in build(session) or ():
+                    await asyncio.sleep(0)
+        finally:
+            complete.set()
 
 
 def _hold_back(client: Client) -> asyncio.Event:

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from orinkit.core.errors import CallError, OrinError
+from orinkit.core.errors import CallError, ConnectFailed, OrinError
+from orinkit.core.i18n import tr
 from orinkit.tester.state.connection_spec import ConnectionSpec
 from orinkit.tester.state.packet_log import PacketLog
+from orinkit.tester.state.simulators import Simulator
 
 logger = logging.getLogger("orinkit.tester")
 
@@ -39,6 +41,7 @@ class Connection(ABC):
         state: The state.
         error: Why connecting failed, or the connection was lost; otherwise ``None``.
         version: Counts the changes of the state, so that a page can detect them.
+        simulator: The virtual controller that the Tester has started for this connection; ``None`` if there is none.
     """
 
     def __init__(self, spec: ConnectionSpec, packets: PacketLog) -> None:
@@ -46,6 +49,7 @@ class Connection(ABC):
         self.state = ConnectionState.CLOSED
         self.error: Exception | None = None
         self.version = 0
+        self.simulator: Simulator | None = None
         self._packets = packets
         self._watcher: asyncio.Task[None] | None = None
         self._changes: list[Callable[[], None]] = []
@@ -69,6 +73,7 @@ class Connection(ABC):
         await self.close()
         self._set(ConnectionState.CONNECTING)
         try:
+            self._check_simulator()
             await self._open()
         except BaseException as error:
             self._set(ConnectionState.CLOSED, error if isinstance(error, Exception) else None)
@@ -89,6 +94,15 @@ class Connection(ABC):
         """Register a callback for changes of the state; return a function that removes it."""
         self._changes.append(callback)
         return lambda: self._changes.remove(callback)
+
+    def _check_simulator(self) -> None:
+        """Check that the virtual controller still runs; another program may have got its address meanwhile.
+
+        Raises:
+            ConnectFailed: If it has ended.
+        """
+        if self.simulator is not None and not self.simulator.running:
+            raise ConnectFailed(tr("{name} has ended. Try: start another virtual controller", name=self.name))
 
     @abstractmethod
     async def stop_motion(self) -> None:

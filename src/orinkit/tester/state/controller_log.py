@@ -109,7 +109,8 @@ class ControllerLog(SharedPoll):
     """
 
     def __init__(self, source: PollSource, *, fetches_events: bool) -> None:
-        super().__init__(source)
+        super().__init__()
+        self._source = source
         self.fetches_events = fetches_events
         self.current: list[ErrorInfo] = []
         self.logged: list[LogEntry] = []

@@ -12,8 +12,8 @@ from orinkit import __version__
 from orinkit.bcap.pcapng import CaptureConnection, PcapngWriter
 from orinkit.core.errors import InvalidValue
 from orinkit.tester.state.connection import Connection
+from orinkit.tester.state.entry_view import SLICE
 from orinkit.tester.state.packet_facts import LONGEST_DECODED
-from orinkit.tester.state.packet_filter import SLICE
 from orinkit.tester.state.packet_log import LoggedPacket, PacketLog
 from orinkit.tester.state.packet_text import transcript
 from orinkit.transport.address import parse_address

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from bisect import bisect_left
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.tester.state.entry_view import PAUSE, SLICE, EntryView
 from orinkit.tester.state.packet_facts import LONGEST_DECODED, facts_of
 from orinkit.tester.state.packet_log import LoggedPacket, PacketLog
 
@@ -20,11 +19,6 @@ LONGEST_BYTES: Final = 256
 """Maximum number of bytes to search for."""
 LONGEST_HEX: Final = 8 * LONGEST_BYTES
 """Maximum number of characters of bytes in hex, with separators."""
-SLICE: Final = 0.004
-"""Time in s for which a search occupies the event loop at a time."""
-PAUSE: Final = 0.001
-"""Time in s between two slices."""
-_STEP: Final = 16  # packets between two looks at the clock
 _SEARCHED: Final = 256 * 1024  # bytes searched at a time; this takes about 1 ms
 _SEPARATORS: Final = str.maketrans("", "", " \t\r\n,;:-")
 
@@ -127,11 +121,8 @@ def _contains(data: bytes, part: bytes) -> Generator[None, None, bool]:
     return False
 
 
-class PacketView:
+class PacketView(EntryView[LoggedPacket]):
     """The packets of a log that match a filter, found incrementally.
-
-    A position counts the matches from 0, including those that the log has discarded since. So the position of a packet
-    never changes. The positions ``first`` to ``end - 1`` exist.
 
     Args:
         log: The log.
@@ -140,101 +131,22 @@ class PacketView:
     """
 
     def __init__(self, log: PacketLog, condition: PacketFilter, summary: Callable[[LoggedPacket], str]) -> None:
+        super().__init__(log, accepts_all=condition.accepts_all)
         self.condition = condition
-        self._log = log
         self._summary = summary
-        self._all = condition.accepts_all
-        self._numbers: list[int] = []
-        self._dropped = 0  # positions before _numbers[0]
-        self._next = log.first_number  # the next packet to examine
         self._large: tuple[int, Generator[None, None, bool]] | None = None  # a large packet being examined
 
-    @property
-    def behind(self) -> int:
-        """Number of packets that have not been examined yet."""
-        return 0 if self._all else self._log.total + 1 - max(self._next, self._log.first_number)
-
-    @property
-    def first(self) -> int:
-        """Position of the oldest match that the log still has."""
-        oldest = self._log.first_number
-        if self._all:
-            return oldest - 1
-        return self._dropped + bisect_left(self._numbers, oldest)
-
-    @property
-    def end(self) -> int:
-        """Position after the last match."""
-        return self._log.total if self._all else self._dropped + len(self._numbers)
-
-    def __len__(self) -> int:
-        return self.end - self.first
-
-    def position(self, number: int) -> int:
-        """Return the position of a packet; -1 if it does not match, or the log has discarded it."""
-        if self._log.get(number) is None:
-            return -1
-        if self._all:
-            return number - 1
-        index = bisect_left(self._numbers, number)
-        return self._dropped + index if self._numbers[index : index + 1] == [number] else -1
-
-    def number(self, position: int) -> int:
-        """Return the number of the packet at a position; 0 if there is none."""
-        if not self.first <= position < self.end:
-            return 0
-        return position + 1 if self._all else self._numbers[position - self._dropped]
-
-    def numbers(self) -> Sequence[int]:
-        """Return the numbers of all matches found so far; later changes of the view do not affect the result."""
-        return range(self.first + 1, self.end + 1) if self._all else self._numbers[self.first - self._dropped :]
-
-    def window(self, position: int, count: int) -> Sequence[LoggedPacket]:
-        """Return up to ``count`` packets from a position, which must not be before :attr:`first`."""
-        stop = min(position + count, self.end)
-        found = (self._log.get(self.number(each)) for each in range(max(position, self.first), stop))
-        return [each for each in found if each is not None]
-
-    def advance(self, seconds: float = SLICE) -> bool:
-        """Examine further packets for a limited time; return True if some are left."""
-        self._prune()
-        if self._all:
-            return False
-        stop = perf_counter() + seconds
-        self._next, total = max(self._next, self._log.first_number), self._log.total
-        while self._next <= total:
-            packet = self._log.get(self._next)
-            assert packet is not None  # its number is between the first and the last
-            if len(packet.data) > LONGEST_DECODED:
-                self._advance_in_large(packet)
-                if perf_counter() > stop:
-                    break
-            else:
-                if self.condition.matches(packet, self._summary):
-                    self._numbers.append(self._next)
-                self._next += 1
-                if self._next % _STEP == 0 and perf_counter() > stop:
-                    break
-        return self._next <= total
-
-    def _advance_in_large(self, packet: LoggedPacket) -> None:
-        """Continue to examine a large packet."""
-        if self._large is None or self._large[0] != packet.number:
-            self._large = packet.number, self.condition.examine(packet, self._summary)
+    def _examine(self, entry: LoggedPacket) -> bool | None:
+        if len(entry.data) <= LONGEST_DECODED:
+            return self.condition.matches(entry, self._summary)
+        if self._large is None or self._large[0] != entry.number:
+            self._large = entry.number, self.condition.examine(entry, self._summary)
         try:
             next(self._large[1])
         except StopIteration as done:
-            if done.value:
-                self._numbers.append(packet.number)
             self._large = None
-            self._next += 1
-
-    def _prune(self) -> None:
-        """Forget the numbers of discarded packets, if they are many."""
-        gone = bisect_left(self._numbers, self._log.first_number)
-        if gone > len(self._numbers) // 2:
-            del self._numbers[:gone]
-            self._dropped += gone
+            return bool(done.value)
+        return None
 
     async def catch_up(self, is_current: Callable[[], bool] = lambda: True) -> None:
         """Examine all packets in slices; return early if ``is_current`` returns False."""

@@ -43,16 +43,23 @@ def row_of(
         if present
     ]  # fmt: skip
     kind = "bad" if facts.is_error else "warn" if marks else ""
-    time = row_time(packet, previous, mode, start_ns)
+    time = row_time(packet.time_ns, previous.time_ns if previous else None, mode, start_ns)
     return [
         packet.number, time, packet.connection, packet.direction, f"{len(packet.data):,}", summary(packet), kind, marks,
     ]  # fmt: skip
 
 
-def row_time(packet: LoggedPacket, previous: LoggedPacket | None, mode: str, start_ns: int) -> str:
-    """Return the time of a packet: of day, or in s since the start or since the previous packet."""
+def row_time(time_ns: int, previous_ns: int | None, mode: str, start_ns: int) -> str:
+    """Return the time of a packet: of day, or in s since the start or since the previous packet.
+
+    Args:
+        time_ns: Time of the packet, in ns since 1970.
+        previous_ns: Time of the previous packet; ``None`` if there is none.
+        mode: A key of :data:`TIME_MODES`.
+        start_ns: Time to which relative times refer, in ns since 1970.
+    """
     if mode == "relative":
-        return f"{(packet.time_ns - start_ns) / 1e9:.3f}"
+        return f"{(time_ns - start_ns) / 1e9:.3f}"
     if mode == "delta":
-        return f"+{(packet.time_ns - previous.time_ns) / 1e9:.4f}" if previous is not None else "+0.0000"
-    return time_text(packet.time_ns)
+        return f"+{(time_ns - previous_ns) / 1e9:.4f}" if previous_ns is not None else "+0.0000"
+    return time_text(time_ns)

@@ -116,7 +116,8 @@ class VariablePoller(SharedPoll):
     """
 
     def __init__(self, source: PollSource) -> None:
-        super().__init__(source)
+        super().__init__()
+        self._source = source
         self._readings: dict[VariableRef, Reading] = {}
         self._owners: WeakValueDictionary[tuple[str, str], AsyncObjectContainer] = WeakValueDictionary()
         self._controller: AsyncController | None = None

@@ -28,14 +28,9 @@ class PollSource(Protocol):
 
 
 class SharedPoll(ABC):
-    """Base class of what polls a controller while at least one page uses it.
+    """Base class of what polls a controller or a driver while at least one page uses it."""
 
-    Args:
-        source: The connection.
-    """
-
-    def __init__(self, source: PollSource) -> None:
-        self._source = source
+    def __init__(self) -> None:
         self._users = 0
         self._task: asyncio.Task[None] | None = None
         self._wake = asyncio.Event()

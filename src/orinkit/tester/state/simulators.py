@@ -51,7 +51,7 @@ KINDS: Final = {
             ("serve", "rc8", "--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0"), has_pendant=True,
         ),
         SimulatorKind("ve026a", N_("Virtual VE026A"), N_("A small educational arm on a serial line."), ("serve", "ve026a", "--pty"), provider=""),
-        SimulatorKind("abh3", N_("Virtual ABH3"), N_("A motor driver with two axes on a CAN bus."), ("serve", "abh3", "--interface", "udp_multicast")),
+        SimulatorKind("abh3", N_("Virtual ABH3"), N_("A motor driver with two axes on a CAN bus."), ("serve", "abh3", "pty://")),
     )
 }  # fmt: skip
 """The kinds of virtual controllers, by key."""

@@ -99,6 +99,7 @@ class Workspace:
             number += 1
             name = f"{simulator.spec.name} ({number})"
         connection = self.add(simulator.spec.renamed(name))
+        connection.simulator = simulator
         await connection.open()
         return connection
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nicegui import ui
 
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, OrinError
+from orinkit.core.errors import CallError, InvalidValue, OrinError
 from orinkit.core.i18n import tr
 
 
@@ -45,3 +47,17 @@ class ErrorBox:
 def error_text(error: Exception) -> str:
     """Return the text of an exception for users."""
     return f"{error}" if isinstance(error, OrinError) else tr("{kind}: {error}", kind=type(error).__name__, error=error)
+
+
+def problem_text(check: Callable[[str], object], text: str | None) -> str | None:
+    """Return why an entry is not valid, for the argument ``validation`` of a field; ``None`` if it is valid.
+
+    Args:
+        check: Function that raises :class:`InvalidValue` if the entry is not valid.
+        text: The entry.
+    """
+    try:
+        check(text or "")
+    except InvalidValue as error:
+        return f"{error}"
+    return None

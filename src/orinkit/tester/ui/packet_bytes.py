@@ -5,8 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 from orinkit.core.i18n import tr
-from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail, detail_of
-from orinkit.tester.state.packet_log import LoggedPacket
+from orinkit.tester.state.packet_detail import SHOWN_FIELDS, PacketDetail
 
 
 class PacketBytes(ui.element, component="packet_bytes.js"):
@@ -22,9 +21,9 @@ class PacketBytes(ui.element, component="packet_bytes.js"):
         self._props["labels"] = {"bytes": tr("Bytes of the packet"), "fields": tr("Fields of the packet")}
         self._props["packet"] = {"hex": "", "fields": [], "note": ""}
 
-    def show(self, packet: LoggedPacket | None) -> None:
-        """Show a packet; ``None`` shows nothing."""
-        detail = detail_of(packet) if packet is not None else PacketDetail(b"", 0, [])
+    def show(self, detail: PacketDetail | None) -> None:
+        """Show the bytes and fields of a packet or frame; ``None`` shows nothing."""
+        detail = detail or PacketDetail(b"", 0, [])
         self._props["packet"] = {
             "hex": detail.data.hex(),
             "fields": [

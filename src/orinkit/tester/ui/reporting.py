@@ -57,3 +57,8 @@ def chosen_controller(session: PageSession) -> ControllerConnection | None:
             ui.label(tr("{name} is a motor driver. This page requires a robot controller.", name=connection.name))
         ui.link(tr("Connections"), "/")
     return None
+
+
+def while_connected(session: PageSession, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:
+    """Register callbacks for the presence of the browser: :meth:`PageSession.while_connected`."""
+    session.while_connected(enter, leave)

@@ -92,6 +92,11 @@ class PageSession:
         """The chosen connection; otherwise the first one; ``None`` if there is none."""
         return self.workspace.get(self.chosen) or next(iter(self.workspace), None)
 
+    def choose(self, connection: Connection) -> None:
+        """Make a connection the one that the pages of this user show."""
+        self.chosen = connection.name
+        self.set_cookie(CONNECTION_COOKIE, connection.name)
+
     @property
     def in_control(self) -> bool:
         """True if this user holds the controls."""

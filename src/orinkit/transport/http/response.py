@@ -66,9 +66,11 @@ _LINE: Final = 200  # maximum number of characters of a text from the server
 _HTTP: Final = b"HTTP/"
 _TITLE: Final = re.compile(r"<title[^>]*>([^<]*)", re.IGNORECASE)
 _PLAIN: Final = ("", "identity")
+_FORM: Final = "application/x-www-form-urlencoded"
 _DETAIL: Final = "orinkit-detail"
 _READ: Final = ("orinkit-executing", "set-cookie", "content-encoding", "content-length", _DETAIL)
 _LONGEST_DETAIL: Final = 4096  # maximum number of characters of an error description
+_ENCODED: Final = "utf-8''"  # precedes percent-encoded text in a header (RFC 8187)
 
 _EXCEPTIONS: Final[dict[int, Callable[[str], OrinError]]] = {
     401: ConnectFailed,
@@ -139,6 +141,7 @@ class HttpServerInfo:
         self.patience = PATIENCE
         self.reports_executing: bool | None = None
         self._token = _checked_token(access.token)
+        self._content_type = _FORM + (f"; charset={access.charset}" if access.charset else "")
         self._session_ended = False
         self._cookies: dict[str, str] = {}
 
@@ -163,7 +166,7 @@ class HttpServerInfo:
         fields = [
             ("Accept-Encoding", "identity"),
             ("User-Agent", "orinkit"),
-            ("Content-Type", "application/x-www-form-urlencoded"),
+            ("Content-Type", self._content_type),
             (_EXECUTING, str(int(max(_FEWEST, min(_SIGNS, seconds * 500))))),
         ]
         if self._token:
@@ -203,7 +206,7 @@ class HttpServerInfo:
             if name == "content-length" and value.isdecimal() and int(value) > self.most:
                 raise self._too_long()
         detail = next((value for name, value in known if name == _DETAIL), "")
-        return Body(self.most, self._too_long, self._strange, unquote_to_bytes(detail[:_LONGEST_DETAIL]))
+        return Body(self.most, self._too_long, self._strange, _detail_bytes(detail[:_LONGEST_DETAIL]))
 
     def _keep(self, text: str) -> bool:
         """Store a cookie, or delete it if the server requests that; return True if it belongs to a new session."""
@@ -406,3 +409,10 @@ def _redirected(where: str) -> str:
 
 def _long_request(asked: int) -> str:
     return tr("A request of {asked} bytes is too long for the server; it was not executed", asked=asked)
+
+
+def _detail_bytes(text: str) -> bytes:
+    """Return the text of a header in UTF-8; only text that is not ASCII is percent-encoded."""
+    if text[: len(_ENCODED)].lower() == _ENCODED:
+        return unquote_to_bytes(text[len(_ENCODED) :])
+    return text.encode("utf-8", "replace")

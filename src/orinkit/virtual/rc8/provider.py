@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from orinkit.arms import ArmModel, load_model
+from orinkit.cao.dialect import RC8, RC8_STRICT
 from orinkit.cao.provider import ClientInfo, Provider
 from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
@@ -81,6 +82,9 @@ class VirtualRC8(Provider):
         StateError: If the state directory cannot be used.
     """
 
+    unique_names = True
+    unwraps_variants = True
+
     def __init__(
         self,
         *,
@@ -108,6 +112,7 @@ class VirtualRC8(Provider):
         version: str = "2.6.0",
         language: Language | None = None,
     ) -> None:
+        self.dialect = RC8_STRICT if strict else RC8
         self.provider_names: Sequence[str] = (*_NAMES, _PC_NAME) if accept_pc_provider else _NAMES
         translator(language)  # raises an exception for an unknown language, before anything is created
         if state is not None and not os.fspath(state):

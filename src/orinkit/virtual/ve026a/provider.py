@@ -46,6 +46,7 @@ class VirtualVE026A(Provider):
     dialect: Dialect = VE026A
     functions: frozenset[int] | None = frozenset({1, 2, 3, 4, 7, 9, 17, 62, 64, 84, 101, 111})
     fixed_handles: bool = True
+    unwraps_variants: bool = True
 
     def __init__(
         self,

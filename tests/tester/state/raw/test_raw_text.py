@@ -20,18 +20,18 @@ def test_valid_packets_are_named_and_explained():
     assert [each.summary for each in found.packets] == ["Service_Start()", "Variable_GetValue(3)"]
     assert (found.count, found.size, found.problems, found.refusal, found.malformed) == (2, 46, [], "", "")
     assert [(each.place.line, each.place.column) for each in found.packets] == [(1, 1), (3, 1)]
-    assert "function" in [each.name for each in detail_of(found.packets[1].logged).fields]
+    assert "function id" in [each.name for each in detail_of(found.packets[1].logged).fields]
     assert found.sendable(as_is=False) == [bytes.fromhex(START), bytes.fromhex(READ)]
 
 
 def test_text_that_is_not_hex_has_a_place_and_is_never_sent():
-    text = f"{START}\n\n01 10 0x 00\n02 zz"
+    text = f"{START}\n\n01 10 0y 00\n02 zz"
     found = check_text(text, STREAM)
     assert [(each.number, each.place.line, each.place.column) for each in found.problems] == [(2, 3, 7), (2, 4, 4)]
     assert text[found.problems[1].place.start : found.problems[1].place.end] == "zz"
     assert all(each.prevents_sending for each in found.problems)
     for as_is in (False, True):
-        with pytest.raises(InvalidValue, match="packet 2: '0x' is not hex"):
+        with pytest.raises(InvalidValue, match="packet 2: '0y' is not hex"):
             found.sendable(as_is=as_is)
 
 

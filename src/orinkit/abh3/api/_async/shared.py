@@ -22,6 +22,7 @@ from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.can.aio_shared_bus import AsyncCanReceiver, AsyncSharedCanBus, arun_can
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
+from orinkit.can.receiving import Trace
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
 from orinkit.core.validation import check_seconds
@@ -90,6 +91,19 @@ class AsyncSharedBus(AsyncClosing):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.url}>"
+
+    @property
+    def trace(self) -> Trace | None:
+        """Callback invoked with each frame: ``trace(">", frame)`` if it was sent, ``trace("<", frame)`` if received.
+
+        It must neither block nor raise. ``None`` for no callback. With some interfaces (udp_multicast), frames that are
+        sent through this object are also received.
+        """
+        return self._line.trace
+
+    @trace.setter
+    def trace(self, callback: Trace | None) -> None:
+        self._line.trace = callback
 
     async def request_all(
         self,

@@ -21,6 +21,7 @@ from orinkit.abh3.table.records import AnyRecord
 from orinkit.abh3.table.signals import Dialect, dialect_of
 from orinkit.can.bus import Bus
 from orinkit.can.frame import CanFrame, CanOperation
+from orinkit.can.receiving import Trace
 from orinkit.can.shared_bus import CanReceiver, SharedCanBus, run_can
 from orinkit.core.closing import Closing
 from orinkit.core.errors import ConnectFailed, ConnectionClosed, ConnectionLost
@@ -90,6 +91,19 @@ class SharedBus(Closing):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.url}>"
+
+    @property
+    def trace(self) -> Trace | None:
+        """Callback invoked with each frame: ``trace(">", frame)`` if it was sent, ``trace("<", frame)`` if received.
+
+        It must neither block nor raise. ``None`` for no callback. With some interfaces (udp_multicast), frames that are
+        sent through this object are also received.
+        """
+        return self._line.trace
+
+    @trace.setter
+    def trace(self, callback: Trace | None) -> None:
+        self._line.trace = callback
 
     def request_all(
         self,

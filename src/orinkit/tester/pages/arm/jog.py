@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
-from importlib.resources import files
+from collections.abc import Callable
 from typing import Any
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments
 
-from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.state.arm.jog_path import JogFrame, JogRequest
-from orinkit.tester.state.arm.jogging import HEARTBEAT, IDLE, JogState
+from orinkit.tester.state.held_motion import IDLE, MotionState
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.presence import Presence
+from orinkit.tester.ui.hold import HoldControl, hold_button, parsed_key
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.1  # s
@@ -24,13 +22,13 @@ _FRAMES: dict[JogFrame, str] = {"joint": N_("Joint"), "base": N_("Base"), "tool"
 _STEPS = (0.0, 0.1, 1.0, 5.0, 10.0)
 _AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
 _STATES = {
-    JogState.OFF: N_("Off"),
-    JogState.STARTING: N_("Entering slave mode"),
-    JogState.READY: N_("Ready"),
-    JogState.MOVING: N_("Moving"),
-    JogState.ENDING: N_("Leaving slave mode"),
+    MotionState.OFF: N_("Off"),
+    MotionState.STARTING: N_("Entering slave mode"),
+    MotionState.READY: N_("Ready"),
+    MotionState.MOVING: N_("Moving"),
+    MotionState.ENDING: N_("Leaving slave mode"),
 }
-_KINDS = {JogState.READY: "ok-good", JogState.MOVING: "ok-warn", JogState.STARTING: "ok-warn"}
+_KINDS = {MotionState.READY: "ok-good", MotionState.MOVING: "ok-warn", MotionState.STARTING: "ok-warn"}
 
 
 class JogCard:
@@ -43,9 +41,6 @@ class JogCard:
 
     def __init__(self, session: PageSession, cell: ArmCell) -> None:
         self._session, self._cell, self._jogging = session, cell, cell.jogging
-        self._presence = Presence(session, HEARTBEAT)
-        self._mine = False  # True if this page has begun the motion
-        self._enabled = False  # True if this page has enabled jogging
         self._seen: tuple[object, ...] = ()
         self._axes: object = None
         self._shown_error: Exception | None = None
@@ -56,10 +51,8 @@ class JogCard:
             self._pad = ui.element("div").classes("ok-pad")
             self._message = ui.label().classes("ok-jog-message").props("role=status data-testid=jog-message")
             self._errors = ErrorBox("error-jog")
+        self._hold = HoldControl(session, self._jogging, self._start, self._errors.show)
         self._switch.on("click", self._toggle)
-        ui.on("ok-jog", self._event, ["key"])
-        session.client.run_javascript(_script())
-        session.while_connected(lambda: None, lambda: self._gone(tr("the page was closed")))
         self._refresh()
         ui.timer(_REFRESH, self._refresh)
 
@@ -97,60 +90,25 @@ class JogCard:
 
     def _jog_button(self, number: int, name: str, sign: str) -> None:
         shown = "−" if sign == "-" else "+"
-        button = ui.element("button").classes("ok-jog-button")
-        button.props(f'type=button data-jog="{number}{sign}" data-testid="jog-{name.lower()}{sign}"')
-        button.props(f'aria-label="{tr("Jog {axis} {sign}", axis=name, sign=shown)}" aria-disabled=true')
-        with button:
-            ui.label(shown)
+        label = tr("Jog {axis} {sign}", axis=name, sign=shown)
+        button = hold_button(f"{number}{sign}", shown, label, f"jog-{name.lower()}{sign}")
         self._buttons.append(button)
+
+    def close(self) -> None:
+        """Stop the motion, because the page no longer shows the buttons."""
+        self._hold.close()
 
     # --- events --------------------------------------------------------------------------------------------------
 
     async def _toggle(self) -> None:
-        if self._jogging.active:  # everybody may stop
-            await self._jogging.disable()
-        else:
-            self._enabled = True
-            await self._session.guarded(self._jogging.enable, self._show_error)()
+        await self._hold.toggle()
         self._refresh()
 
-    async def _event(self, event: GenericEventArguments) -> None:
-        if self._pad.is_deleted:  # the page was built again for another connection
-            return
-        key = event.args.get("key") if isinstance(event.args, dict) else None
-        if not key:
-            self._release()
-            return
-        if key == "gone":
-            self._gone(tr("the page is hidden"))
-            return
-        await self._session.guarded(self._start, self._errors.show)(str(key))
-
-    def _start(self, key: str) -> None:
-        found = _KEY.fullmatch(key)
-        if found is None:
-            raise InvalidValue(tr("the button {key:.20} does not exist", key=key))
+    def _start(self, key: str, absent: Callable[[], str]) -> None:
+        found = parsed_key(_KEY, key)
         sign = 1 if found[2] == "+" else -1
         request = JogRequest(self._frame.value, int(found[1]), sign, float(self._speed.value), float(self._step.value))
-        self._presence.begin()
-        self._mine = True
-        self._jogging.start(request, self._absent)
-
-    def _release(self) -> None:
-        """Stop the motion that this page has begun, if there is one."""
-        if self._mine:
-            self._jogging.release()
-
-    def _gone(self, reason: str) -> None:
-        """End jogging if this page has enabled it or has begun the motion."""
-        if self._mine or self._enabled:
-            self._enabled = False
-            self._jogging.leave(reason)
-
-    def _absent(self) -> str:
-        if not self._session.in_control:
-            return tr("another user holds the controls")
-        return self._presence.reason
+        self._jogging.start(request, absent)
 
     # --- display -------------------------------------------------------------------------------------------------
 
@@ -160,15 +118,13 @@ class JogCard:
 
     def _refresh(self) -> None:
         jogging = self._jogging
-        usable = jogging.state in (JogState.READY, JogState.MOVING) and self._session.in_control
+        self._hold.refresh()
+        usable = self._hold.usable
         axes = len(self._cell.monitor.joints) if self._cell.monitor.model else 6
         if (self._frame.value, axes) != self._axes:
             self._axes = self._frame.value, axes
             self._build_pad(axes)
             self._seen = ()
-        if self._mine and jogging.state is JogState.READY and not jogging.requested:
-            self._mine = False
-            self._presence.end()
         seen = jogging.version, usable
         if seen == self._seen:
             return
@@ -179,7 +135,7 @@ class JogCard:
         self._state.classes(replace=f"ok-chip {_KINDS.get(jogging.state, '')}")
         self._switch.text = tr("Disable jogging") if jogging.active else tr("Enable jogging")
         self._switch.props("color=primary" if not jogging.active else "color=grey-7")
-        self._switch.set_enabled(jogging.state not in (JogState.STARTING, JogState.ENDING))
+        self._switch.set_enabled(jogging.state not in (MotionState.STARTING, MotionState.ENDING))
         self._message.text = jogging.message or (
             tr(
                 "Enable jogging takes the arm and enters slave mode. It ends after {seconds:g} s without use.",
@@ -191,7 +147,3 @@ class JogCard:
         self._message.classes(replace="ok-jog-message" + (" ok-jog-notice" if jogging.message else ""))
         if jogging.error is not self._shown_error:
             self._show_error(jogging.error)
-
-
-def _script() -> str:
-    return (files("orinkit.tester") / "static" / "jog.js").read_text("utf-8")

@@ -59,7 +59,7 @@ def build(session: PageSession) -> Iterator[None]:
 
     def leave() -> None:
         for page in pages:
-            page.close()
+            page.pause()
 
     yield from parts()
     ui.timer(_SLOW_REFRESH, refresh)
@@ -106,7 +106,7 @@ class ArmPage:
                     self._chips = StatusChips(cell)
                     ArmControls(session, cell)
                 yield
-                JogCard(session, cell)
+                self._jog = JogCard(session, cell)
                 yield
                 PosesCard(session, cell)
                 yield
@@ -115,12 +115,17 @@ class ArmPage:
 
     def poll(self) -> None:
         """Start polling for this page."""
-        self.close()
+        self.pause()
         self._detach = self._monitor.attach()
 
-    def close(self) -> None:
+    def pause(self) -> None:
         """Stop polling for this page."""
         self._detach()
+
+    def close(self) -> None:
+        """Stop polling for this page, and the motion that it has started."""
+        self.pause()
+        self._jog.close()
 
     def _update(self) -> None:
         if not self._session.client.has_socket_connection or self._monitor.version == self._version:

@@ -7,8 +7,8 @@ from nicegui import ui
 from orinkit.arms import AxisModel
 from orinkit.core.i18n import N_, tr
 from orinkit.tester.state.arm.cell import ArmCell
-from orinkit.tester.state.arm.jogging import JogState
 from orinkit.tester.state.arm.monitor import ArmMonitor, ArmStatus
+from orinkit.tester.state.held_motion import MotionState
 
 _NEAR_LIMIT = 5.0  # deg
 _COORDINATES = ("X", "Y", "Z", "RX", "RY", "RZ")
@@ -138,7 +138,7 @@ class StatusChips:
                 ui.label(text).classes(f"ok-chip {kind}").props(f'data-testid="chip-{name}"')
 
 
-def status_chips(status: ArmStatus, jogging: JogState) -> list[tuple[str, str, str]]:
+def status_chips(status: ArmStatus, jogging: MotionState) -> list[tuple[str, str, str]]:
     """Return a name, a text and a CSS class for each known part of the state."""
     chips: list[tuple[str, str, str]] = []
     if status.motor is not None:
@@ -158,7 +158,7 @@ def status_chips(status: ArmStatus, jogging: JogState) -> list[tuple[str, str, s
                 "" if status.token else "ok-warn",
             )
         )
-    if status.slave or jogging in (JogState.READY, JogState.MOVING):
+    if status.slave or jogging in (MotionState.READY, MotionState.MOVING):
         chips.append(("slave", tr("Slave mode on"), "ok-warn"))
     if status.error:
         chips.append(("error", status.error_text, "ok-bad ok-chip-long"))

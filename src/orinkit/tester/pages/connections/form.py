@@ -15,7 +15,7 @@ from orinkit.tester.pages.connections.string_field import StringField
 from orinkit.tester.state.connection_spec import VRC, ConnectionSpec
 from orinkit.tester.state.connection_text import spec_of_string, string_of
 from orinkit.tester.ui.errors import ErrorBox
-from orinkit.tester.ui.session import CONNECTION_COOKIE, PageSession
+from orinkit.tester.ui.session import PageSession
 from orinkit.transport.address import parse_address
 
 _EXAMPLES: Final = {
@@ -209,8 +209,7 @@ class ConnectionForm:
         try:
             connection = self._session.workspace.add(spec)
             await connection.open()
-            self._session.chosen = connection.name
-            self._session.set_cookie(CONNECTION_COOKIE, connection.name)
+            self._session.choose(connection)
         finally:
             self._connect.props(remove="loading")
 

@@ -12,7 +12,7 @@ from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.simulators import KINDS
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.frame import STATE_TEXTS
-from orinkit.tester.ui.session import CONNECTION_COOKIE, PageSession
+from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.5  # s
 _ICONS = {"rc8": "precision_manufacturing", "ve026a": "front_loader", "abh3": "electric_rickshaw"}
@@ -58,17 +58,11 @@ def _simulator_card(session: PageSession, key: str) -> None:
         button.props("loading")
         try:
             connection = await session.workspace.start_simulator(key)
-            choose(session, connection)
+            session.choose(connection)
         finally:
             button.props(remove="loading")
 
     button.on_click(session.guarded(start, errors.show))
-
-
-def choose(session: PageSession, connection: Connection) -> None:
-    """Make a connection the one that the other pages use."""
-    session.chosen = connection.name
-    session.set_cookie(CONNECTION_COOKIE, connection.name)
 
 
 def _connection_list(session: PageSession) -> None:
@@ -98,7 +92,7 @@ def _connection_list(session: PageSession) -> None:
 def _row(session: PageSession, connection: Connection, errors: ErrorBox) -> None:
     async def connect() -> None:
         await connection.open()
-        choose(session, connection)
+        session.choose(connection)
 
     async def remove() -> None:
         await session.workspace.remove(connection)

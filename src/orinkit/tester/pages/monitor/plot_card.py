@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from time import monotonic, time
-from typing import Any
 
 from nicegui import ui
 
@@ -13,10 +12,10 @@ from orinkit.core.i18n import tr
 from orinkit.tester.pages.monitor.watches import MAX_PLOTTED, Watches, csv_text
 from orinkit.tester.ui.chart import Chart
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession
 
-_POINTS = 400  # per line
 _PERIOD = 0.5  # s
 _WINDOWS = (10, 30, 60, 300, 600)  # s
 
@@ -55,7 +54,7 @@ class PlotCard:
             self._hint = ui.label(tr("Choose the variables to plot with the chart button of the watch list.")).classes(
                 "ok-dim"
             )
-            self._chart = Chart(_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
+            self._chart = Chart(time_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
             self._chart.props["aria-label"] = tr("History of the chosen variables")
         self._show_pause()
         export.on_click(reported(session, self._export, errors.show))
@@ -92,33 +91,5 @@ class PlotCard:
         self._hint.visible = not plotted
         end = self._paused_at or time()
         since = end - self._watches.chosen.window
-        series = [
-            {
-                "type": "line", "name": label, "id": label, "showSymbol": False, "animation": False, "lineStyle": {"width": 1.8},
-                "data": [
-                    (round(at * 1000), value)
-                    for at, value in columns[label].history.plot(columns[label].index, since, _POINTS)
-                    if at <= end
-                ],
-            }
-            for label in plotted
-        ]  # fmt: skip
-        axis = {"min": round(since * 1000), "max": round(end * 1000)}
-        self._chart.change({"xAxis": axis, "series": series}, ["series"])
-
-
-def _layout(dark: bool) -> dict[str, Any]:
-    dim, line = ("#94a3b3", "#28323d") if dark else ("#5b6875", "#dfe4ea")
-    grid_line = {"show": True, "lineStyle": {"color": line}}
-    label = {"color": dim, "fontSize": 11}
-    return {
-        "animation": False,
-        "backgroundColor": "transparent",
-        "color": ["#0891b2", "#ea580c", "#7c3aed", "#16a34a", "#db2777", "#ca8a04", "#2563eb", "#64748b"],
-        "grid": {"left": 8, "right": 12, "top": 34, "bottom": 4, "containLabel": True},
-        "legend": {"type": "scroll", "top": 0, "textStyle": label, "icon": "roundRect", "itemHeight": 4},
-        "tooltip": {"trigger": "axis", "confine": True, "transitionDuration": 0},
-        "xAxis": {"type": "time", "axisLabel": {**label, "hideOverlap": True}, "axisLine": {"lineStyle": {"color": line}}, "splitLine": grid_line},
-        "yAxis": {"type": "value", "scale": True, "axisLabel": label, "splitLine": grid_line},
-        "series": [],
-    }  # fmt: skip
+        lines = [(label, columns[label].history, columns[label].index) for label in plotted]
+        self._chart.change(time_patch(lines, since, end), ["series"])

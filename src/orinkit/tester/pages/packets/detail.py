@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 
 from nicegui import ui
 
-from orinkit.core.errors import InvalidValue
+from orinkit.core.errors import InvalidValue, OrinError
 from orinkit.core.i18n import tr
+from orinkit.tester.state.packet_detail import detail_of
 from orinkit.tester.state.packet_facts import Summaries
 from orinkit.tester.state.packet_log import LoggedPacket, PacketLog
 from orinkit.tester.state.packet_text import as_bytes_literal, as_c_array, as_call, as_hex, time_text
+from orinkit.tester.ui.clipboard import copy_text
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.packet_bytes import PacketBytes
-from orinkit.tester.ui.session import notify
-
-_COPY = """
-(async text => {
-  try { await navigator.clipboard.writeText(text); return true; } catch (error) { }
-  const area = document.createElement('textarea');
-  area.value = text; document.body.append(area); area.select();
-  const done = document.execCommand('copy');
-  area.remove();
-  return done;
-})"""
-_PATIENCE = 5.0  # s for the browser to copy
 
 
 class DetailCard:
@@ -80,7 +69,7 @@ class DetailCard:
             "{count} bytes", count=f"{len(packet.data):,}"
         )
         self._summary.text = self._summaries.of(packet)
-        self._bytes.show(packet)
+        self._bytes.show(detail_of(packet))
         self._partner = -1
         self.refresh()
 
@@ -119,11 +108,6 @@ class DetailCard:
         if self._packet is None:
             return
         try:
-            text = convert(self._packet)
-        except InvalidValue as error:
+            await copy_text(convert(self._packet))
+        except OrinError as error:
             self._errors.show(error)
-            return
-        if await ui.run_javascript(f"return await {_COPY}({json.dumps(text)})", timeout=_PATIENCE):
-            notify(tr("copied"), "positive")
-        else:
-            self._errors.show_text(tr("the browser does not permit copying. Try: open the page as http://localhost"))

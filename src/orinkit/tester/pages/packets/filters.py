@@ -10,6 +10,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
 from orinkit.tester.state.packet_filter import LONGEST_HEX, LONGEST_TEXT, PacketFilter, check_text, read_bytes
+from orinkit.tester.ui.errors import problem_text
 
 _ALL = ""
 
@@ -30,8 +31,8 @@ class FilterBar:
             )
             names = {each.id: f"{each.id} {each.name}" for each in FUNCTIONS.values()}
             self._function = ui.select(names, label=tr("Function"), with_input=True, clearable=True)
-            self._text = ui.input(tr("Name or value"), validation=lambda text: _problem(check_text, text))
-            self._hex = ui.input(tr("Bytes in hex"), validation=lambda text: _problem(read_bytes, text))
+            self._text = ui.input(tr("Name or value"), validation=lambda text: problem_text(check_text, text))
+            self._hex = ui.input(tr("Bytes in hex"), validation=lambda text: problem_text(read_bytes, text))
             self._errors = ui.checkbox(tr("Errors only"))
         for field, marker in (
             (self._connection, "connection"), (self._direction, "direction"), (self._function, "function"),
@@ -66,11 +67,3 @@ class FilterBar:
         except InvalidValue:
             return  # the field shows the message
         self._changed(condition)
-
-
-def _problem(check: Callable[[str], object], text: str | None) -> str | None:
-    try:
-        check(text or "")
-    except InvalidValue as error:
-        return f"{error}"
-    return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 from orinkit.core.i18n import tr
+from orinkit.tester.state.packet_detail import detail_of
 from orinkit.tester.state.packet_facts import Summaries
 from orinkit.tester.state.packet_log import Direction, PacketLog
 from orinkit.tester.state.packet_text import time_text
@@ -68,4 +69,4 @@ class _LastPacket:
         count = tr("{count} bytes", count=f"{len(packet.data):,}")
         self._facts.text = f"#{packet.number} · {time_text(packet.time_ns)} · {count}"
         self._summary.text = summaries.of(packet)
-        self._bytes.show(packet)
+        self._bytes.show(detail_of(packet))

@@ -62,6 +62,7 @@ class AssemblerCard:
             self._function = ui.select(names, label=tr("Function"), value=f.service_start.id, with_input=True)
             self._function.props("outlined dense options-dense data-testid=raw-function")
             self._serial = NumberField(tr("Serial"), "raw-serial", VarType.I4, "1")
+            self._serial.input.props(remove="hint")
             profiles = {"tcp": "TCP", "udp": "UDP", "serial": "COM"}
             self._profile = ui.select(profiles, label=tr("Transport"), value="tcp")
             self._profile.props("outlined dense options-dense data-testid=raw-profile")

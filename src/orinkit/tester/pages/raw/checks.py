@@ -5,6 +5,7 @@ from __future__ import annotations
 from nicegui import ui
 
 from orinkit.core.i18n import tr
+from orinkit.tester.state.packet_detail import detail_of
 from orinkit.tester.state.raw.text import CheckedText, FoundPacket, FoundProblem, Place
 from orinkit.tester.ui.packet_bytes import PacketBytes
 
@@ -61,7 +62,7 @@ class CheckList:
                 ui.label(tr("and {count} more packets", count=self._found.count - len(packets))).classes("ok-dim")
         self._explanation.visible = bool(packets)
         chosen = [each for each in packets if each.number == self._chosen]
-        self._bytes.show(chosen[0].logged if chosen else None)
+        self._bytes.show(detail_of(chosen[0].logged) if chosen else None)
 
     def _packet_row(self, packet: FoundPacket, *, is_wrong: bool) -> None:
         row = ui.button(on_click=lambda: self._choose(packet)).props("flat no-caps align=left dense")

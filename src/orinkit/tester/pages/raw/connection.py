@@ -62,7 +62,7 @@ class ConnectionCard:
             "outlined dense debounce=200 data-testid=raw-parameters"
         )
         self._text.props(f"maxlength={_LONGEST} autocomplete=off spellcheck=false").classes("ok-mono ok-grow")
-        self._text.on_value_change(self._read_string)
+        self._text.without_auto_validation().on_value_change(self._read_string)
         self._connect = ui.button(tr("Connect"), icon="link").props("unelevated no-caps data-testid=raw-connect")
         self._disconnect = ui.button(tr("Disconnect"), icon="link_off").props(
             "outline no-caps data-testid=raw-disconnect"
@@ -90,6 +90,7 @@ class ConnectionCard:
     def _input(self, label: str, name: str, value: str) -> ui.input:
         made = ui.input(label, value=value, on_change=self._read_fields).classes("ok-mono")
         made.props(f"outlined dense debounce=200 maxlength={_LONGEST} autocomplete=off spellcheck=false")
+        made.without_auto_validation()  # the problems of all fields are determined together
         return made.props(f"data-testid=raw-{name.replace('_', '-')}")
 
     # --- the string and the fields ------------------------------------------------------------------------------------
@@ -129,6 +130,7 @@ class ConnectionCard:
         """Show the fields in the string."""
         if self._is_setting:
             return
+        self._errors.show(None)
         fields = self.fields()
         self._is_setting = True
         self._text.value, self._text.error = f"{fields}", None
@@ -140,6 +142,7 @@ class ConnectionCard:
         """Show the string in the fields."""
         if self._is_setting:
             return
+        self._errors.show(None)
         try:
             checked_options(self._text.value or "")
             fields = RawFields.parse(self._text.value)

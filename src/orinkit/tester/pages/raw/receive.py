@@ -6,6 +6,7 @@ from nicegui import ui
 
 from orinkit.core.i18n import tr
 from orinkit.raw.options import Role
+from orinkit.tester.state.packet_detail import detail_of
 from orinkit.tester.state.packet_facts import summary
 from orinkit.tester.state.packet_text import time_text
 from orinkit.tester.state.raw.link import SHOWN_PACKETS, RawEntry, RawLink
@@ -71,7 +72,7 @@ class ReceiveCard:
         self._summary.text = summary(logged)
         size = tr("{count} bytes", count=f"{len(logged.data):,}")
         self._facts.text = f"{time_text(logged.time_ns)} · {entry.packet.peer} · {size}"
-        self._bytes.show(logged)
+        self._bytes.show(detail_of(logged))
 
 
 class _Row:

@@ -51,7 +51,7 @@ class TransmitCard:
         self._text = ui.textarea(
             tr("Packets in hex, separated by blank lines"),
             placeholder="01 10 00 00 00 01 00 00 00 01 00 00 00 00 00 04",
-            on_change=self.check,
+            on_change=self._change_text,
         )
         self._text.props(f"outlined debounce=200 maxlength={LONGEST_TEXT + 1} spellcheck=false autocomplete=off")
         self._text.props("data-testid=raw-text").classes("ok-raw-text")
@@ -104,6 +104,10 @@ class TransmitCard:
         if len(after) > LONGEST_TEXT:
             raise InvalidValue(tr("the text is full. Try: remove packets"))
         self._text.value = after
+
+    def _change_text(self) -> None:
+        self._errors.show(None)
+        self.check()
 
     def check(self) -> None:
         """Check the text, a long one in a thread, and show the result."""

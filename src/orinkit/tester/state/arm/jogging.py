@@ -11,7 +11,6 @@ import asyncio
 import logging
 from collections.abc import Callable
 from contextlib import AsyncExitStack
-from enum import Enum
 from time import monotonic
 from typing import TYPE_CHECKING, Final
 
@@ -31,6 +30,7 @@ from orinkit.tester.state.arm.jog_motion import JogMotion
 from orinkit.tester.state.arm.jog_path import JogPath, JogRequest, JointPath, ToolPath
 from orinkit.tester.state.arm.monitor import ArmMonitor
 from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.state.held_motion import IDLE, HeldMotion, MotionState
 from orinkit.values.poses import P
 
 if TYPE_CHECKING:
@@ -38,99 +38,32 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger("orinkit.tester")
 
-IDLE: Final = 60.0
-"""Time in s without jogging after which slave mode is left and the arm is given back."""
-HEARTBEAT: Final = 0.5
-"""Time in s without a heartbeat of the page after which the arm is stopped."""
 _LEAD: Final = 0.08  # s by which set-points are ahead
 _TICK: Final = 0.01  # s
 _NO_TOOL: Final[Array] = np.eye(4)
 
 
-class JogState(Enum):
-    """State of jogging."""
-
-    OFF = "off"
-    STARTING = "starting"
-    READY = "ready"
-    MOVING = "moving"
-    ENDING = "ending"
-
-
-class Jogging:
+class Jogging(HeldMotion[JogRequest]):
     """Jogging of one arm, on a connection of its own if the transport allows it.
 
     Args:
         connection: The connection.
         monitor: The state of the arm.
         motions: The running motions of the workspace.
-
-    Attributes:
-        state: The state.
-        message: Why the last motion or slave mode ended, for the user; otherwise ``""``.
-        error: The error that ended slave mode; otherwise ``None``.
-        version: Counts the changes of the attributes above.
     """
 
     def __init__(self, connection: ControllerConnection, monitor: ArmMonitor, motions: set[ActiveMotion]) -> None:
-        self._connection, self._monitor, self._motions = connection, monitor, motions
-        self.state = JogState.OFF
-        self.message = ""
-        self.error: Exception | None = None
-        self.version = 0
-        self._task: asyncio.Task[None] | None = None
-        self._changed = asyncio.Event()
-        self._ending = False
-        self._request: JogRequest | None = None
-        self._absent: Callable[[], str] = lambda: ""
+        super().__init__(connection, motions)
+        self._connection, self._monitor = connection, monitor
         self._motion: JogMotion | None = None
-        self._used = 0.0
         self._stream: AsyncStream | None = None
         self._kinematics: Kinematics | None = None
         self._tool = _NO_TOOL
 
     @property
-    def active(self) -> bool:
-        """True unless jogging is off."""
-        return self.state is not JogState.OFF
-
-    @property
     def requested(self) -> bool:
         """True while a motion is requested or executing."""
         return self._request is not None or self._motion is not None
-
-    async def enable(self) -> None:
-        """Take the arm and enter slave mode; return when the arm can be jogged.
-
-        Raises:
-            OrinError: If the controller refuses, the type of arm is unknown, or the transport does not support slave mode.
-        """
-        if self._task is None:
-            self.error, self._ending = None, False
-            self._set(JogState.STARTING)
-            self._motions.add(self)
-            self._task = asyncio.create_task(self._run())
-        while self.state is JogState.STARTING:
-            await self._wait_for_change()
-        if self.error is not None:
-            raise self.error
-
-    async def disable(self) -> None:
-        """Stop the arm, leave slave mode and give the arm back; do nothing if jogging is off."""
-        await self.stop("")
-
-    async def stop(self, reason: str) -> None:
-        """Stop the arm within the limits and end jogging; return at standstill.
-
-        Args:
-            reason: Why, for the user.
-        """
-        self._request = None
-        self._ending = True
-        if self._task is not None:
-            self._tell(reason)
-            while self.active:
-                await self._wait_for_change()
 
     def start(self, request: JogRequest, absent: Callable[[], str]) -> None:
         """Begin to move; if the arm still decelerates, begin afterwards.
@@ -143,7 +76,7 @@ class Jogging:
             InvalidValue: If the request is invalid, or jogging is not enabled.
         """
         request.check(len(self._monitor.joints))
-        if self.state not in (JogState.READY, JogState.MOVING):
+        if not self.usable:
             raise InvalidValue(tr("jogging is not enabled. Try: the switch Enable jogging"))
         if self._motion is not None:
             self._motion.release()
@@ -155,35 +88,22 @@ class Jogging:
         if self._request is not None and not self._request.step:
             self._halt("")
 
-    def leave(self, reason: str) -> None:
-        """Stop within the limits, leave slave mode and give the arm back, because the user is gone.
-
-        Args:
-            reason: Why the user counts as gone.
-        """
-        if self.active:
-            self._halt(tr("stopped, and jogging was switched off: {reason}", reason=reason))
-            self._ending = True
-
     # --- the task ------------------------------------------------------------------------------------------------
 
-    async def _run(self) -> None:
-        try:
-            async with AsyncExitStack() as stack:
-                await self._enter(stack)
-                self._set(JogState.READY)
-                self._used = monotonic()
-                await self._jog()
-        except (OrinError, OSError, ValueError, ImportError) as error:
-            if not self._ending:
-                logger.warning("%s: jogging ended: %s", self._connection.name, error)
-                self.error = error
-        finally:
-            self._request = self._motion = self._stream = self._monitor.lent = None
-            self._connection.lent = False
-            self._task = None
-            self._motions.discard(self)
-            self._set(JogState.OFF)
+    async def _operate(self) -> None:
+        """Take the arm, enter slave mode, jog, and undo both."""
+        async with AsyncExitStack() as stack:
+            await self._enter(stack)
+            self._set(MotionState.READY)
+            self._used = monotonic()
+            await self._jog()
+
+    def _forget(self) -> None:
+        self._motion = self._stream = self._monitor.lent = None
+        self._connection.lent = False
+
+    def _leave_text(self, reason: str) -> str:
+        return tr("stopped, and jogging was switched off: {reason}", reason=reason)
 
     async def _enter(self, stack: AsyncExitStack) -> None:
         connection = self._connection
@@ -223,20 +143,15 @@ class Jogging:
             if not self._connection.is_open:
                 self._tell(tr("the connection was closed"))
                 break
-            if monotonic() - self._used > IDLE:
+            if self._unused:
                 self._tell(tr("jogging was not used for {seconds:g} s, so it was switched off", seconds=IDLE))
                 break
-            self._check_presence()
+            if self._request is not None:
+                self._check_presence()
             await self._feed(stream)
             await asyncio.sleep(_TICK)
-        self._set(JogState.ENDING)
+        self._set(MotionState.ENDING)
         await stream.stop()
-
-    def _check_presence(self) -> None:
-        if self._request is not None:
-            reason = self._absent()
-            if reason:
-                self.leave(reason)
 
     async def _feed(self, stream: AsyncStream) -> None:
         """Queue set-points, if there is a motion."""
@@ -244,7 +159,7 @@ class Jogging:
             if not (stream.at_rest and not stream.queued):
                 return
             self._motion = self._begin(stream, self._request)
-            self._set(JogState.MOVING)
+            self._set(MotionState.MOVING)
         motion = self._motion
         if motion is None:
             return
@@ -257,7 +172,7 @@ class Jogging:
             if self._request is not None and self._request.step:
                 self._request = None
             self._motion = None
-            self._set(JogState.READY)
+            self._set(MotionState.READY)
         elif motion.obstacle and not self.message:
             self._halt(motion.obstacle)
 
@@ -292,20 +207,6 @@ class Jogging:
             return stream.latest.command
         except OrinError:
             return self._monitor.joints
-
-    def _tell(self, message: str) -> None:
-        if message != self.message:
-            self.message = message
-            self.version += 1
-
-    def _set(self, state: JogState) -> None:
-        self.state = state
-        self.version += 1
-        self._changed.set()
-        self._changed = asyncio.Event()
-
-    async def _wait_for_change(self) -> None:
-        await self._changed.wait()
 
 
 async def _tool_of(robot: AsyncRobot) -> Array:

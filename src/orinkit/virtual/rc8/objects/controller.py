@@ -35,6 +35,11 @@ from orinkit.virtual.rc8.state import Operation
 ROBOT_NAME: Final = "Arm0"
 
 
+def _disables_events(options: Options) -> bool:
+    """Return True if the client receives no events (``Message``: RC8 table 5-1)."""
+    return options.flag("@EventDisable") or ("Message" in options and not options.flag("Message"))
+
+
 class RC8Controller(ControllerObject):
     """The Controller object of one client.
 
@@ -42,7 +47,8 @@ class RC8Controller(ControllerObject):
 
     Args:
         caller: The client.
-        option: Option of Controller_Connect; ``@EventDisable=true`` disables events, other options are ignored.
+        option: Option of Controller_Connect; ``@EventDisable=true`` and ``Message=false`` disable events, other options
+            are ignored.
 
     Attributes:
         events: Pending events of this client; None if events are disabled.
@@ -52,7 +58,7 @@ class RC8Controller(ControllerObject):
         state = caller.state
         text = state.say("Virtual RC8 robot controller")
         super().__init__(caller.origin.caller, attribute=int(caller.access), help=text)
-        self.events: EventQueue | None = None if Options(option).flag("@EventDisable") else state.events.subscribe()
+        self.events: EventQueue | None = None if _disables_events(Options(option)) else state.events.subscribe()
         self._caller = caller
         self._connected = True
         state.log(Operation.CONNECT, state.say("Client connected"), caller.origin)

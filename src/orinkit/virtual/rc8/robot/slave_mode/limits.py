@@ -55,6 +55,14 @@ class SlaveLimits:
                 return _fault(hresult.COMMAND_ACCELERATION_OVER_AXIS1 + number, axis, change / PERIOD**2, limit, 2)
         return None
 
+    def stops_suddenly(self, before: Joints, now: Joints) -> bool:
+        """Return True if a stop at the present command position exceeds the accelerations of planned motions.
+
+        The limit of set-points is larger, so that a client may send such a stop on purpose.
+        """
+        part = self._parts()[1] * _ROUNDING * PERIOD**2
+        return any(abs(b - a) > axis.acceleration * part for axis, a, b in zip(self._axes, before, now, strict=True))
+
     def _parts(self) -> tuple[float, float]:
         """Return the limits as fractions of the model's velocity and acceleration."""
         setting, external = self._switches.slave_limit, self._speeds.external

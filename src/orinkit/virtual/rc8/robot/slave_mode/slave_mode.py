@@ -235,12 +235,9 @@ class RC8SlaveMode(SetPointBuffer):
                 self._arm.stop_and_power_off(hresult.UNDEFINED_ERROR)
 
     def _stops_hard(self, joints: Joints) -> bool:
-        """Return True if this joint position repeats the last command, and a stop at it would exceed the limits."""
+        """Return True if this joint position repeats the last command, and a stop at it would be sudden."""
         queue = self._arm.queue
-        return (
-            joints == queue.joints
-            and self._limits.violation(queue.previous_joints, joints, joints, lenient=False) is not None
-        )
+        return joints == queue.joints and self._limits.stops_suddenly(queue.previous_joints, joints)
 
     def _turn_off(self) -> list[Deferred[Value]]:
         """Switch slave mode off; return the replies that still wait."""

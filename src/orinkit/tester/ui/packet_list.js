@@ -4,7 +4,7 @@ const SPARE = 10; // rows above and below the visible ones
 
 export default {
   template: `
-    <div class="ok-packets" role="grid" tabindex="0" data-testid="packet-list" :aria-label="labels.list"
+    <div class="ok-packets" role="grid" tabindex="0" :data-testid="labels.marker + '-list'" :aria-label="labels.list"
          :aria-rowcount="count + 1" :aria-activedescendant="active" @keydown="pressed">
       <div class="ok-packet ok-packets-head" role="row" aria-rowindex="1">
         <span v-for="each in labels.columns" role="columnheader">{{ each }}</span>

@@ -1,8 +1,9 @@
-"""A list of packets of which only the visible rows exist: :class:`PacketList`."""
+"""A list of packets or frames of which only the visible rows exist: :class:`PacketList`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
@@ -14,10 +15,28 @@ LARGEST_WINDOW = 200
 """Maximum number of rows that are sent at once."""
 
 
+@dataclass(frozen=True, slots=True)
+class ListTexts:
+    """The texts of a list.
+
+    Attributes:
+        title: Text for screen readers.
+        empty: Text that is shown while the list is empty.
+        columns: Titles of the six columns; the fourth one is the direction.
+        marker: Beginning of the values of ``data-testid``; the list has ``MARKER-list``.
+    """
+
+    title: str
+    empty: str
+    columns: tuple[str, str, str, str, str, str]
+    marker: str
+
+
 class PacketList(ui.element, component="packet_list.js"):
     """A list of packets.
 
     Args:
+        texts: The texts of the list.
         on_window: Callback invoked with the position and number of the rows to supply.
         on_pick: Callback invoked with the number of the packet that the user has clicked.
         on_move: Callback invoked with a number of rows, ``"first"`` or ``"last"`` if the user moves the selection.
@@ -26,6 +45,7 @@ class PacketList(ui.element, component="packet_list.js"):
 
     def __init__(
         self,
+        texts: ListTexts,
         *,
         on_window: Callable[[int, int], None],
         on_pick: Callable[[int], None],
@@ -34,9 +54,8 @@ class PacketList(ui.element, component="packet_list.js"):
     ) -> None:
         super().__init__()
         self._props["labels"] = {
-            "list": tr("Packets"), "sent": tr("sent"), "received": tr("received"),
-            "empty": tr("No packets. They appear here as soon as a connection sends or receives one."),
-            "columns": [tr("No."), tr("Time"), tr("Connection"), "", tr("Bytes"), tr("Packet")],
+            "list": texts.title, "sent": tr("sent"), "received": tr("received"), "empty": texts.empty,
+            "columns": texts.columns, "marker": texts.marker,
         }  # fmt: skip
         self._props["state"] = {"view": 0, "first": 0, "end": 0, "start": 0, "rows": [], "follow": True}
         self.on("window", lambda event: _window(event, on_window))

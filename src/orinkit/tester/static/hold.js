@@ -1,24 +1,25 @@
-// The buttons of jogging: held by pointer, touch, Space or Enter; released in every case in which the user lets go.
+// Buttons that act while they are held, by pointer, touch, Space or Enter. They are released in every case in which the
+// user lets go. The script may be run more than once (ui/hold.py).
 (() => {
-  if (window.okJog) return;
-  window.okJog = true;
+  if (window.okHold) return;
+  window.okHold = true;
   let held = null;
 
   function press(button) {
     if (held || button.getAttribute("aria-disabled") === "true" || !window.socket?.connected) return;
     held = button;
     button.classList.add("ok-held");
-    emitEvent("ok-jog", { key: button.dataset.jog });
+    emitEvent("ok-hold", { key: button.dataset.hold });
   }
 
   function release(key = "") {
     if (!held) return;
     held.classList.remove("ok-held");
     held = null;
-    emitEvent("ok-jog", { key });
+    emitEvent("ok-hold", { key });
   }
 
-  const target = (event) => event.target.closest?.("[data-jog]");
+  const target = (event) => event.target.closest?.("[data-hold]");
   document.addEventListener("pointerdown", (event) => {
     const button = target(event);
     if (!button || event.button !== 0) return;
