@@ -129,9 +129,9 @@ class Fingers:
         self._cycles.require_open()
         self.stop()
         self.force, self.in_position = 0.0, False
-        self._move = _Move(target, self.model.speed * speed / 100, force, contact, Deferred[None]())
+        move = self._move = _Move(target, self.model.speed * speed / 100, force, contact, Deferred[None]())
         self._cycles.wake()
-        return self._move.done
+        return move.done
 
     def stop(self, code: int = hresult.STOPPED_DURING_PC_MOTION) -> None:
         """Stop at the present position; a gripped workpiece stays gripped.
