@@ -287,10 +287,15 @@ def fuzz(server: Server, seed: int, mutants: int) -> Counter[int]:
         sent += used - 1
         clue = f"seed {seed}, mutant {sent}: {data[len(PREFIX) :].hex()[:4000]}"
         if in_order:
-            assert len(answers) == len(wanted), clue
+            # the end of the stream ends the session; calls that wait behind an executing one are then dropped
+            assert len(answers) <= len(wanted), clue
         else:
             assert wanted[-1][0] == 0, clue  # only a stream without a packet boundary is closed
-        for (serial, code), (wanted_serial, wanted_code) in zip(answers, wanted, strict=False):
+        replies = answers
+        if answers and answers[-1][0] == 0 and wanted[-1][0] == 0:  # it does not wait for the calls before it
+            assert answers[-1][1] == wanted[-1][1], clue
+            replies = answers[:-1]
+        for (serial, code), (wanted_serial, wanted_code) in zip(replies, wanted, strict=False):
             assert serial == wanted_serial, clue
             assert wanted_code is None or code == wanted_code, clue
         codes.update(code for _, code in answers)

@@ -125,7 +125,7 @@ class FakeWorld:
 
     def _motion(self, name, *arguments):
         self._did(name, *arguments)
-        options = arguments[-1]
+        options = arguments[-1] if arguments else None
         left = 0 if getattr(options, "next", False) else self.polls
 
         def over():

@@ -11,7 +11,7 @@ from decimal import Decimal
 from typing import Any, Final
 
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, error_for
+from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.values.conversions import CY_CONTEXT
 from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType, type_name
@@ -33,9 +33,21 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
     )
 
 
+def unwrap(given: Variant) -> Variant:
+    """Return the value in a VT_VARIANT, also within VARIANT arrays (:func:`orinkit.values.variant.unwrapped`).
+
+    Raises:
+        CallError: E_INVALIDARG if arrays are nested too deeply.
+    """
+    try:
+        return unwrapped(given)
+    except InvalidValue as error:
+        raise error_for(hresult.E_INVALIDARG, str(error)) from None
+
+
 def unwrap_single(given: Variant) -> Variant:
     """Return the element of a one-element array, or the value in a VT_VARIANT, or any other value unchanged."""
-    given = unwrapped(given)
+    given = unwrap(given)
     if given.type & ARRAY and len(given.value) == 1:
         element = given.value[0]
         return element if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
@@ -119,7 +131,7 @@ def to_text(given: Variant) -> str:
 
 def to_values(given: Variant) -> list[Any]:
     """Return a list of plain values: the elements of an array, or one value; ``[]`` for VT_EMPTY and VT_NULL."""
-    given = unwrapped(given)
+    given = unwrap(given)
     if given.type in EMPTIES:
         return []
     plain = given.plain

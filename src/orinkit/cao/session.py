@@ -19,6 +19,7 @@ from traceback import format_exception_only
 from typing import Any, Final, TypeAlias, cast
 
 from orinkit.cao.arguments import read_arguments
+from orinkit.cao.coerce import unwrap
 from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.options import Options
@@ -39,7 +40,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import cut, printable, quoted, tr
 from orinkit.values.types import ARRAY
-from orinkit.values.variant import Variant, VarType, unwrapped, variant
+from orinkit.values.variant import Variant, VarType, variant
 
 logger = logging.getLogger("orinkit.session")
 
@@ -186,7 +187,7 @@ class Session:
             CallError: If they are invalid, with a return code that the protocol permits to the server itself.
         """
         if self.host.unwraps_variants and self.client.transport == "http" and function.method not in STORING_METHODS:
-            arguments = [unwrapped(each) for each in arguments]
+            arguments = [unwrap(each) for each in arguments]
         try:
             return read_arguments(function, arguments)
         except CallError as error:

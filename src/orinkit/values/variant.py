@@ -146,11 +146,22 @@ def plain(value: Any) -> Any:
 
 
 def unwrapped(item: Variant) -> Variant:
-    """Return the value in a VT_VARIANT; also replace the elements of VARIANT arrays that are VT_VARIANT."""
+    """Return the value in a VT_VARIANT; also replace the elements of VARIANT arrays that are VT_VARIANT.
+
+    Raises:
+        InvalidValue: If arrays are nested too deeply.
+    """
+    try:
+        return _unwrapped(item)
+    except RecursionError:
+        raise nested_too_deep() from None
+
+
+def _unwrapped(item: Variant) -> Variant:
     while item.type == VarType.VARIANT:
         item = item.value
     if item.type == VARIANT_ARRAY and any(each.type in (VarType.VARIANT, VARIANT_ARRAY) for each in item.value):
-        return trusted(VARIANT_ARRAY, [unwrapped(each) for each in item.value])
+        return trusted(VARIANT_ARRAY, [_unwrapped(each) for each in item.value])
     return item
 
 

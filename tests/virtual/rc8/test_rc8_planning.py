@@ -60,7 +60,6 @@ def test_the_arm_is_busy_while_a_motion_is_planned(cell):
     assert call.brief
     assert not call.done()
     assert cell.arm.busy
-    assert cell.code_of(lambda: cell.execute("GiveArm")) == hresult.ROBOT_MOVING
     assert cell.code_of(lambda: cell.robot.change("Tool1")) == hresult.TOOL_WORK_CHANGE_WHILE_MOVING
     assert cell.trace(10) == [cell.arm.model.home] * 10
     assert cell.planned(call) is None

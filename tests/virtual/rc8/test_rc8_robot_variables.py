@@ -259,10 +259,11 @@ def test_conditions(cell, state, name):
     assert read(cell, name) == (before if expected[name] else WRITABLE[name])
 
 
-def test_the_motor_is_not_switched_off_during_a_motion(cell):
+def test_the_motor_is_switched_off_after_the_motion(cell):
     _moving(cell)
-    assert code(cell, "@SERVO_ON", False) == hresult.MOTOR_OFF_WHILE_MOVING
-    assert cell.arm.motor.on
+    assert code(cell, "@SERVO_ON", False) == 0
+    assert not cell.arm.busy
+    assert not cell.arm.motor.on
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.state import Operation
 from support.busy import BusyCell, BusyServer, finish, occupy
 from support.cell import Cell
-from support.waiting import PATIENCE, until
+from support.waiting import until
 from support.web import Web, connect, request
 
 SOURCE = "Sub Main\n  TakeArm\n  I1 = 1\n  Move P, @E J(20, 45, 90, 0, 45, 0)\nEnd Sub\n"
@@ -220,10 +220,7 @@ def served() -> Iterator[Served]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("reads", [False, True])
-def test_the_start_of_a_lost_client_is_not_executed(served, kind, reads, monkeypatch):
-    """The server detects the loss while it does not read from the client, and otherwise when it reads."""
-    monkeypatch.setattr("orinkit.server.peer._MAX_HOLD", 0.001 if reads else PATIENCE)
+def test_the_start_of_a_lost_client_is_not_executed(served, kind):
     served.request_start(kind)
     served.client.close()
     until(lambda: not served.state.tasks.starts._starts)
