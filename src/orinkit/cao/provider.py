@@ -53,6 +53,7 @@ class ClientInfo(NamedTuple):
             immediately.
         provider: the provider name that the client has requested, as sent.
         describe_error: returns the description of the client's last error with a given return code; ``""`` if unknown.
+        is_unnamed: True if the client has sent no name for its controller, so that the server has chosen one.
     """
 
     address: str = ""
@@ -61,6 +62,7 @@ class ClientInfo(NamedTuple):
     when_input_processed: Callable[[Callable[[], None]], None] | None = None
     provider: str = ""
     describe_error: Callable[[int], str] = _no_description
+    is_unnamed: bool = False
 
 
 def not_implemented() -> CallError:

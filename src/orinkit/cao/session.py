@@ -443,6 +443,7 @@ class Session:
 
     def _controller_connect(self, function: Function[..., Any], values: list[Any]) -> Outcome:
         name, provider_name, machine, option = values
+        is_unnamed = not name
         provider = self.host.find(provider_name)
         if name:
             existing = self._existing("Controller", 0, name, option)
@@ -456,7 +457,9 @@ class Session:
             numbered = (f"Controller{number}" for number in self._numbers)
             name = next(each for each in numbered if each.lower() not in taken and not self.host.names.is_taken(each))
         with provider.guard:
-            made = provider.connect(name, machine, option, self.client._replace(provider=provider_name))
+            made = provider.connect(
+                name, machine, option, self.client._replace(provider=provider_name, is_unnamed=is_unnamed)
+            )
         return self._outcome(function, 0, name, made, provider)
 
     def _is_taken(self, name: str, option: str, provider: Provider) -> bool:

@@ -294,7 +294,8 @@ class RemoteProvider(Provider):
                 is unreachable; the controller's error code, if the controller refuses the connection.
         """
         upstream, machine = self._choose(machine)
-        wanted = ConnectRequest(name, client.provider, machine, option)
+        # names are unique on the controller, whose other clients the gateway does not know: the controller chooses one
+        wanted = ConnectRequest("" if client.is_unnamed else name, client.provider, machine, option)
         connection = UpstreamConnection(upstream, wanted, self._connections.discard)
         self._connections.add(connection)
         try:
