@@ -552,6 +552,7 @@ def test_time_stamps_are_milliseconds_since_power_on(cell):
     assert cell.execute("CurJntEx")[0] == stamps[-1]
 
 
+@pytest.mark.guide("5.2.28.53 MotionComplete")
 def test_motion_complete(cell):
     def complete(mode: Any) -> bool:
         return cell.execute("MotionComplete", mode)
