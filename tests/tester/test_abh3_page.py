@@ -135,6 +135,7 @@ def test_the_motor_stops_when_the_page_is_hidden(drive):
     drive.part("drive-message").get_by_text("the page is hidden").wait_for()
 
 
+@pytest.mark.soak
 def test_a_virtual_driver_is_started_and_vanishes(browser, tmp_path):
     with TesterProcess(folder=tmp_path) as tester, user(browser) as page:
         page.goto(f"{tester.url}/abh3")
