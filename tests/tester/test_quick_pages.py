@@ -5,6 +5,7 @@ The pages Raw packets and ABH3 have quick tests of their own.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -98,6 +99,7 @@ def test_a_variable_is_written_and_its_packet_is_shown(page, bench):
     assert sent.arguments[1] == Variant(VarType.I4, 4711)
     page.goto(f"{bench.tester.url}/packets")
     page.get_by_test_id("filter-text").fill("4711")
+    page.get_by_test_id("packet-count").filter(has_text=re.compile("^1 of ")).wait_for()
     page.locator("[data-number]").first.click()
     data = packet.encode(sent)
     page.wait_for_function("size => document.querySelectorAll('.ok-byte[data-byte]').length === size", arg=len(data))
