@@ -233,7 +233,10 @@ def test_a_killed_browser_stops_the_arm(browser, bench, tmp_path):
     from playwright.sync_api import Error
 
     killed = subprocess.Popen(
-        [CHROMIUM, "--headless", "--no-sandbox", "--remote-debugging-port=0", f"--user-data-dir={tmp_path}"],
+        [
+            CHROMIUM, "--headless", "--no-sandbox", "--window-size=1360,900", "--remote-debugging-port=0",
+            f"--user-data-dir={tmp_path}",
+        ],
         stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     try:
