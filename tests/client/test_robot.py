@@ -981,7 +981,7 @@ def test_each_step_takes_one_timeout_at_most(
     with pytest.raises(Trouble) as caught:
         holding(both, scripted, body)
     assert device.calls == [*TAKEN, "Halt", ("Motor", [0, 0]), "Halt", "GiveArm"]  # both blocks halt
-    assert len(caught.value.__notes__) == 4
+    assert len(caught.value.__notes__) in (3, 4)  # a call that has waited for the one before it may be answered in time
 
 
 @TIMES_OUT
