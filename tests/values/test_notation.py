@@ -109,6 +109,8 @@ def test_every_variant_comes_back_exactly(value):
 
 
 @given(st.lists(st.text(alphabet=' "(),a', max_size=6), max_size=4))
+@example([")", '"a'])
+@example(['""a"', '"a', '"'])
 def test_every_string_comes_back_exactly(strings):
     value = Variant(BSTRS, strings)
     assert parse(format_variant(value, exact=True), exact=True) == value

@@ -33,8 +33,8 @@ module uses these rules:
   an array without strings, and ``8200,""`` is an array of one empty string.
 
 e-CAP uses ``exact=True``, because its document has neither quotes nor ignored blanks: blanks around strings are kept,
-an unbalanced bracket in a VT_BSTR array is part of the string, and a string in quotes is unquoted only if it could not be
-written otherwise (:mod:`orinkit.values.notation_strings`).
+an unbalanced bracket in a VT_BSTR array is part of the string, and a string in quotes is unquoted only if it begins with
+a quotation mark itself or could not be written otherwise (:mod:`orinkit.values.notation_strings`).
 
 For every VARIANT, ``parse(format_variant(value))`` is therefore the same value with the same types (a VT_R4 in single
 precision, as in a packet). Plain text is written as in the documents.
@@ -43,7 +43,8 @@ precision, as in a packet). Plain text is written as in the documents.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, Final
 
 from orinkit.core.errors import InvalidValue, NotationError
@@ -437,26 +438,40 @@ def format_variant(value: Value, *, exact: bool = False) -> str:
     Raises:
         InvalidValue: If the value cannot be converted to a VARIANT, or is nested deeper than MAX_DEPTH.
     """
-    return _write(variant(value), 0, exact)
+    item = variant(value)
+    if not exact:
+        return _write(item, 0, quoted_text)
+    # The documents have no quotation marks. A string that begins with one is quoted only if the text is ambiguous.
+    text = _write(item, 0, partial(quoted_text, exact=True, quotes=False))
+    if item.type != VarType.BSTR and ',"' in text and not _reads_as(text, item):
+        text = _write(item, 0, partial(quoted_text, exact=True))
+    return text
 
 
-def _write(item: Variant, depth: int, exact: bool) -> str:
-    return f"{item.type},{_write_data(item, depth, exact)}"
+def _reads_as(text: str, item: Variant) -> bool:
+    try:
+        return parse(text, exact=True) == item
+    except NotationError:
+        return False
 
 
-def _write_data(item: Variant, depth: int, exact: bool) -> str:
+def _write(item: Variant, depth: int, write_text: Callable[..., str]) -> str:
+    return f"{item.type},{_write_data(item, depth, write_text)}"
+
+
+def _write_data(item: Variant, depth: int, write_text: Callable[..., str]) -> str:
     vt, value = item.type, item.value
     if vt & ~ARRAY == VarType.VARIANT:
         if depth >= MAX_DEPTH:
             raise InvalidValue(tr("VARIANT arrays nested deeper than {depth}", depth=MAX_DEPTH))
         elements = value if vt & ARRAY else [value]
-        return ",".join(f"({_write(element, depth + 1, exact)})" for element in elements)
+        return ",".join(f"({_write(element, depth + 1, write_text)})" for element in elements)
     if vt == VarType.BSTR:
-        return quoted_text(value, exact=exact) if depth else value
+        return write_text(value) if depth else value
     if vt == VarType.BSTR | ARRAY:
         if value == [""]:
             return '""'
-        return ",".join(quoted_text(text, in_array=True, exact=exact) for text in value)
+        return ",".join(write_text(text, in_array=True) for text in value)
     if vt in EMPTIES:
         return ""
     write = _FORMS[vt & ~ARRAY].write

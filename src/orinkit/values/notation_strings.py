@@ -3,8 +3,12 @@
 In the notation of e-CAP (``exact``), a string in an array ends at the next comma that is not inside brackets, and a
 string inside brackets ends at the bracket that closes them. Blanks count. If a bracket is not closed, brackets have no
 meaning in the rest of the array. The document has no quotation marks. They are
-used only for a string that cannot be written otherwise (:func:`needs_quotes`), and are read only around such a string.
-Any other string that begins with a quotation mark is taken literally. So every string comes back unchanged.
+used only for a string that cannot be written otherwise (:func:`needs_quotes`), and are read only around such a string
+or around one that itself begins with a quotation mark. Any other string that begins with a quotation mark is taken
+literally.
+
+Two strings that begin with a quotation mark, and of which at least one is written literally, can look like one quoted
+string: ``(8,"a),(8,"b)``. Such strings are quoted, too. So every string comes back unchanged.
 """
 
 from __future__ import annotations
@@ -18,12 +22,19 @@ _BRACKET: Final = re.compile(r"[()]")
 _BRACKET_OR_COMMA: Final = re.compile(r"[(),]")
 
 
-def quoted_text(text: str, *, in_array: bool = False, exact: bool = False) -> str:
-    """Return a string as text inside brackets or an array; quote it if it would otherwise be parsed differently."""
+def quoted_text(text: str, *, in_array: bool = False, exact: bool = False, quotes: bool = True) -> str:
+    """Return a string as text inside brackets or an array; quote it if it would otherwise be parsed differently.
+
+    Args:
+        text: the string.
+        in_array: True in a VT_BSTR array.
+        exact: True in the notation of e-CAP.
+        quotes: True to quote a string that begins with a quotation mark; only e-CAP permits False.
+    """
     if not text:
         return text
     if exact:
-        special = needs_quotes(text, in_array=in_array)
+        special = (quotes and text[0] == '"') or needs_quotes(text, in_array=in_array)
     else:
         outer = text[0] in _BLANKS or text[-1] in _BLANKS or text[0] == '"'
         special = outer or (in_array and "," in text) or not _is_balanced(text)
@@ -63,7 +74,7 @@ def read_exactly(
         end = end_of_quoted(text, start)
         if end >= 0 and _ends_at(text, end, in_array=in_array, in_brackets=in_brackets):
             value = undoubled(text[start + 1 : end - 1])
-            if needs_quotes(value, in_array=in_array):
+            if value.startswith('"') or needs_quotes(value, in_array=in_array):
                 return value, end
     end = _end(text, start, in_array, in_brackets) if nests else _next_comma(text, start)
     return None if end < 0 else (text[start:end], end)
