@@ -569,7 +569,7 @@ def test_errors_survive_pickling(both: Both, server: Server) -> None:
         with pytest.raises(OrinError) as info:
             both.run(call())
         caught.append(info.value)
-    both.run(controller.close())
+    both.run(controller.close(deadline=0.5))  # the server still executes Wait
     with pytest.raises(OrinError) as info:
         both.run(controller.execute("Echo"))
     caught += [info.value, ProtocolError("no packet", 0x80010000, fatal=True), InvalidValue("no"), InvalidAddress("no")]

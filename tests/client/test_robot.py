@@ -757,6 +757,7 @@ def test_a_cancelled_call_does_not_stop_the_arm(rc8: VirtualRC8, url: str) -> No
                     call.cancel()
                     await asyncio.gather(call, return_exceptions=True)
                     assert await robot.get_moving()
+                await robot.halt()  # otherwise, give_arm() waits for the end of the motion
 
     asyncio.run(body())
 

@@ -105,6 +105,13 @@ class FakeWorld:
         self.held = True
         return lambda: not self.held
 
+    def robot_command(self, name, arguments):
+        return self._motion("robot_command", name, *arguments)
+
+    def robot_value(self, name, arguments):
+        self._did("robot_value", name, *arguments)
+        return 0.0
+
     def current(self, kind, dest=False):
         self._did("current", kind, dest)
         return 5 if kind == "FIG" else tuple(float(n) for n in range(len(DEFAULTS[kind])))

@@ -3,7 +3,7 @@ from __future__ import annotations
 from time import process_time
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from orinkit.virtual.rc8.pacscript import tree
@@ -193,6 +193,7 @@ def test_any_text_loads_or_is_rejected(source):
 
 
 @given(st.lists(_WORDS, max_size=40).map(" ".join))
+@example("ForceChangeTable CurPos")
 def test_any_words_load_or_are_rejected(source):
     loads_or_is_rejected(source)
     loads_or_is_rejected(body("Dim x As Integer", source))
