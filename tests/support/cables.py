@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import selectors
 import socket
 import struct
 import threading
@@ -11,6 +12,54 @@ from typing import Self
 from support.bad_links import BadUdp, as_it_is, lose
 
 _RESET = struct.pack("ii", 1, 0)  # closing sends RST instead of FIN
+_PATIENCE = 30.0  # s for a thread to end, and for a peer to take data
+
+
+class _Connection:
+    """A relayed connection; its thread alone uses and closes both sockets, so no descriptor is closed under a reader."""
+
+    def __init__(self, near: socket.socket, far: socket.socket) -> None:
+        self._goals = {near: far, far: near}
+        self._woken, self._wake = socket.socketpair()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def cut(self) -> None:
+        """Reset both sides, and wait until it is done."""
+        with contextlib.suppress(OSError):  # both sides had ended already
+            self._wake.send(b"\0")
+        self._thread.join(_PATIENCE)
+        assert not self._thread.is_alive()
+        self._wake.close()
+
+    def _run(self) -> None:
+        with contextlib.suppress(OSError), selectors.DefaultSelector() as selector:
+            for each in self._goals:
+                each.settimeout(_PATIENCE)
+                each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                selector.register(each, selectors.EVENT_READ)
+            selector.register(self._woken, selectors.EVENT_READ)
+            while len(selector.get_map()) > 1 and not self._forward(selector):
+                pass
+        for each in self._goals:
+            each.close()
+        self._woken.close()
+
+    def _forward(self, selector: selectors.BaseSelector) -> bool:
+        """Forward what has arrived; return True if the connection has been cut."""
+        ready = [key.fileobj for key, _ in selector.select()]
+        if self._woken in ready:
+            for each in self._goals:
+                each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+            return True
+        for source in ready:
+            goal = self._goals[source]
+            if data := source.recv(65536):
+                goal.sendall(data)
+            else:
+                selector.unregister(source)
+                goal.shutdown(socket.SHUT_WR)
+        return False
 
 
 class TcpCable:
@@ -28,18 +77,17 @@ class TcpCable:
         place, slash, path = rest.partition("/")
         self._to = ("127.0.0.1", int(place.rpartition(":")[2]))
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._ends: list[socket.socket] = []
+        self._connections: list[_Connection] = []
+        self._changing = threading.Lock()
         self.url = f"{scheme}://127.0.0.1:{self._listener.getsockname()[1]}{slash}{path}"
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self) -> None:
         """Reset all connections."""
-        ends, self._ends = self._ends, []
-        for each in ends:
-            with contextlib.suppress(OSError):
-                each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
-                each.shutdown(socket.SHUT_RD)  # wakes the thread that reads
-            each.close()
+        with self._changing:
+            connections, self._connections = self._connections, []
+        for each in connections:
+            each.cut()
 
     def mend(self) -> None:
         """Let clients connect again; a TCP cable is always ready."""
@@ -48,33 +96,23 @@ class TcpCable:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._listener.close()
+        self._listener.shutdown(socket.SHUT_RDWR)  # ends the wait of its thread
         self.cut()
 
     def _accept(self) -> None:
-        while True:
-            try:
-                near, _ = self._listener.accept()
-            except OSError:
-                return
-            try:
-                far = socket.create_connection(self._to)
-            except OSError:
-                near.close()
-                continue
-            for each in (near, far):
-                each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._ends += [near, far]
-            for source, goal in ((near, far), (far, near)):
-                threading.Thread(target=self._forward, args=(source, goal), daemon=True).start()
-
-    @staticmethod
-    def _forward(source: socket.socket, goal: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            while data := source.recv(65536):
-                goal.sendall(data)
-        with contextlib.suppress(OSError):
-            goal.shutdown(socket.SHUT_WR)
+        with self._listener:
+            while True:
+                try:
+                    near, _ = self._listener.accept()
+                except OSError:
+                    return
+                try:
+                    far = socket.create_connection(self._to)
+                except OSError:
+                    near.close()
+                    continue
+                with self._changing:
+                    self._connections.append(_Connection(near, far))
 
 
 class UdpCable:
