@@ -21,7 +21,7 @@ tester: setup-all ## the Tester in a browser, with a virtual RC8 / ブラウザ�
 # --no-loadscope-reorder keeps the slow files first (tests/conftest.py). collect compiles the tests once, before the workers start.
 test: lint ## lint, types, and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
 	@$(MAKE) --no-print-directory -j2 --output-sync=target types collect
-	$(RUN) pytest -m "not soak" -n 5 --dist loadfile --no-loadscope-reorder
+	$(RUN) pytest -m "not soak" -n 7 --dist loadfile --no-loadscope-reorder
 
 collect: setup-dev
 	@$(RUN) pytest -q --collect-only -m "not soak" > /dev/null || true  # the tests report the error

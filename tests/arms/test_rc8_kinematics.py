@@ -181,14 +181,15 @@ def test_extra_axes_do_not_move_the_flange():
 # ----------------------------------------------------------------------------------------------- inverse, in great number
 
 
+@pytest.mark.parametrize("count", [20_000, pytest.param(MANY, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("name", CLOSED_FORM)
-def test_closed_form_of_a_hundred_thousand_poses_in_every_figure(name):
+def test_closed_form_in_every_figure(name, count):
     arm = ARMS[name]
     wrist = arm._wrist
     assert wrist is not None
-    joints = random_joints(arm, MANY, 4)
+    joints = random_joints(arm, count, 4)
     frames = arm.forward(joints)
-    found_again = np.zeros(MANY, dtype=bool)
+    found_again = np.zeros(count, dtype=bool)
     for posture in range(8):
         solved, reached = wrist.branch(frames, posture, np.zeros(6))
         millimetres, degrees = pose_errors(arm.forward(solved[reached]), frames[reached])
@@ -230,9 +231,10 @@ def test_search_finds_solutions_that_lie_close_together(joints):
     assert min(turned(solution - joints).max() for solution in found) < 1e-4
 
 
-def test_newtons_method_on_a_hundred_thousand_poses():
+@pytest.mark.parametrize("count", [20_000, pytest.param(MANY, marks=pytest.mark.soak)])
+def test_newtons_method(count):
     arm = ARMS["COBOTTA"]
-    joints = random_joints(arm, MANY, 6)
+    joints = random_joints(arm, count, 6)
     frames = arm.forward(joints)
     seeds = joints + np.random.default_rng(7).uniform(-2, 2, joints.shape)
     solved, reached = arm._search.refine(frames, seeds)

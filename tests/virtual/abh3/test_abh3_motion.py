@@ -225,7 +225,7 @@ def test_velocities_beyond_the_codes_are_held_at_the_last_one():
         max_size=12,
     ),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_velocities_never_change_faster_than_the_limits(dialect, commands):
     cell = Abh3Cell(dialect=dialect, acceleration_time=1.0, deceleration_time=0.5, inertia=0.25, current_limit=100.0)
     torque = 3000 / 250 * 1.05  # rated current and friction
@@ -446,7 +446,7 @@ ORDERS = st.lists(
 
 
 @given(ORDERS, st.floats(0.01, 2), st.floats(0.1, 50))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_many_cycles_at_once_are_the_same_as_one_by_one(orders, seconds, friction):
     parameters = Parameters(
         acceleration_time=seconds, deceleration_time=seconds / 3, friction=friction, speed_limit=300.0
@@ -469,7 +469,7 @@ def test_many_cycles_at_once_are_the_same_as_one_by_one(orders, seconds, frictio
     ),
     st.integers(1, 40),
 )
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_reading_the_state_has_no_effect(dialect, commands, often):
     often_looked, never = Abh3Cell(dialect=dialect, model="travel"), Abh3Cell(dialect=dialect, model="travel")
     for ay, inputs, ms in commands:

@@ -379,7 +379,7 @@ def distance_from_line(positions: np.ndarray) -> float:
 @pytest.mark.parametrize("plan", [any_ptp, any_line, any_arc, any_curve, any_rotation])
 @pytest.mark.parametrize(
     ("arm", "count"),
-    [(VS050, 200), (COBOTTA, 10), pytest.param(VS050, 1000, marks=pytest.mark.soak)],
+    [(VS050, 80), (COBOTTA, 5), pytest.param(VS050, 1000, marks=pytest.mark.soak)],
     ids=["VS-050", "COBOTTA", "VS-050-many"],
 )
 def test_every_joint_stays_within_its_limits(plan, arm, count):

@@ -20,7 +20,7 @@ from orinkit.core.errors import CallTimeout, TransportError
 
 PATIENT = 30.0
 KILLS = 3
-WRITES = 10_000
+WRITES = 5000
 
 # The value of each write, from a running number; no two clients share a variable.
 CLIENTS: dict[str, Callable[[int], Any]] = {
@@ -97,7 +97,7 @@ class Writer:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_no_acknowledged_write_is_lost(tmp_path: Path, seed: int) -> None:
-    """10,000 writes by four clients; the server is killed three times meanwhile at random moments."""
+    """5,000 writes by four clients; the server is killed three times meanwhile at random moments."""
     chance = random.Random(seed)
     moments = sorted(chance.sample(range(500, WRITES - 500), KILLS))
     writers = [Writer(kind, seed) for kind in CLIENTS]

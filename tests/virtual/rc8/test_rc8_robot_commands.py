@@ -978,13 +978,13 @@ def send_anything(cell: Cell, name: str, parameter: Variant) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in ANSWERS if name not in NO_PARAMETER])
-@settings(max_examples=40, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(parameter=ANY)
 def test_any_parameter_is_accepted_or_rejected(shared, name, parameter):
     send_anything(shared, name, parameter)
 
 
-@settings(max_examples=200, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, database=None, suppress_health_check=list(HealthCheck))
 @given(name=st.sampled_from(NO_PARAMETER), parameter=ANY)
 def test_any_parameter_of_a_command_without_parameters(shared, name, parameter):
     send_anything(shared, name, parameter)
