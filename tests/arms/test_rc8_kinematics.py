@@ -17,7 +17,8 @@ from orinkit.core.errors import CallError
 pytestmark = pytest.mark.slow
 
 ARMS = {name: Kinematics(load_model(name)) for name in MODEL_NAMES}
-CLOSED_FORM = [name for name in MODEL_NAMES if name != "COBOTTA"]
+CLOSED_FORM = [name for name, arm in ARMS.items() if arm._wrist is not None]
+SEARCHED = [name for name in MODEL_NAMES if name not in CLOSED_FORM]
 MANY = 100_000
 TYPICAL = np.array((30.0, 20.0, 70.0, 10.0, 45.0, 15.0))
 
@@ -78,6 +79,10 @@ def code_of(call, *arguments):
         ),
         ("VS-060", (0, 0, 90, 0, 0, 0), (370, 0, 660, 0, 90, 0), 1),
         ("COBOTTA", (0, 30, 100, 0, 50, 0), (226.1863, -44.5, 175.9919, 180, 0, 180), 5),
+        ("COBOTTA-PRO-900", (0, 0, 90, 0, 90, 0), (390, 120, 560, 180, 0, 180), 5),
+        ("COBOTTA-PRO-1300", (0, 0, 90, 0, 90, 0), (590, 100, 760, 180, 0, 180), 5),
+        ("VM-60B1", (0, 0, 90, 0, 90, 0), (770, 0, 1005, 180, 0, 180), 5),
+        ("VM-6083", (0, 0, 90, 0, 90, 0), (625, 0, 870, 180, 0, 180), 5),
         ("VE026A", (0, 30, 120, 0, 30, 0), (95.0, 0, 50.6603, 180, 0, 180), 5),
     ],
 )
@@ -201,9 +206,10 @@ def test_closed_form_in_every_figure(name, count):
 
 
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("count", [3_000, pytest.param(MANY, marks=pytest.mark.soak)])
-def test_search_finds_the_joints_that_made_the_pose(count):
-    arm = ARMS["COBOTTA"]
+@pytest.mark.parametrize("count", [1000, pytest.param(MANY, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("name", SEARCHED)
+def test_search_finds_the_joints_that_made_the_pose(name, count):
+    arm = ARMS[name]
     joints = random_joints(arm, count, 5)
     frames = arm.forward(joints)
     solved, rows = arm._search.solutions(frames)

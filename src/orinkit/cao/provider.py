@@ -54,6 +54,8 @@ class ClientInfo(NamedTuple):
         provider: the provider name that the client has requested, as sent.
         describe_error: returns the description of the client's last error with a given return code; ``""`` if unknown.
         is_unnamed: True if the client has sent no name for its controller, so that the server has chosen one.
+        disconnect: function that closes the client's connection for a given reason; without a connection, it ends the
+            client's session. It may be called from any thread. ``None`` if there is no connection.
     """
 
     address: str = ""
@@ -63,6 +65,7 @@ class ClientInfo(NamedTuple):
     provider: str = ""
     describe_error: Callable[[int], str] = _no_description
     is_unnamed: bool = False
+    disconnect: Callable[[str], None] | None = None
 
 
 def not_implemented() -> CallError:

@@ -7,6 +7,7 @@ import logging
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterator
+from contextlib import suppress
 from functools import partial
 from typing import Any, Final
 
@@ -199,6 +200,11 @@ class Peer(QueuedClient):
         """Close the connection, because the peer has become unreachable."""
         logger.warning("%s: closed: %s", self._name, reason)
         self.abort()
+
+    def disconnect(self, reason: str) -> None:
+        """Close the connection, because the device requires it; may be called from any thread."""
+        with suppress(RuntimeError):  # the server has been closed
+            self._loop.call_soon_threadsafe(self.give_up, reason)
 
     def _mark_alive(self) -> None:
         if self._liveness is None:

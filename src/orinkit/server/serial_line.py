@@ -128,7 +128,7 @@ class SerialClient(ConnectionlessClient, asyncio.Protocol):
             yield from self._conversation.discard_incomplete(now)
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self._name, LINE.name, 0, self.when_input_processed)
+        return ClientInfo(self._name, LINE.name, 0, self.when_input_processed, disconnect=self.disconnect)
 
     def _end_session(self, reason: object = None) -> None:
         """Close the session and drop unsent replies, which the next client must not receive."""

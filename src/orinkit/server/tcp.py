@@ -250,7 +250,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def _about(self) -> ClientInfo:
         host, port = self._peername
-        return ClientInfo(host, self._kind, port, self.when_input_processed)
+        return ClientInfo(host, self._kind, port, self.when_input_processed, disconnect=self.disconnect)
 
     def _refuse(self, call: Execute) -> None:
         super()._refuse(call)

@@ -72,7 +72,8 @@ class UdpClient(ConnectionlessClient):
             self._queued = 0
 
     def _about(self) -> ClientInfo:
-        return ClientInfo(self.socket_address[0], DATAGRAM.name, self.socket_address[1], self.when_input_processed)
+        host, port, *_ = self.socket_address
+        return ClientInfo(host, DATAGRAM.name, port, self.when_input_processed, disconnect=self.disconnect)
 
     def _new_session(self) -> Session | None:
         session = super()._new_session()

@@ -69,13 +69,34 @@ def serve_rc8(
             help=tr("Also accept the provider name CaoProv.DENSO.RC8, which some clients send but real controllers refuse."),
         ),
     ] = False,
+    controller: Annotated[
+        Literal["rc8", "rc8a", "rc9", "cobotta"],
+        Parameter(
+            group=_CONTROLLER,
+            help=tr("Controller that it represents; its arm, version, type and form of errors are the defaults."),
+        ),
+    ] = "rc8",
+    version: Annotated[
+        str | None,
+        Parameter(group=_CONTROLLER, help=tr("Software version (@VERSION), for example 2.13.0.")),
+    ] = None,
     model: Annotated[
-        str,
+        str | None,
         Parameter(
             group=ROBOT,
-            help=tr("Model of the arm: {models}, or your own TOML file.", models=", ".join(MODEL_NAMES)),
+            help=tr(
+                "Model of the arm: {models}, or your own TOML file. By default the usual arm of the controller.",
+                models=", ".join(MODEL_NAMES),
+            ),
         ),
-    ] = "VS-050",
+    ] = None,
+    type_name: Annotated[
+        str | None,
+        Parameter(
+            group=ROBOT,
+            help=tr("Type name of the arm (@TYPE_NAME), for example VS060A3-AV6-NNN-NNN; by default that of the model."),
+        ),
+    ] = None,
     mode: Annotated[
         str, Parameter(group=ROBOT, help=tr("Initial position of the mode switch: manual, teach or auto."))
     ] = "auto",
@@ -221,7 +242,10 @@ def serve_rc8(
             state=state,
             permission=Permission.parse(permission),
             accept_pc_provider=accept_pc_provider,
+            controller=controller,
+            version=version,
             model=model,
+            type_name=type_name,
             mode=read_mode(mode),
             token=token,
             motor=motor_on,

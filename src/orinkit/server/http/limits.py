@@ -11,7 +11,7 @@ import logging
 import re
 import sys
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Iterable
 from contextvars import Context, copy_context
 from functools import cached_property
 from typing import Any, Final, Protocol, TypeVar, cast
@@ -55,7 +55,7 @@ _own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit log
 class DisconnectObserver(Protocol):
     """A client that is notified when one of its connections is closed."""
 
-    def disconnected(self, connection: Hashable) -> None:
+    def disconnected(self, connection: LimitedProtocol) -> None:
         """Handle the end of a connection that has carried requests of the client."""
 
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-from collections.abc import Hashable
+from contextlib import suppress
 from inspect import iscoroutine
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
@@ -41,6 +41,13 @@ cookie."""
 _SERVICE_START: Final = 1
 _YOUNG: Final = 1.0  # s; a client must send its cookie within this time, or its session may be ended for a new client
 _RECONNECT_TIME: Final = 0.3  # s; while its arm moves, a client must replace its last connection within this time
+
+
+class Connection(Protocol):
+    """A connection that carries requests of a client."""
+
+    def abort(self) -> None:
+        """Close the connection immediately."""
 
 
 class RunningCall:
@@ -112,7 +119,9 @@ class HttpSession:
         context = sessions.context
         self.key = key
         self.address = address
-        self.session = Session(context.host, ClientInfo(address, "http", port), context.numbers, own_code)
+        self.session = Session(
+            context.host, ClientInfo(address, "http", port, disconnect=self.disconnect), context.numbers, own_code
+        )
         self.invoke_timeout = context.invoke_timeout
         self.known = False
         self.plain = False
@@ -130,14 +139,16 @@ class HttpSession:
         self.ended = False
         self.requested_silence_limit: float | None = None
         self.connected_at = self.last_request_at = self._heard = self._loop.time()
-        self._connections: dict[Hashable, bool] = {}  # the open ones; True after the second request on a connection
+        self._connections: dict[Connection, bool] = {}  # the open ones; True after the second request on a connection
         self._liveness = LivenessMonitor(self._loop, self)
         self._timer = self._loop.call_at(self._heard + self._idle_limit(), self._check_idle_time)
         logger.info("%s connected", self._name)
 
     # --- requests -------------------------------------------------------------------------------------------------
 
-    def begin_request(self, connection: Hashable = None, *, proxied: bool = False, sends_signs: bool = False) -> None:
+    def begin_request(
+        self, connection: Connection | None = None, *, proxied: bool = False, sends_signs: bool = False
+    ) -> None:
         """Record the start of a request.
 
         Args:
@@ -155,7 +166,7 @@ class HttpSession:
             self._connections[connection] = connection in self._connections
         self._liveness.start()
 
-    def disconnected(self, connection: Hashable) -> None:
+    def disconnected(self, connection: Connection) -> None:
         """Handle the end of a connection; end the session soon if no persistent connection is left and the arm moves.
 
         A connection is persistent from the second request on. The session does not end immediately, because a client
@@ -204,6 +215,17 @@ class HttpSession:
         """End the session, because the client has become unreachable."""
         logger.warning("%s: %s", self._name, reason)
         self.end(reason)
+
+    def disconnect(self, reason: str) -> None:
+        """End the session and close its connections, because the device requires it; may be called from any thread."""
+        with suppress(RuntimeError):  # the server has been closed
+            self._loop.call_soon_threadsafe(self._disconnect, reason)
+
+    def _disconnect(self, reason: str) -> None:
+        connections = list(self._connections)
+        self.give_up(reason)
+        for connection in connections:
+            connection.abort()
 
     def end_request(self, *, broken: bool = False) -> None:
         """Record the end of a request.

@@ -18,9 +18,9 @@ class Step(Enum):
 
     TAKE_ARM = N_("Take the arm")
     FIRST_POSE = N_("Move to the first pose")
-    ENTER = N_("Slave mode on")
+    ENTER = N_("Switch slave mode on")
     STREAM = N_("Send the set-points")
-    LEAVE = N_("Slave mode off")
+    LEAVE = N_("Switch slave mode off")
     GIVE_ARM = N_("Give the arm")
 
 

@@ -66,14 +66,22 @@ class ErrorRecord:
     tick: int = 0
     client_id: int = ClientId.SYSTEM
 
-    def as_current(self) -> list[Value]:
+    def as_current(self, *, dated: bool = False) -> list[Value]:
         """Return the record in the layout of GetCurErrorInfo.
 
         Element 3 contains the file ID in its high 16 bits and the line in its low 16 bits.
+
+        Args:
+            dated: Use the layout of an RC9: an eighth element with the date, and the code as additional code if there is
+                no other one.
         """
         place = (self.file_id & 0x7FFF) << 16 | self.line & 0xFFFF
         code = hresult.signed(self.code)
-        return [code, self.message, self.subcode, place, self.program, self.line, self.file_id]
+        items: list[Value] = [code, self.message, self.subcode, place, self.program, self.line, self.file_id]
+        if dated:
+            items[2] = self.subcode or code
+            items.append(self.moment)
+        return items
 
     def as_logged(self) -> list[Value]:
         """Return the record in the layout of GetErrorLog."""

@@ -210,7 +210,10 @@ class Pendant:
         self._state.clear_errors()
 
     def restart(self) -> None:
-        """Reset errors, motor, motions and programs, as if the controller were switched off and on."""
+        """Reset errors, motor, motions and programs, as if the controller were switched off and on.
+
+        The connections of all clients are closed.
+        """
         self._state.restart()
 
     def status(self) -> Mapping[str, object]:

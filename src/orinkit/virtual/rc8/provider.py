@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +20,7 @@ from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.controller import RC8Controller
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
+from orinkit.virtual.rc8.profiles import find_profile
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.samples import sample_programs
 from orinkit.virtual.rc8.state import Identity, Origin, RC8State, read_mode
@@ -42,8 +44,11 @@ class VirtualRC8(Provider):
         counts: Number of variables of each class I F D V P J T S; 100 for a class that is not listed.
         io_points: Number of I/O points.
         state: Directory in which variables and files are kept; ``None`` to discard them when the controller is closed.
+        controller: The controller that it represents: ``"rc8"``, ``"rc8a"``, ``"rc9"`` or ``"cobotta"``. The default arm,
+            the version, the type, and the form of the errors depend on it.
         model: The arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or an
-            :class:`~orinkit.arms.ArmModel`.
+            :class:`~orinkit.arms.ArmModel`; the usual arm of the controller if not given.
+        type_name: Type name of the arm (``@TYPE_NAME``, GetRobotTypeName); that of the model if not given.
         mode: Initial position of the mode switch.
         token: The executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
         motor: True if the motor is on initially.
@@ -68,7 +73,7 @@ class VirtualRC8(Provider):
         accept_pc_provider: If True, also accept the provider name ``CaoProv.DENSO.RC8``. It belongs to the provider
             that runs on a PC, but some clients send it by mistake; a real controller refuses it.
         serial_no: Serial number.
-        version: Software version.
+        version: Software version (``@VERSION``); that of the controller's profile if not given.
         language: Language of the texts: ``"en"``, ``"ja"``, or ``None`` for the language of the process.
 
     Attributes:
@@ -77,8 +82,8 @@ class VirtualRC8(Provider):
         workspace: The surroundings of the arm, set by tests and by users.
 
     Raises:
-        ValueError: If a count, class, board, language, model, mode, token or limit is not valid, or if the arm cannot reach
-            the joint position.
+        ValueError: If a count, class, board, language, controller, model, mode, token or limit is not valid, or if the arm
+            cannot reach the joint position.
         StateError: If the state directory cannot be used.
     """
 
@@ -91,7 +96,9 @@ class VirtualRC8(Provider):
         counts: Mapping[str, int] | None = None,
         io_points: int = DEFAULT_IO_POINTS,
         state: str | os.PathLike[str] | None = None,
-        model: str | os.PathLike[str] | ArmModel = "VS-050",
+        controller: str = "rc8",
+        model: str | os.PathLike[str] | ArmModel | None = None,
+        type_name: str | None = None,
         mode: int = ModeSwitch.AUTOMATIC,
         token: Token | str = ANYONE,
         motor: bool = False,
@@ -109,7 +116,7 @@ class VirtualRC8(Provider):
         clock: Clock | None = None,
         accept_pc_provider: bool = False,
         serial_no: str = "VIRTUAL-0001",
-        version: str = "2.6.0",
+        version: str | None = None,
         language: Language | None = None,
     ) -> None:
         self.dialect = RC8_STRICT if strict else RC8
@@ -135,7 +142,8 @@ class VirtualRC8(Provider):
             create_files=bool(create_files),
             user_io_unit=read_unit(user_io_unit),
         )
-        arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
+        profile = find_profile(controller)
+        arm = _arm(profile.model if model is None else model, type_name)
         self._forget: Callable[[], object] = lambda: None
         if state is None:
             scratch = TemporaryDirectory()
@@ -147,7 +155,8 @@ class VirtualRC8(Provider):
         try:
             self.state = RC8State(
                 clock=clock or Clock(),
-                identity=Identity(serial_no, version),
+                identity=Identity(serial_no, version or profile.version, type=profile.type),
+                profile=profile,
                 permission=permission or Permission(),
                 language=language,
                 counts=counts,
@@ -176,9 +185,10 @@ class VirtualRC8(Provider):
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
-        return RC8Controller(
-            ClientContext(self.state, Origin(name, client.address), access, client.when_input_processed), option
-        )
+        context = ClientContext(self.state, Origin(name, client.address), access, client.when_input_processed)
+        if client.disconnect is not None:
+            self.state.connections[context] = client.disconnect
+        return RC8Controller(context, option)
 
     def close(self) -> None:
         """Stop the controller and release the state directory; a second call has no effect."""
@@ -231,3 +241,13 @@ class VirtualRC8(Provider):
     def emergency_stop(self, on: bool) -> None:
         """Press or release the emergency stop."""
         self.state.emergency_stop(on)
+
+
+def _arm(model: str | os.PathLike[str] | ArmModel, type_name: str | None) -> ArmModel:
+    """Return the model of an arm, with another type name if one is given."""
+    arm = model if isinstance(model, ArmModel) else load_model(os.fspath(model))
+    if type_name is None:
+        return arm
+    if not type_name.strip() or not type_name.isprintable():
+        raise ValueError(tr("the type name of the arm must be printable text"))
+    return replace(arm, type_name=type_name)

@@ -8,7 +8,7 @@ themselves, so they are thread-safe.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import IntEnum
@@ -33,6 +33,7 @@ from orinkit.virtual.rc8.hand.hands import Hands
 from orinkit.virtual.rc8.logs import ClientId, ErrorRecord, OperationLog, OperationRecord
 from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
+from orinkit.virtual.rc8.profiles import Profile
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
@@ -119,6 +120,7 @@ class RC8State:
     Args:
         clock: The clock of the controller.
         identity: The identity that the controller reports.
+        profile: The controller that it represents.
         permission: Access rights by client address.
         language: Language of the controller's texts; None for the current language of the process.
         counts: Number of variables of each class.
@@ -137,6 +139,7 @@ class RC8State:
         compiling: The thread in which programs are compiled.
         hands, timers: The hands, and the timers of the controller.
         tasks: The programs.
+        connections: Functions that close the connections of the clients, by client.
         executing_commands: Number of Command objects that are executing.
         login_level: Level of the pendant's user: 1000 operator, 2000 programmer, 3000 maintainer.
         usage: Hours of operation, and how often the motor was switched on.
@@ -148,6 +151,7 @@ class RC8State:
         *,
         clock: Clock,
         identity: Identity,
+        profile: Profile,
         permission: Permission,
         language: Language | None,
         counts: Mapping[str, int] | None,
@@ -160,6 +164,8 @@ class RC8State:
     ) -> None:
         self.clock = clock
         self.identity = identity
+        self.profile = profile
+        self.connections: dict[object, Callable[[str], None]] = {}
         self.permission = permission
         self.say = translator(language)
         self.calendar = Calendar(clock)
@@ -282,7 +288,7 @@ class RC8State:
             self.log(Operation.CLEAR_ERROR, self.say("Errors cleared"), origin)
 
     def restart(self) -> None:
-        """Reset errors, motor, motions and programs, as if switched off and on; clients remain connected."""
+        """Reset errors, motor, motions and programs, as if switched off and on; the clients are disconnected."""
         with self.cycles:
             self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.power_on()
@@ -291,6 +297,9 @@ class RC8State:
             self.usage.power_on()
             self.faults.clear()
             self.log(Operation.RESTART, self.say("Restarted"))
+            connections, self.connections = self.connections, {}
+        for disconnect in connections.values():
+            disconnect("the controller restarts")
 
     def set_mode(self, mode: int) -> None:
         """Turn the mode switch: 1 manual, 2 teach check, 3 automatic.

@@ -175,6 +175,7 @@ class RC8Controller(ControllerObject):
             return
         self._connected = False
         state = self._caller.state
+        state.connections.pop(self._caller, None)
         state.tasks.starts.cancel(client=self._caller)
         state.arm.forget(self._caller)  # the client may have taken the arm with a Command object
         if self.events is not None:

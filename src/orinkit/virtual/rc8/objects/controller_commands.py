@@ -77,7 +77,8 @@ def _current_error_count(caller: ClientContext, _: Variant) -> Value:
 
 
 def _current_error(caller: ClientContext, parameter: Variant) -> Value:
-    return caller.state.faults.current.at(conversion.whole(parameter)).as_current()
+    record = caller.state.faults.current.at(conversion.whole(parameter))
+    return record.as_current(dated=caller.state.profile.dated_errors)
 
 
 def _error_log_count(caller: ClientContext, _: Variant) -> Value:
