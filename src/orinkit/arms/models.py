@@ -1,9 +1,10 @@
 """Robot models, read from TOML files: one file per arm, in this package or supplied by the user.
 
-A file contains ``name``, ``type_name``, ``origins`` (six times x, y, z), ``axes`` (six to eight tables of ``lower``,
+A file contains ``name``, ``type_name``, ``origins`` (x, y, z of each joint of the robot), ``axes`` (tables of ``lower``,
 ``upper``, ``velocity`` and optionally ``acceleration``, ``slave_acceleration`` and ``linear``), ``home``, and optionally
-``figure_bits``, ``mass`` (kg, of the whole arm), ``payload`` (kg) and a table ``path`` of ``speed``, ``acceleration``,
-``rotation`` and ``rotation_acceleration``.
+``kind`` (``"six-axis"``, the default, or ``"scara"``), ``figure_bits``, ``mass`` (kg, of the whole arm), ``payload`` (kg)
+and a table ``path`` of ``speed``, ``acceleration``, ``rotation`` and ``rotation_acceleration``. A six-axis arm has six
+origins and six to eight axes, a SCARA four origins and four axes.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final, Literal, NoReturn, TypeAlias
 
 from orinkit.core.i18n import tr
 
@@ -49,13 +50,20 @@ DEFAULT_MASS: Final = 40.0  # kg of the arm for each m between shoulder and flan
 DEFAULT_PAYLOAD: Final = 0.12  # of the mass, if a file contains no payload
 
 _COBOTTA_BIT: Final = 256  # of the figure; its meaning is not published
-_SERIES: Final = re.compile("[A-Z]+[0-9]+")
-_ARM_AXES: Final = 6
-_MAX_AXES: Final = 8
+_SERIES: Final = re.compile("[A-Z]+[0-9]+(?:A[0-9]{2,})?")  # HM4A73, but not the version A3 of a VS050A3
+
+ArmKind: TypeAlias = Literal["six-axis", "scara"]
+"""Kinds of arms: a vertical arm with six axes, or a horizontal arm with four."""
+
+_ROBOT_AXES: Final[dict[ArmKind, int]] = {"six-axis": 6, "scara": 4}
+_MOST_AXES: Final[dict[ArmKind, int]] = {"six-axis": 8, "scara": 4}
+_LINEAR_OF_SCARA: Final = 2  # index of the linear axis
 _LARGEST: Final = 1e6  # for lengths in mm, angles in deg, and their first and second derivatives
 _LONGEST_NAME: Final = 64
 _LARGEST_FILE: Final = 1_000_000
-_KEYS: Final = frozenset({"name", "type_name", "origins", "axes", "home", "figure_bits", "path", "mass", "payload"})
+_KEYS: Final = frozenset(
+    {"name", "type_name", "kind", "origins", "axes", "home", "figure_bits", "path", "mass", "payload"}
+)
 _AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "slave_acceleration", "linear"})
 
 
@@ -92,15 +100,17 @@ class AxisModel:
 class ArmModel:
     """The model of one arm.
 
-    The coordinate frames are those of a six-axis arm. When all joints are zero, the arm stands upright, and the joints
-    rotate about the axes z, y, y, z, y, z. The origin of a joint is a position in the frame of the previous joint; for
-    joint 1, in the base frame.
+    The origin of a joint is a position in the frame of the previous joint; for joint 1, in the base frame. When all joints
+    of a six-axis arm are zero, the arm stands upright, and the joints rotate about the axes z, y, y, z, y, z. When all
+    joints of a SCARA are zero, the arm is stretched out in the X direction. Its joints 1, 2 and 4 rotate about z. Joint 3
+    moves in the Z direction, in mm. The Z axis of its flange points upwards, like that of the base.
 
     Attributes:
         name: Name of the model, for example ``"VS-050"``.
         type_name: Reply to ``@TYPE_NAME`` and ``GetRobotTypeName``.
-        origins: Origins of the six joints, (x, y, z) each, mm.
-        axes: Six to eight axes; the seventh and eighth are extended joints, which do not move the flange.
+        origins: Origins of the six joints of a six-axis arm, or of the four joints of a SCARA, (x, y, z) each, mm.
+        axes: Six to eight axes; the seventh and eighth are extended joints, which do not move the flange. A SCARA has
+            exactly four axes.
         home: Home position of each axis, within the limits. The virtual arm starts at this position.
         path_speed: Largest velocity of the TCP on a path, mm/s. This and the next three limits are not published;
             their defaults 1500, 7500, 360 and 1800 are assumptions of this project.
@@ -110,6 +120,7 @@ class ArmModel:
         mass: Mass of the whole arm, kg; 0 for an estimate from the lengths of the links.
         payload: Largest payload, kg; 0 for an estimate from the mass.
         figure_bits: Bits that the controller sets in every figure that it reports.
+        kind: ``"six-axis"`` or ``"scara"``.
     """
 
     name: str
@@ -124,6 +135,17 @@ class ArmModel:
     mass: float = 0.0
     payload: float = 0.0
     figure_bits: int = 0
+    kind: ArmKind = "six-axis"
+
+    @property
+    def robot_axes(self) -> int:
+        """The number of axes that move the flange: 6, or 4 for a SCARA."""
+        return _ROBOT_AXES[self.kind]
+
+    @property
+    def is_scara(self) -> bool:
+        """True for a SCARA."""
+        return self.kind == "scara"
 
 
 def load_model(name_or_path: str | Path) -> ArmModel:
@@ -186,12 +208,14 @@ class _ModelReader:
 
     def model(self, table: Mapping[str, object]) -> ArmModel:
         self._check_keys(table, _KEYS, "")
-        axes = self._axes(table.get("axes"))
+        kind = self._kind(table.get("kind", "six-axis"))
+        axes = self._axes(table.get("axes"), kind)
         path = self._path(table.get("path", {}))
         return ArmModel(
             name=self._text(table, "name"),
             type_name=self._text(table, "type_name"),
-            origins=self._origins(table.get("origins")),
+            kind=kind,
+            origins=self._origins(table.get("origins"), kind),
             axes=axes,
             home=self._home(table.get("home"), axes),
             figure_bits=self._bits(table.get("figure_bits", 0), "figure_bits"),
@@ -212,24 +236,29 @@ class _ModelReader:
             )
         return value
 
-    def _origins(self, value: object) -> tuple[tuple[float, float, float], ...]:
-        rows = self._list(value, "origins", _ARM_AXES, _ARM_AXES)
+    def _kind(self, value: object) -> ArmKind:
+        for kind in _ROBOT_AXES:
+            if value == kind:
+                return kind
+        self._fail("kind", tr("must be one of {names}", names=", ".join(_ROBOT_AXES)))
+
+    def _origins(self, value: object, kind: ArmKind) -> tuple[tuple[float, float, float], ...]:
+        rows = self._list(value, "origins", _ROBOT_AXES[kind], _ROBOT_AXES[kind])
         origins = []
         for index, row in enumerate(rows):
             key = f"origins[{index}]"
             x, y, z = (self._number(entry, key) for entry in self._list(row, key, 3, 3))
             origins.append((x, y, z))
-        upper, fore = origins[2], (origins[3][0], 0.0, origins[3][2] + origins[4][2])
-        for key, (x, _, z) in (("origins[2]", upper), ("origins[3], origins[4]", fore)):
-            if math.hypot(x, z) < 1.0:
+        for key, length in (_links_of_scara(origins) if kind == "scara" else _links_of_six(origins)).items():
+            if length < 1.0:
                 self._fail(key, tr("the link is shorter than 1 mm"))
         return tuple(origins)
 
-    def _axes(self, value: object) -> tuple[AxisModel, ...]:
-        rows = self._list(value, "axes", _ARM_AXES, _MAX_AXES)
-        return tuple(self._axis(row, f"axes[{index}]", index) for index, row in enumerate(rows))
+    def _axes(self, value: object, kind: ArmKind) -> tuple[AxisModel, ...]:
+        rows = self._list(value, "axes", _ROBOT_AXES[kind], _MOST_AXES[kind])
+        return tuple(self._axis(row, f"axes[{index}]", index, kind) for index, row in enumerate(rows))
 
-    def _axis(self, row: object, key: str, index: int) -> AxisModel:
+    def _axis(self, row: object, key: str, index: int, kind: ArmKind) -> AxisModel:
         if not isinstance(row, dict):
             self._fail(key, tr("must be a table"))
         self._check_keys(row, _AXIS_KEYS, f"{key}.")
@@ -246,12 +275,17 @@ class _ModelReader:
             if "slave_acceleration" in row
             else 0.0
         )
-        linear = row.get("linear", False)
-        if not isinstance(linear, bool):
-            self._fail(f"{key}.linear", tr("must be true or false"))
-        if linear and index < _ARM_AXES:
-            self._fail(f"{key}.linear", tr("only an extended joint can be linear"))
+        linear = self._linear(row.get("linear", False), f"{key}.linear", index, kind)
         return AxisModel(lower, upper, velocity, acceleration, linear, slave_acceleration)
+
+    def _linear(self, value: object, key: str, index: int, kind: ArmKind) -> bool:
+        if not isinstance(value, bool):
+            self._fail(key, tr("must be true or false"))
+        if kind == "scara" and value != (index == _LINEAR_OF_SCARA):
+            self._fail(key, tr("joint 3 of a SCARA is linear, and no other joint is"))
+        if kind != "scara" and value and index < _ROBOT_AXES[kind]:
+            self._fail(key, tr("only an extended joint can be linear"))
+        return value
 
     def _home(self, value: object, axes: Sequence[AxisModel]) -> tuple[float, ...]:
         home = tuple(self._number(entry, "home") for entry in self._list(value, "home", len(axes), len(axes)))
@@ -313,6 +347,24 @@ class _ModelReader:
 
     def _fail(self, key: str, reason: str) -> NoReturn:
         raise ValueError(f"{self._source}: {key}: {reason}")
+
+
+def _links_of_six(origins: Sequence[tuple[float, float, float]]) -> dict[str, float]:
+    """Return the lengths of upper arm and forearm, mm, by the keys from which they result."""
+    upper, fore, wrist = origins[2], origins[3], origins[4]
+    return {
+        "origins[2]": math.hypot(upper[0], upper[2]),
+        "origins[3], origins[4]": math.hypot(fore[0], fore[2] + wrist[2]),
+    }
+
+
+def _links_of_scara(origins: Sequence[tuple[float, float, float]]) -> dict[str, float]:
+    """Return the horizontal lengths of the two arms, mm, by the keys from which they result."""
+    first, second, last = origins[1:4]
+    return {
+        "origins[1]": math.hypot(first[0], first[1]),
+        "origins[2], origins[3]": math.hypot(second[0] + last[0], second[1] + last[1]),
+    }
 
 
 def _read(path: Path) -> str:

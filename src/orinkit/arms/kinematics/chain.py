@@ -1,4 +1,4 @@
-"""Forward kinematics: the chain of a six-axis arm, and its Jacobian.
+"""Forward kinematics: the chain of a six-axis arm, and its Jacobian. The chain of a SCARA is in ``scara``.
 
 A single pose is computed in plain Python, several in numpy; both use the same formulas.
 """
@@ -158,16 +158,20 @@ class Chain:
         )
 
 
-def joints_of(joints: ArrayLike) -> Array:
-    """Return joint positions as an array (..., n), n >= 6, after checking them.
+def joints_of(joints: ArrayLike, fewest: int = ARM_AXES) -> Array:
+    """Return joint positions as an array (..., n), n >= ``fewest``, after checking them.
 
     Raises:
         CallError: E_INVALIDARG if a joint is not finite.
-        ValueError: If there are fewer than six joints.
+        ValueError: If there are fewer joints.
     """
     values = np.asarray(joints, dtype=np.float64)
-    if values.ndim == 0 or values.shape[-1] < ARM_AXES:
-        raise ValueError(tr("the shape must be (..., n) with n of 6 or more, not {shape}", shape=values.shape))
+    if values.ndim == 0 or values.shape[-1] < fewest:
+        raise ValueError(
+            tr(
+                "the shape must be (..., n) with n of {fewest} or more, not {shape}", fewest=fewest, shape=values.shape
+            )
+        )
     if not np.isfinite(values).all():
         raise error_for(hresult.E_INVALIDARG, tr("a joint is not a finite number"))
     return values

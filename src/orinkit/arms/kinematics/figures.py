@@ -1,4 +1,4 @@
-"""Figures (FIG): they distinguish the postures that hold the flange in the same pose.
+"""Figures (FIG) of six-axis arms: they distinguish the postures that hold the flange in the same pose.
 
 ========= ======= =========== ===========================================================================
 bit       0       1           condition for 1
@@ -13,6 +13,7 @@ bit       0       1           condition for 1
 
 The wrist centre is the intersection of the axes of joints 4 and 5. At full stretch, shoulder, elbow and wrist centre
 are on a line. The COBOTTA also sets bit 256, whose meaning is not published. This module accepts and ignores that bit.
+The figures of a SCARA are in ``scara``.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -37,7 +38,9 @@ POSTURE: Final = LEFTY | BELOW | NONFLIP
 HIGHEST: Final = 63
 COBOTTA_BIT: Final = 256
 
-DOUBLE_BITS: Final = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
+DoubleBits: TypeAlias = tuple[tuple[int, int], ...]
+
+DOUBLE_BITS: Final[DoubleBits] = ((0, J1_DOUBLE), (3, J4_DOUBLE), (5, J6_DOUBLE))
 """Indices of the joints that can be DOUBLE, and their bits."""
 
 LIMIT_TOLERANCE: Final = 1e-6
@@ -110,22 +113,27 @@ def turn_centres(model: ArmModel) -> Array:
 
 
 def with_turns(
-    joints: Sequence[float], figure: int, axes: Sequence[AxisModel], near: Sequence[float] | None
+    joints: Sequence[float],
+    figure: int,
+    axes: Sequence[AxisModel],
+    near: Sequence[float] | None,
+    double_bits: DoubleBits = DOUBLE_BITS,
 ) -> list[float] | None:
     """Return joints; each joint whose DOUBLE bit is set in a figure is turned by 360 or -360 deg.
 
     Args:
-        joints: Joints, deg, of which 1, 4 and 6 are SINGLE.
+        joints: Joints, deg, of which those that can be DOUBLE are SINGLE.
         figure: The figure; only its DOUBLE bits are used.
         axes: The axes; a joint that is DOUBLE must be within its limits.
         near: If two angles are possible, the one nearer to this joint position is used; with ``None``, the one nearer
             to 0.
+        double_bits: Indices of the joints that can be DOUBLE, and their bits.
 
     Returns:
         The joints; ``None`` if a joint that must be DOUBLE cannot be within its limits.
     """
     turned = list(joints)
-    for index, bit in DOUBLE_BITS:
+    for index, bit in double_bits:
         if figure & bit:
             choices = _doubles(joints[index], axes[index])
             if not choices:
@@ -135,13 +143,15 @@ def with_turns(
     return turned
 
 
-def all_turns(joints: Sequence[float], axes: Sequence[AxisModel]) -> Iterable[list[float]]:
-    """Return all combinations in which joints 1, 4 and 6 are unchanged (SINGLE) or turned by 360 deg (DOUBLE).
+def all_turns(
+    joints: Sequence[float], axes: Sequence[AxisModel], double_bits: DoubleBits = DOUBLE_BITS
+) -> Iterable[list[float]]:
+    """Return all combinations in which the joints of ``double_bits`` are unchanged (SINGLE) or turned by 360 deg (DOUBLE).
 
     A joint is turned by 360 or -360 deg only if it is then within its limits.
     """
     choices: list[tuple[float, ...]] = [(angle,) for angle in joints]
-    for index, _ in DOUBLE_BITS:
+    for index, _ in double_bits:
         choices[index] = (joints[index], *_doubles(joints[index], axes[index]))
     return map(list, product(*choices))
 

@@ -1,13 +1,12 @@
 """Kinematics of one arm: forward, inverse, and the choice between several solutions.
 
-Frames are 4x4 matrices in the base frame of the arm, mm. Joints are in degrees; the seventh and eighth have no
-influence.
+Frames are 4x4 matrices in the base frame of the arm, mm. Joints are in degrees, joint 3 of a SCARA in mm; extended joints
+have no influence. In shapes, ``n`` is the number of joints given and ``m`` the number of joints that move the flange: 6, or
+4 for a SCARA.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -15,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from orinkit.arms import ArmModel
 from orinkit.arms.kinematics import figures
-from orinkit.arms.kinematics.chain import ARM_AXES, RADIAN, Array, Chain, joints_of
-from orinkit.arms.kinematics.inverse import Mask, SphericalWrist
-from orinkit.arms.kinematics.search import Search
+from orinkit.arms.kinematics.arm_solver import ArmSolver
+from orinkit.arms.kinematics.chain import Array, joints_of
+from orinkit.arms.kinematics.scara import ScaraSolver
+from orinkit.arms.kinematics.six_axis import SixAxisSolver
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -29,27 +29,14 @@ LEAST_CHANGE: Final = -2
 WITHIN_LIMITS: Final = -3
 """Rule of :meth:`Kinematics.choose`: select the solution within the soft limits with the least change."""
 
-WRIST_SINGULAR: Final = 0.01
-"""Absolute value of joint 5 or of the bend of the elbow, deg, below which an arm is at a singular point.
-
-The bend of the elbow is the difference between joint 3 and its value at full stretch.
-"""
-SHOULDER_SINGULAR: Final = 0.1
-"""Absolute x coordinate of the wrist centre in the frame of joint 1, mm, below which an arm is at a singular point."""
-CONDITION_SINGULAR: Final = 1e-4
-"""Limit for an arm whose last three axes do not intersect at one point. The arm is at a singular point if the ratio of
-the smallest to the largest singular value of the Jacobian, with lengths divided by the arm's reach, is below this."""
-
-_SAME: Final = 1e-6  # deg; closer solutions count as one
-_CLOSE: Final = 30.0  # deg; a solution of Newton's method that is closer than this counts as the nearest one
 _ROTATION_NOISE: Final = 1e-6
 
 
 class Kinematics:
     """Forward and inverse kinematics of an arm.
 
-    An arm whose last three axes intersect at one point is solved in closed form, other arms by numeric search. The
-    results have the same meaning in both cases.
+    A SCARA, and an arm whose last three axes intersect at one point, are solved in closed form, other arms by numeric
+    search. The results have the same meaning in all cases.
 
     Args:
         model: The arm model.
@@ -57,52 +44,50 @@ class Kinematics:
 
     def __init__(self, model: ArmModel) -> None:
         self.model = model
-        self._chain = Chain(model)
-        self._wrist = SphericalWrist(model, self._chain) if SphericalWrist.fits(self._chain) else None
-        self._search = Search(model, self._chain)
-        self._base = np.array(self._chain.base)
-        self._home = np.array(model.home[:ARM_AXES])
-        self._velocities = np.array([axis.velocity for axis in model.axes[:ARM_AXES]])
+        self._solver: ArmSolver = ScaraSolver(model) if model.is_scara else SixAxisSolver(model)
+        self._axes = model.robot_axes
+        self._home = np.array(model.home[: self._axes])
+        self._velocities = np.array([axis.velocity for axis in model.axes[: self._axes]])
 
     def forward(self, joints: ArrayLike) -> Array:
         """Return the flange frame.
 
         Args:
-            joints: (..., n >= 6) deg.
+            joints: (..., n >= m) deg.
 
         Returns:
             The frames, (..., 4, 4), mm.
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+            ValueError: If there are fewer joints than the arm has.
         """
-        return self._chain.forward(joints)
+        return self._solver.chain.forward(joints)
 
     def jacobian(self, joints: ArrayLike) -> Array:
         """Return the Jacobian of the flange in the base frame.
 
         Args:
-            joints: (..., n >= 6) deg.
+            joints: (..., n >= m) deg.
 
         Returns:
-            The Jacobian, (..., 6, 6): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg
-            per deg; columns are the joints.
+            The Jacobian, (..., 6, m): rows are x, y, z in mm per deg, then the rotation about the axes x, y, z in deg
+            per deg; columns are the joints. The unit of the column of a linear joint is per mm.
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+            ValueError: If there are fewer joints than the arm has.
         """
-        return self._chain.jacobian(joints)
+        return self._solver.chain.jacobian(joints)
 
     def figure(self, joints: ArrayLike) -> int:
-        """Return the figure, 0 to 63 (:mod:`orinkit.arms.kinematics.figures`), of joints (n >= 6,) deg.
+        """Return the figure, 0 to 63 (:mod:`orinkit.arms.kinematics.figures`), of joints (n >= m,) deg.
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+            ValueError: If there are fewer joints than the arm has.
         """
-        return figures.figure_of(self._chain, joints_of(joints).tolist())
+        return self._solver.figure_of(self._joints(joints).tolist())
 
     def inverse(self, flange: ArrayLike, figure: int, near: ArrayLike | None = None) -> Array:
         """Return the joints with which the flange reaches a frame and the arm has exactly the figure ``figure``.
@@ -112,14 +97,14 @@ class Kinematics:
         Args:
             flange: The frame, (4, 4), mm.
             figure: 0 to 63.
-            near: (n >= 6,) deg. If the flange does not determine joint 1 or 4, this joint is taken from ``near``;
+            near: (n >= m,) deg. If the flange does not determine joint 1 or 4, this joint is taken from ``near``;
                 without ``near``, it is 0. If two angles are possible for a DOUBLE joint, the one nearer to ``near`` is
                 used; without ``near``, the one nearer to 0. If several solutions have the figure, those within the soft
                 limits are preferred, and of these the one nearest to ``near``; without ``near``, the one nearest to the
                 home position.
 
         Returns:
-            The joints, (6,) deg.
+            The joints, (m,) deg.
 
         Raises:
             CallError: OUT_OF_WORKING_RANGE if the flange is out of reach; FIGURE_INVALID if it cannot be reached with
@@ -128,12 +113,12 @@ class Kinematics:
         """
         figure = self._checked_figure(figure)
         frame = self._checked_frame(flange)
-        close = None if near is None else joints_of(near)[:ARM_AXES]
+        close = None if near is None else self._joints(near)[: self._axes]
         goal = None if close is None else close.tolist()
         found = [
             turned
-            for base in self._of_posture(frame, figure & figures.POSTURE, close)
-            if (turned := figures.with_turns(base, figure, self.model.axes, goal)) is not None
+            for base in self._solver.of_posture(frame, figure & self._solver.posture_bits, close)
+            if (turned := figures.with_turns(base, figure, self.model.axes, goal, self._solver.double_bits)) is not None
         ]
         if not found:
             raise self._figure_error(frame, figure)
@@ -150,20 +135,20 @@ class Kinematics:
 
         Args:
             flange: The frame, (4, 4), mm.
-            near: (n >= 6,) deg; joints 1 and 4 are taken from it if the flange does not determine them. Without
+            near: (n >= m,) deg; joints 1 and 4 are taken from it if the flange does not determine them. Without
                 ``near``, they are 0 in this case.
 
         Returns:
-            Pairs (figure, joints (6,) deg), ordered by figure; empty if the flange is out of reach.
+            Pairs (figure, joints (m,) deg), ordered by figure; empty if the flange is out of reach.
 
         Raises:
             CallError: E_INVALIDARG if a number is not finite or the matrix is not a frame.
         """
-        close = np.zeros(ARM_AXES) if near is None else joints_of(near)[:ARM_AXES]
+        close = np.zeros(self._axes) if near is None else self._joints(near)[: self._axes]
         found = [
-            (figures.figure_of(self._chain, joints), np.array(joints))
-            for base in self._bases(self._checked_frame(flange), close)
-            for joints in figures.all_turns(base, self.model.axes)
+            (self._solver.figure_of(joints), np.array(joints))
+            for base in self._solver.bases(self._checked_frame(flange), close)
+            for joints in figures.all_turns(base, self.model.axes, self._solver.double_bits)
         ]
         return sorted(found, key=lambda entry: entry[0])
 
@@ -180,15 +165,15 @@ class Kinematics:
                 both count as its figure. :data:`LEAST_CHANGE` is the solution with the least change.
                 :data:`WITHIN_LIMITS` is the solution with the least change among those within the soft limits, or among
                 all solutions if none is within them. A number from 0 to 63 is a figure, as for :meth:`inverse`.
-            near: (n >= 6,) deg.
+            near: (n >= m,) deg.
 
         Returns:
-            The joints, (6,) deg.
+            The joints, (m,) deg.
 
         Raises:
             CallError: As for :meth:`inverse`.
         """
-        close = joints_of(near)[:ARM_AXES]
+        close = self._joints(near)[: self._axes]
         if not WITHIN_LIMITS <= rule < 0:
             return self.inverse(flange, rule, close)
         if rule == AUTOMATIC:
@@ -197,7 +182,7 @@ class Kinematics:
                 return kept
         found = [joints for _, joints in self.solutions(flange, close)]
         if not found:
-            raise _unreachable()
+            raise _unreachable(self._solver.obstacle(self._checked_frame(flange)))
         if rule != LEAST_CHANGE:
             found = [joints for joints in found if not self.limits_exceeded(joints)] or found
         return min(found, key=lambda joints: self._change(joints, close))
@@ -212,11 +197,11 @@ class Kinematics:
 
         Args:
             flanges: The flange frames along the path, (N, 4, 4), mm.
-            start: (n >= 6,) deg, the joints before the first row. If they reach the first flange, they are the first
+            start: (n >= m,) deg, the joints before the first row. If they reach the first flange, they are the first
                 row.
 
         Returns:
-            The joints, (N, 6) deg.
+            The joints, (N, m) deg.
 
         Raises:
             CallError: OUT_OF_WORKING_RANGE if a flange is out of reach (``detail`` contains its row, counted from 0);
@@ -225,16 +210,13 @@ class Kinematics:
         frames = _finite_frames(flanges)
         if frames.ndim != 3:
             raise ValueError(tr("a path must be an array with the shape (N, 4, 4), not {shape}", shape=frames.shape))
-        first = joints_of(start)[:ARM_AXES]
+        first = self._joints(start)[: self._axes]
         if not len(frames):
-            return np.empty((0, ARM_AXES))
-        near = self._in_reach(frames)
-        count = len(frames) if near.all() else int(np.argmin(near))
-        joints, reached = (self._wrist or self._search).follow(frames[:count], first)
+            return np.empty((0, self._axes))
+        joints, reached = self._solver.follow(frames, first)
         if not reached.all():
-            raise _unreachable(int(np.argmin(reached)))
-        if count < len(frames):
-            raise _unreachable(count)
+            row = int(np.argmin(reached))
+            raise _unreachable(self._solver.obstacle(frames[row]), row)
         return joints
 
     def limits_exceeded(self, joints: ArrayLike) -> int:
@@ -244,10 +226,10 @@ class Kinematics:
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+            ValueError: If there are fewer joints than the arm has.
         """
         exceeded = 0
-        for index, (value, axis) in enumerate(zip(joints_of(joints).tolist(), self.model.axes, strict=False)):
+        for index, (value, axis) in enumerate(zip(self._joints(joints).tolist(), self.model.axes, strict=False)):
             if not figures.within(value, axis):
                 exceeded |= 1 << index
         return exceeded
@@ -262,29 +244,30 @@ class Kinematics:
 
         Raises:
             CallError: E_INVALIDARG if a joint is not finite.
-            ValueError: If there are fewer than six joints.
+            ValueError: If there are fewer joints than the arm has.
         """
-        values = joints_of(joints)
-        if self._wrist is None:
-            jacobian = self._chain.jacobian(values)
-            jacobian[:3] /= self._chain.reach * RADIAN
-            sizes = np.linalg.svd(jacobian, compute_uv=False)
-            return bool(sizes[-1] < CONDITION_SINGULAR * sizes[0])
-        angles: list[float] = values.tolist()
-        least = math.sin(WRIST_SINGULAR * RADIAN)
-        bend = angles[2] - figures.stretched_elbow(self._chain)
-        if abs(math.sin(angles[4] * RADIAN)) < least or abs(math.sin(bend * RADIAN)) < least:
-            return True
-        return abs(figures.wrist_distance(self._chain, angles)) < SHOULDER_SINGULAR
+        return self._solver.is_singular(self._joints(joints))
+
+    def path_bits(self, joints: ArrayLike) -> int:
+        """Return the bits of the figure that a path which begins or ends at these joints cannot change.
+
+        Raises:
+            CallError: E_INVALIDARG if a joint is not finite.
+            ValueError: If there are fewer joints than the arm has.
+        """
+        return self._solver.path_bits(self._joints(joints).tolist())
+
+    def _joints(self, joints: ArrayLike) -> Array:
+        return joints_of(joints, self._axes)
 
     def _checked_figure(self, figure: int) -> int:
-        bits = figure
-        if self._wrist is None and figure >= 0:
-            bits &= ~figures.COBOTTA_BIT
-        if not 0 <= bits <= figures.HIGHEST:
+        bits = self._solver.known_bits(figure)
+        if bits is None:
             raise error_for(
                 hresult.FIGURE_OUT_OF_RANGE,
-                tr("the figure must be -3 to 63"),
+                tr("the figure of a SCARA must be -3 to 1, 16 or 17")
+                if self.model.is_scara
+                else tr("the figure must be -3 to 63"),
             )
         return bits
 
@@ -294,59 +277,10 @@ class Kinematics:
             raise ValueError(tr("a flange pose must be an array with the shape (4, 4), not {shape}", shape=frame.shape))
         return frame
 
-    def _in_reach(self, frames: Array) -> Mask:
-        near: Mask = np.abs(frames[..., :3, 3] - self._base).max(axis=-1) <= self._chain.reach + 1.0
-        return near
-
-    def _of_posture(self, frame: Array, posture: int, near: Array | None) -> Iterator[list[float]]:
-        """Yield the solutions of one posture, with J1, J4, J6 SINGLE."""
-        if not self._in_reach(frame):
-            return
-        if self._wrist is not None:
-            joints, reached = self._wrist.branch(frame, posture, np.zeros(ARM_AXES) if near is None else near)
-            if reached:
-                yield joints.tolist()
-            return
-        if near is not None:
-            found = self._newton_near(frame, near)
-            if found is not None and figures.figure_of(self._chain, found) & figures.POSTURE == posture:
-                yield found
-                return
-        for base in self._bases(frame, self._home):
-            if figures.figure_of(self._chain, base) & figures.POSTURE == posture:
-                yield base
-
-    def _newton_near(self, frame: Array, near: Array) -> list[float] | None:
-        found = self._search.newton(frame, near)
-        if found is None or np.abs(found - near).max() > _CLOSE:
-            return None
-        joints: list[float] = found.tolist()
-        for index, _ in figures.DOUBLE_BITS:
-            joints[index] = figures.normalize_angle(joints[index])
-        return joints
-
-    def _bases(self, frame: Array, near: Array) -> list[list[float]]:
-        """Return all distinct solutions, with J1, J4, J6 SINGLE."""
-        if not self._in_reach(frame):
-            return []
-        if self._wrist is None:
-            close = self._newton_near(frame, near)
-            found = self._search.solutions(frame[None])[0].tolist() + ([close] if close else [])
-        else:
-            joints, reached = self._wrist.branch(frame, np.arange(figures.POSTURE + 1), near)
-            found = joints[reached].tolist()
-        distinct: list[list[float]] = []
-        for one in found:
-            if all(max(abs(a - b) for a, b in zip(one, other, strict=True)) > _SAME for other in distinct):
-                distinct.append(one)
-        return distinct
-
     def _with_same_figure(self, flange: ArrayLike, near: Array) -> Array | None:
         """Return the solution with the figure of ``near``; ``None`` if there is none within the limits."""
-        figure = self.figure(near)
-        same = [figure, figure ^ figures.NONFLIP] if figures.is_wrist_straight(near.tolist()) else [figure]
         kept = []
-        for one in same:
+        for one in self._solver.equal_figures(self.figure(near), near.tolist()):
             try:
                 kept.append(self.inverse(flange, one, near))
             except CallError as error:
@@ -361,7 +295,7 @@ class Kinematics:
     def _figure_error(self, frame: Array, figure: int) -> CallError:
         existing = sorted({found for found, _ in self.solutions(frame)})
         if not existing:
-            return _unreachable()
+            return _unreachable(self._solver.obstacle(frame))
         names = ", ".join(map(str, existing))
         return error_for(
             hresult.FIGURE_INVALID,
@@ -387,10 +321,7 @@ def _finite_frames(flanges: ArrayLike) -> Array:
     return frames
 
 
-def _unreachable(row: int | None = None) -> CallError:
-    if row is None:
-        return error_for(hresult.OUT_OF_WORKING_RANGE)
-    return error_for(
-        hresult.OUT_OF_WORKING_RANGE,
-        tr("row {row} of the path (counted from 0)", row=row),
-    )
+def _unreachable(obstacle: str, row: int | None = None) -> CallError:
+    """Return the error for a frame out of reach; ``obstacle`` is the reason if it is not the distance."""
+    place = "" if row is None else tr("row {row} of the path (counted from 0)", row=row)
+    return error_for(hresult.OUT_OF_WORKING_RANGE, "; ".join(filter(None, (place, obstacle))))
