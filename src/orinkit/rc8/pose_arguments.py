@@ -9,7 +9,7 @@ argument                                     read as
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    several targets, each in any of these forms
 VT_R4 array of 6 to 8 numbers                one pose of type P; with 8 numbers, the last one is ignored
 other array of numbers                       one pose, whose type depends on the count: 7 is P, 8 is J, 9 or 10 is T,
-                                             3 is V (vector); with 6 numbers, the function decides between J and P
+                                             3 is V (vector); with 4 or 6 numbers, the function decides between J and P
 ===========================================  ====================================================================
 
 =====  ===============================================================================================================
@@ -63,7 +63,7 @@ _MARK: Final = re.compile(r"@\s*(?:[PEC]|[0-9.]+)", re.IGNORECASE)
 
 _LETTERS: Final[dict[str, Kind]] = {"P": "P", "T": "T", "J": "J", "V": "V"}
 _TYPES: Final[dict[int, Kind]] = {0: "P", 1: "T", 2: "J", 3: "V", -1: ""}
-_BY_COUNT: Final[dict[int, Kind]] = {3: "V", 6: "", 7: "P", 8: "J", 9: "T", 10: "T"}
+_BY_COUNT: Final[dict[int, Kind]] = {3: "V", 4: "", 6: "", 7: "P", 8: "J", 9: "T", 10: "T"}
 _MARKS: Final[dict[int, PassMark]] = {-1: PASSING, -2: AT_ENCODER, 0: AT_COMMAND}
 _MODES: Final[dict[int | str, bool | None]] = {0: None, 1: False, 2: True, "EX": False, "EXA": True}
 

@@ -248,6 +248,10 @@ class Kinematics:
         """
         return self._solver.is_singular(self._joints(joints))
 
+    def obstacle(self, flange: ArrayLike) -> str:
+        """Return why no position of the arm can hold the flange in the orientation of a frame; ``""`` if one can."""
+        return self._solver.obstacle(self._checked_frame(flange))
+
     def path_bits(self, joints: ArrayLike) -> int:
         """Return the bits of the figure that a path which begins or ends at these joints cannot change.
 

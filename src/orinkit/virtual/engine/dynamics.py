@@ -1,9 +1,10 @@
-"""Torques of the axes of an arm: rigid-body dynamics of links that are point masses.
+"""Torques and forces of the axes of an arm: rigid-body dynamics of links that are point masses.
 
 Neither masses nor torques of the arms are published. The mass of the arm, from its model, is distributed over the links
 by fixed shares, and each link has its centre halfway to the next joint. The rated torque of an axis is derived from the
 load that the axis carries when the arm is stretched out horizontally with its largest payload. All results are
-estimates: they have the right signs, orders of magnitude and dependencies, not the values of a real arm.
+estimates: they have the right signs, orders of magnitude and dependencies, not the values of a real arm. What this module
+calls a torque, N m, is a force, N, for the linear axis of a SCARA.
 """
 
 from __future__ import annotations
@@ -20,9 +21,13 @@ Vector: TypeAlias = tuple[float, float, float]
 Joints: TypeAlias = tuple[float, ...]
 
 GRAVITY: Final = 9.80665  # m/s^2
-ARM_AXES: Final = 6
-_AXES: Final = "zyyzyz"  # directions of the axes, as in ArmModel
-_SHARES: Final = (0.25, 0.2, 0.15, 0.08, 0.05, 0.02)  # of the mass of the arm; the rest is its base
+_LINEAR: Final = "l"
+_AXES: Final = {"six-axis": "zyyzyz", "scara": "zzlz"}  # axes of rotation, as in ArmModel; the linear one is along z
+_SHARES: Final = {  # of the mass of the arm; the rest is its base
+    "six-axis": (0.25, 0.2, 0.15, 0.08, 0.05, 0.02),
+    "scara": (0.3, 0.25, 0.05, 0.02),
+}
+_STRETCHED: Final = {"six-axis": (0.0, 90.0, 0.0, 0.0, 0.0, 0.0), "scara": (0.0, 0.0, 0.0, 0.0)}
 _GYRATION: Final = 0.06  # m, radius of gyration of everything that an axis turns, in addition to the point masses
 _GRAVITY_RESERVE: Final = 1.25  # of the largest static torque
 _ACCELERATION_SHARE: Final = 0.5  # of the torque for the largest acceleration, which may exceed the rated torque
@@ -81,16 +86,17 @@ class ArmDynamics:
 
     Attributes:
         payload: The load at the flange.
-        rated: Rated torque of each of the six axes, N m.
+        rated: Rated torque of each robot axis, N m, or rated force, N.
     """
 
     def __init__(self, model: ArmModel) -> None:
         origins = model.origins
         reach = sum(math.dist(origin, _REST) for origin in origins[1:]) / _METRE
         mass = model.mass or DEFAULT_MASS * reach
+        self._axes = _AXES[model.kind]
         self._origins = [_scaled(origin, 1 / _METRE) for origin in origins]
-        self._centres = _centres(self._origins)
-        self._masses = [mass * share for share in _SHARES]
+        self._centres = _centres_of_scara(self._origins) if model.is_scara else _centres(self._origins)
+        self._masses = [mass * share for share in _SHARES[model.kind]]
         self.payload = Payload()
         empty = self._rating(model)
         self.payload = Payload(model.payload or DEFAULT_PAYLOAD * mass, _RATING_CENTRE)
@@ -112,17 +118,20 @@ class ArmDynamics:
         self._inertias = carried[::-1]
 
     def torques(self, before: Joints, now: Joints, after: Joints, period: float, wrench: Wrench | None) -> list[float]:
-        """Return the torques of the six axes at ``now``, N m, from joint positions that are ``period`` s apart."""
+        """Return the torques of the robot axes at ``now``, N m, from joint positions that are ``period`` s apart."""
         posture = self._posture(now)
         accelerations = self._accelerations(before, now, after, period, posture)
-        turns = [math.radians(a - 2 * b + c) / period**2 for a, b, c in zip(before, now, after, strict=True)]
+        turns = [
+            _si(kind, a - 2 * b + c) / period**2
+            for kind, a, b, c in zip(self._axes, before, now, after, strict=False)  # without extended joints
+        ]
         torques = self._torques(posture, accelerations, turns)
-        return torques if wrench is None else _loaded(torques, posture, wrench)
+        return torques if wrench is None else self._loaded(torques, posture, wrench)
 
     def holding(self, joints: Joints) -> list[float]:
-        """Return the torques of the six axes that hold arm and payload against gravity, N m."""
+        """Return the torques of the robot axes that hold arm and payload against gravity, N m."""
         posture = self._posture(joints)
-        return self._torques(posture, [_REST] * len(posture.centres), [0.0] * ARM_AXES)
+        return self._torques(posture, [_REST] * len(posture.centres), [0.0] * len(self._axes))
 
     def _torques(self, posture: _Posture, accelerations: Sequence[Vector], turns: Sequence[float]) -> list[float]:
         masses = [*self._masses, self.payload.mass]
@@ -131,7 +140,10 @@ class ArmDynamics:
         ]
         spin = self._spin(posture, turns)
         torques = []
-        for index, (axis, origin) in enumerate(zip(posture.axes, posture.origins, strict=True)):
+        for index, (kind, axis, origin) in enumerate(zip(self._axes, posture.axes, posture.origins, strict=True)):
+            if kind == _LINEAR:
+                torques.append(sum(_dot(axis, force) for force in forces[index:]))
+                continue
             torque = self._inertias[index] * turns[index] + _dot(axis, spin)
             for centre, force in zip(posture.centres[index:], forces[index:], strict=True):
                 torque += _dot(axis, _cross(_less(centre, origin), force))
@@ -143,8 +155,9 @@ class ArmDynamics:
         if not any(self.payload.inertia):
             return _REST
         alpha = _REST
-        for axis, turn in zip(posture.axes, turns, strict=False):
-            alpha = _plus(alpha, _scaled(axis, turn))
+        for kind, axis, turn in zip(self._axes, posture.axes, turns, strict=True):
+            if kind != _LINEAR:
+                alpha = _plus(alpha, _scaled(axis, turn))
         moment = _REST
         for column, inertia in zip(posture.flange, self.payload.inertia, strict=True):
             moment = _plus(moment, _scaled(column, _dot(column, alpha) * inertia / _SQUARE_METRE))
@@ -166,12 +179,15 @@ class ArmDynamics:
         x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
         place = _REST
         axes, origins, centres = [], [], []
-        for index, kind in enumerate(_AXES):
+        for index, kind in enumerate(self._axes):
             place = _plus(place, _turned(x, y, z, self._origins[index]))
-            angle = math.radians(joints[index])
-            c, s = math.cos(angle), math.sin(angle)
+            moved = _si(kind, joints[index])
+            c, s = math.cos(moved), math.sin(moved)
             origins.append(place)
-            if kind == "z":
+            if kind == _LINEAR:
+                axes.append(z)
+                place = _plus(place, _scaled(z, moved))
+            elif kind == "z":
                 axes.append(z)
                 x, y = _mixed(x, c, y, s), _mixed(x, -s, y, c)
             else:
@@ -181,17 +197,26 @@ class ArmDynamics:
         centres.append(_plus(place, _turned(x, y, z, _scaled(self.payload.centre, 1 / _METRE))))
         return _Posture(axes, origins, centres, (x, y, z))
 
+    def _loaded(self, torques: Sequence[float], posture: _Posture, wrench: Wrench) -> list[float]:
+        point = _scaled(wrench.point, 1 / _METRE)
+        return [
+            torque - _dot(axis, wrench.force)
+            if kind == _LINEAR
+            else torque - _dot(axis, _plus(_cross(_less(point, origin), wrench.force), wrench.moment))
+            for kind, torque, axis, origin in zip(self._axes, torques, posture.axes, posture.origins, strict=True)
+        ]
+
     def _rating(self, model: ArmModel) -> tuple[float, ...]:
-        posture = self._posture((0.0, 90.0, 0.0, 0.0, 0.0, 0.0))
-        static = self._torques(posture, [_REST] * len(posture.centres), [0.0] * ARM_AXES)
+        posture = self._posture(_STRETCHED[model.kind])
+        static = self._torques(posture, [_REST] * len(posture.centres), [0.0] * len(self._axes))
         masses = [*self._masses, self.payload.mass]
         rated = []
-        for index, (axis, origin) in enumerate(zip(posture.axes, posture.origins, strict=True)):
-            inertia = self._inertias[index]
+        for index, (kind, axis, origin) in enumerate(zip(self._axes, posture.axes, posture.origins, strict=True)):
+            inertia = sum(masses[index:]) if kind == _LINEAR else self._inertias[index]
             for mass, centre in zip(masses[index:], posture.centres[index:], strict=True):
-                arm = _cross(axis, _less(centre, origin))
+                arm = _REST if kind == _LINEAR else _cross(axis, _less(centre, origin))
                 inertia += mass * _dot(arm, arm)
-            accelerating = inertia * math.radians(model.axes[index].acceleration)
+            accelerating = inertia * _si(kind, model.axes[index].acceleration)
             rated.append(max(_LEAST_TORQUE, _GRAVITY_RESERVE * abs(static[index]) + _ACCELERATION_SHARE * accelerating))
         return tuple(rated)
 
@@ -209,12 +234,14 @@ def _centres(origins: Sequence[Vector]) -> list[Vector]:
     ]  # fmt: skip
 
 
-def _loaded(torques: Sequence[float], posture: _Posture, wrench: Wrench) -> list[float]:
-    point = _scaled(wrench.point, 1 / _METRE)
-    return [
-        torque - _dot(axis, _plus(_cross(_less(point, origin), wrench.force), wrench.moment))
-        for torque, axis, origin in zip(torques, posture.axes, posture.origins, strict=True)
-    ]
+def _centres_of_scara(origins: Sequence[Vector]) -> list[Vector]:
+    """Return the centre of each link of a SCARA in its own frame, m: of the arms halfway, of the shaft at the flange."""
+    return [_scaled(origins[1], 0.5), _scaled(_plus(origins[2], origins[3]), 0.5), origins[3], _REST]
+
+
+def _si(kind: str, value: float) -> float:
+    """Return deg in rad, or mm of a linear axis in m."""
+    return value / _METRE if kind == _LINEAR else math.radians(value)
 
 
 def _dot(a: Vector, b: Vector) -> float:

@@ -8,7 +8,7 @@ from typing import Final
 
 from orinkit.arms import ArmModel
 from orinkit.virtual.engine.control_loop import PERIOD
-from orinkit.virtual.engine.dynamics import ARM_AXES, ArmDynamics, Joints, Wrench
+from orinkit.virtual.engine.dynamics import ArmDynamics, Joints, Wrench
 
 RATED_SPEED: Final = 4000.0
 """Speed of a motor at the largest velocity of its axis, min^-1 (an assumption of this project)."""
@@ -16,7 +16,7 @@ RATED_SPEED: Final = 4000.0
 _FRICTION: Final = 10.0  # % of the rated torque
 _EXTENDED_LOAD: Final = 33.3  # % of the rated torque of an extended joint at its largest acceleration
 _FULL_FRICTION: Final = 0.01  # of the largest velocity, from which on the friction is constant
-_YIELD: Final = 5e-4  # deg for each percent above the limit in a cycle; small enough for contacts of 1000 N/mm
+_YIELD: Final = 5e-4  # deg or mm for each percent above the limit in a cycle; small enough for contacts of 1000 N/mm
 _FASTEST_YIELD: Final = 0.1  # of the largest velocity
 _PERCENT: Final = 100.0
 
@@ -34,7 +34,7 @@ class MotorLoads:
         offsets: Torques that are compensated in addition, % (GrvOffset); ``None`` if there are none.
         limits: Limits of the motor currents in % of the rated current, by index of the axis (CurLmt).
         force_limits: The same while force control is on (ForceParam).
-        yielded: Distance by which each limited axis has yielded, deg.
+        yielded: Distance by which each limited axis has yielded, deg or mm.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -56,7 +56,7 @@ class MotorLoads:
         """Return the load of each axis, % of the rated torque, from its positions in the last three cycles."""
         torques = self.dynamics.torques(first, before, now, PERIOD, self.contact)
         loads = [_PERCENT * torque / rated for torque, rated in zip(torques, self.dynamics.rated, strict=True)]
-        for index in range(ARM_AXES, len(now)):
+        for index in range(self._model.robot_axes, len(now)):
             acceleration = (first[index] - 2 * before[index] + now[index]) / PERIOD**2
             loads.append(_EXTENDED_LOAD * acceleration / self._model.axes[index].acceleration)
         for index, (b, c, axis) in enumerate(zip(before, now, self._model.axes, strict=True)):

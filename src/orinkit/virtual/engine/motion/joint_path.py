@@ -160,9 +160,9 @@ def table_path(
         course: The path of the TCP, starting at its present frame.
         tool: Frame of the TCP relative to the flange.
         start: Joints of all axes at the start.
-        extra_end: End values of axes 7 and 8, as many as the arm has; ``None`` to leave them unchanged.
+        extra_end: End values of the extended joints; ``None`` to leave them unchanged.
         hopeless: Callback that is called if the joints change too much between two rows of a table. It receives the
-            table of the six joints, shape (N, 6), and returns True if a finer table cannot succeed either.
+            table of the robot axes, shape (N, axes), and returns True if a finer table cannot succeed either.
         most_steps: Maximum number of steps; it limits the time for planning.
 
     Raises:
@@ -174,15 +174,16 @@ def table_path(
     inverse_tool = inverse_of(tool)
     steps = max(_MIN_STEPS, math.ceil(course.length / _STEP), math.ceil(course.angle / _STEP_ANGLE))
     steps = min(steps, MAX_STEPS)
-    extra = JointPath(start[6:], start[6:] if extra_end is None else extra_end)
+    axes = kinematics.model.robot_axes
+    extra = JointPath(start[axes:], start[axes:] if extra_end is None else extra_end)
     while True:
         if steps > most_steps:
             raise TooManySteps
         u = np.linspace(0, 1, steps + 1)
         rows = _inverse_kinematics(kinematics, course.frames(u) @ inverse_tool, start)
-        if float(np.max(np.abs(rows[0] - start[:6]))) > _START_ERROR:
+        if float(np.max(np.abs(rows[0] - start[:axes]))) > _START_ERROR:
             raise singular()
-        rows[0] = start[:6]
+        rows[0] = start[:axes]
         path = TablePath(np.concatenate((rows, extra.sampled(u)[0]), 1))
         jumps = float(np.max(np.abs(np.diff(rows, axis=0)))) > _LARGEST_STEP
         if not jumps:
@@ -205,12 +206,12 @@ def singular() -> CallError:
 
 def _inverse_kinematics(kinematics: Kinematics, flanges: Array, start: Joints) -> Array:
     try:
-        return kinematics.follow(flanges, start[:6])
+        return kinematics.follow(flanges, start)
     except CallError as error:
         if error.code != hresult.OUT_OF_WORKING_RANGE:
             raise
         if not kinematics.solutions(flanges[-1]):
-            raise error_for(hresult.TARGET_OUT_OF_RANGE) from None
+            raise error_for(hresult.TARGET_OUT_OF_RANGE, kinematics.obstacle(flanges[-1])) from None
         text = tr("a point on the path to the target")
         raise error_for(hresult.OUT_OF_WORKING_RANGE, text) from None
 

@@ -176,7 +176,7 @@ def plan_line(
         tool: Frame of the TCP relative to the flange.
         rates: Velocity and acceleration.
         mark: The pass mark.
-        extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
+        extra_end: End values of the extended joints; ``None`` to leave them unchanged.
         most_steps: Maximum number of steps in the table of joints; it limits the time for planning.
 
     Raises:
@@ -237,7 +237,7 @@ def plan_rotation(
         rates: Velocity and acceleration.
         mark: The pass mark.
         keep_orientation: True if the tool keeps its orientation; False if it turns about the axis too.
-        extra_end: End values of the axes from the seventh on; ``None`` to leave them unchanged.
+        extra_end: End values of the extended joints; ``None`` to leave them unchanged.
 
     Raises:
         CallError: As for :func:`plan_line`; VALUE_OUT_OF_RANGE also if the axis has no direction, or the angle is more
@@ -291,11 +291,12 @@ def _plan_course(
     most_steps: int = MAX_STEPS,
 ) -> Motion:
     model = kinematics.model
-    ends = start[6:] if extra_end is None else extra_end
-    extra = [(abs(b - a), axis) for a, b, axis in zip(start[6:], ends, model.axes[6:], strict=True)]
+    count = model.robot_axes
+    ends = start[count:] if extra_end is None else extra_end
+    extra = [(abs(b - a), axis) for a, b, axis in zip(start[count:], ends, model.axes[count:], strict=True)]
     if course.length <= _STILL and course.angle <= _STILL and all(distance == 0 for distance, _ in extra):
         return Motion(JointPath(start, start), MotionProfile.instant(), rates, mark, 0.0)
-    check_end(model, (*start[:6], *ends), first_axis=6)  # reject NaN before inverse kinematics
+    check_end(model, (*start[:count], *ends), first_axis=count)  # reject NaN before inverse kinematics
     profile = _profile(_course_limits(model, course, extra), rates)
     path = table_path(
         kinematics, course, tool, tuple(start), ends, lambda rows: _hopeless(model, rows, profile, rates), most_steps
@@ -350,7 +351,7 @@ def _hopeless(model: ArmModel, rows: Array, profile: MotionProfile, rates: Rates
     steps = len(rows) - 1
     pace = profile.states_at(profile.moments((np.arange(steps) + 0.5) / steps))[1]
     fast = np.abs(np.diff(rows, axis=0)) * steps * pace[:, None]
-    limit = np.array([axis.velocity for axis in model.axes[:6]]) * rates.speed
+    limit = np.array([axis.velocity for axis in model.axes[: model.robot_axes]]) * rates.speed
     return _too_slow(float((fast / limit).max()), profile, rates)
 
 

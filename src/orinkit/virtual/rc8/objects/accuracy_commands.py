@@ -17,7 +17,6 @@ from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.accuracy import ALL_AXES, check_axis, length_of_pulses
 from orinkit.virtual.rc8.robot.conditions import require
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES
 from orinkit.virtual.rc8.variables import conversion
 
 _SPEED_MODES: Final = (0, 1, 2, 3)
@@ -72,7 +71,7 @@ def _enc_motion_allow_joint(caller: ClientContext, parameter: Variant) -> None:
         raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
     arm, axis = caller.state.arm, parameters.whole(numbers[0])
     if on:
-        check_axis(arm.model, axis, ROBOT_AXES + 1)
+        check_axis(arm.model, axis, arm.model.robot_axes + 1)
         arm.accuracy.extended[axis] = _tolerance(numbers[1], *numbers[2:] or [0])
     else:
         arm.accuracy.extended.pop(axis, None)

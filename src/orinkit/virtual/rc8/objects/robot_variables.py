@@ -24,6 +24,7 @@ from orinkit.virtual.rc8.variables import conversion
 
 _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _TYPE_VERTICAL: Final = 0
+_TYPE_SCARA: Final = 1  # an assumption of this project: the number is not published
 _FRAME_VALUES: Final = 6
 FRAME_NAMES: Final = ("Tool*", "Work*")
 """Names of the variables of tool and work frames; the number replaces the ``*``."""
@@ -129,7 +130,8 @@ ROBOT_VARIABLES: Final[dict[str, RobotVariable]] = {
         *_poses("DEST", state_report.destination, N_("Destination of the motion")),
         RobotVariable("@SERVO_ON", VarType.BOOL, lambda arm: arm.motor.on, N_("The motor is on"), _servo),
         RobotVariable("@BUSY_STATUS", VarType.BOOL, lambda arm: arm.busy, N_("A motion is in progress or paused")),
-        RobotVariable("@TYPE", VarType.I4, lambda _: _TYPE_VERTICAL, N_("Type of arm: 0 is a vertical arm with six axes")),
+        RobotVariable("@TYPE", VarType.I4, lambda arm: _TYPE_SCARA if arm.model.is_scara else _TYPE_VERTICAL,
+                      N_("Type of arm: 0 is a vertical arm with six axes, 1 a horizontal arm with four axes")),
         RobotVariable("@TYPE_NAME", VarType.BSTR, lambda arm: arm.model.type_name, N_("Name of the robot type")),
         RobotVariable("@CURRENT_TOOL", VarType.I4, lambda arm: arm.space.tools.current, N_("Current tool"), _tool),
         RobotVariable("@CURRENT_WORK", VarType.I4, lambda arm: arm.space.works.current, N_("Current work"), _work),

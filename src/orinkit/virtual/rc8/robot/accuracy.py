@@ -19,7 +19,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.servo import Servo
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext
+from orinkit.virtual.rc8.robot.target import FrameContext
 
 PULSES: Final = 131_072
 """Pulses of an encoder for a turn of 360 deg, or for 360 mm of a linear axis: an assumption of this project."""
@@ -75,7 +75,7 @@ class Accuracy:
         if mark == "C":
             return self._tool_arrived(servo, space)
         for number, (command, encoder) in enumerate(zip(servo.command, servo.encoder, strict=True), start=1):
-            allowed = self.encoder if number <= ROBOT_AXES else self.extended.get(number)
+            allowed = self.encoder if number <= space.model.robot_axes else self.extended.get(number)
             if abs(command - encoder) > (allowed or 0.0):
                 return False
         return True

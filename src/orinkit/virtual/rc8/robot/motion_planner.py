@@ -22,7 +22,7 @@ from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.joint_path import MAX_STEPS
 from orinkit.virtual.engine.motion.planner import Motion, Rates
 from orinkit.virtual.rc8.robot.speeds import FULL, Speeds, SpeedSet
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Goal, Joints, check_reach
+from orinkit.virtual.rc8.robot.target import FrameContext, Goal, Joints, check_reach
 from orinkit.virtual.rc8.robot.tools import IDENTITY, Matrix
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
@@ -75,6 +75,7 @@ class MotionPlanner:
         targets: Sequence[Target] = (),
     ) -> None:  # fmt: skip
         self._space = space
+        self._axes = space.model.robot_axes
         self._options = options
         self._targets = targets
         self._most_steps = _QUICK_STEPS
@@ -130,14 +131,14 @@ class MotionPlanner:
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, start: Joints,
         extra: Extra | None = None,
     ) -> Motion:  # fmt: skip
-        """Plan a motion to the position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
+        """Plan a motion to the position ``distance`` mm from a pose, away from it (see :meth:`_retreat`)."""
         goal = self._with_extra(self._space.goal(target, start), extra, start)
         return self._retreat(interpolation, goal, distance, mark or target.mark, start)
 
     def depart(
         self, interpolation: int, distance: float, mark: PassMark | None, start: Joints, extra: Extra | None = None
     ) -> Motion:
-        """Plan a motion by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
+        """Plan a motion by ``distance`` mm (see :meth:`_retreat`), with the smallest change of the joints."""
         goal = self._with_extra(self._here(start), extra, start)
         return self._retreat(interpolation, goal, distance, mark, start)
 
@@ -173,7 +174,7 @@ class MotionPlanner:
         end[:3, 3] += lift * up
         vertical = heights.start if stage == 0 else heights.end
         mark = PassMark("n", lift - vertical) if 0 < vertical < lift else AT_COMMAND
-        return self._line(end, start[ROBOT_AXES:] if stage == 0 else goal.extra, mark, start)
+        return self._line(end, start[self._axes :] if stage == 0 else goal.extra, mark, start)
 
     def drive(
         self, pairs: Sequence[tuple[int, float]], absolute: bool, mark: PassMark | None, start: Joints,
@@ -191,7 +192,7 @@ class MotionPlanner:
         return planner.plan_rotation(
             self._space.kinematics, start, axis, point, angle, self._tool(), self._path_rates(),
             self._options.mark or AT_COMMAND, keep_orientation=self._options.pose == _KEEP_ORIENTATION,
-            extra_end=self._space.with_extra(extra, start, start)[ROBOT_AXES:],
+            extra_end=self._space.with_extra(extra, start, start)[self._axes :],
         )  # fmt: skip
 
     def tcp(self, start: Joints) -> Matrix:
@@ -210,15 +211,23 @@ class MotionPlanner:
         )
 
     def _here(self, start: Joints) -> Goal:
-        return Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[ROBOT_AXES:])
+        return Goal(self._space.tcp(start), FIG_WITHIN_LIMITS, start[self._axes :])
 
     def _with_extra(self, goal: Goal, extra: Extra | None, start: Joints) -> Goal:
         if extra is None:
             return goal
-        return goal._replace(extra=self._space.with_extra(extra, start, start)[ROBOT_AXES:])
+        return goal._replace(extra=self._space.with_extra(extra, start, start)[self._axes :])
 
     def _retreat(self, interpolation: int, goal: Goal, distance: float, mark: PassMark | None, start: Joints) -> Motion:
+        """Plan a motion to the position ``distance`` mm behind a goal: against Z of the tool, by a SCARA upwards.
+
+        Programs for SCARAs expect this direction, in which Z of the flange points.
+        """
         check_reach(distance)
+        if self._space.model.is_scara:
+            end = goal.tcp.copy()
+            end[2, 3] += distance
+            return self._go(interpolation, end, goal, mark, start)
         back = IDENTITY.copy()
         back[2, 3] = -distance
         return self._go(interpolation, goal.tcp @ back, goal, mark, start)

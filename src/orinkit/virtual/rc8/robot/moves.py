@@ -183,7 +183,7 @@ class Moves:
         self, interpolation: int, target: Target, distance: float, mark: PassMark | None, options: MotionOptions,
         extra: Extra | None = None,
     ) -> Plans:  # fmt: skip
-        """Move to a position ``distance`` mm from a pose, in the -Z direction of the tool at this pose."""
+        """Move to a position ``distance`` mm from a pose: in the -Z direction of the tool there, by a SCARA upwards."""
         planner = self._planner(options, (target,))
         make = partial(planner.approach, interpolation, target, distance, mark, extra=extra)
         return Plans(planner, [make], quick=True)
@@ -192,7 +192,7 @@ class Moves:
         self, interpolation: int, distance: float, mark: PassMark | None, options: MotionOptions,
         extra: Extra | None = None,
     ) -> Plans:  # fmt: skip
-        """Move by ``distance`` mm in the -Z direction of the tool, with the smallest change of the joints."""
+        """Move by ``distance`` mm in the -Z direction of the tool, by a SCARA upwards, with the smallest change of joints."""
         planner = self._planner(options)
         return Plans(planner, [partial(planner.depart, interpolation, distance, mark, extra=extra)], quick=True)
 

@@ -19,7 +19,7 @@ from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.accuracy import check_axis
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.state_report import ArmPosition, Numbers
-from orinkit.virtual.rc8.robot.target import NO_FRAME, ROBOT_AXES, figure_of
+from orinkit.virtual.rc8.robot.target import NO_FRAME, figure_of
 from orinkit.virtual.rc8.robot.tools import Matrix
 from orinkit.virtual.rc8.variables import conversion
 
@@ -29,7 +29,7 @@ _SINGULAR: Final = -2
 _IN_USE: Final = -1
 _FULL: Final = 100.0
 _DEGREES_PER_SECOND: Final = 6.0  # for a turn per minute
-_COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (6, 7, 8), "T": (9, 10)}
+_COUNTS: Final[Mapping[str, Sequence[int]]] = {"P": (6, 7), "J": (4, 6, 7, 8), "T": (9, 10)}
 
 Answer = Callable[[RC8Arm, Variant], Variant]
 
@@ -66,11 +66,11 @@ def conversion_command(given: Kind, wanted: Kind) -> Answer:
                 hresult.DISP_E_TYPEMISMATCH,
                 tr("{target} is not of type {given}", target=target, given=given),
             )
-        if given == "J" and not isinstance(target.value, int) and len(target.value) < ROBOT_AXES:
+        if given == "J" and not isinstance(target.value, int) and len(target.value) < arm.model.robot_axes:
             raise error_for(
                 hresult.E_INVALIDARG,
                 tr("{target} has {count} values, expected at least {least}", target=target, count=len(target.value),
-                   least=ROBOT_AXES),
+                   least=arm.model.robot_axes),
             )  # fmt: skip
         if "J" not in (given, wanted):
             return Variant(_R8_ARRAY, _retyped(arm, target, wanted))

@@ -12,7 +12,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.control_loop import PERIOD
-from orinkit.virtual.engine.dynamics import ARM_AXES, Payload
+from orinkit.virtual.engine.dynamics import Payload
 from orinkit.virtual.engine.servo import ACCURATE_LAG, LAG
 from orinkit.virtual.rc8.robot import parameters, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -160,9 +160,9 @@ def _current_limit(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
         if axis == 0:
             limits.clear()
         else:
-            limits.pop(_axis(arm, axis, ARM_AXES), None)
+            limits.pop(_axis(arm, axis, arm.model.robot_axes), None)
         return
-    index = _axis(arm, axis, ARM_AXES)
+    index = _axis(arm, axis, arm.model.robot_axes)
     percent = conversion.double(parameters.at_least(parameter, 3)[2])
     if not 1.0 <= percent <= 100.0:
         raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("a current limit is 1 to 100 %, not {value:g}", value=percent))

@@ -11,7 +11,7 @@ import numpy as np
 
 from orinkit.arms import ArmModel, frames
 from orinkit.arms.kinematics import Kinematics
-from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST, NONFLIP, POSTURE, is_wrist_straight
+from orinkit.arms.kinematics.figures import COBOTTA_BIT, HIGHEST
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -28,8 +28,9 @@ from orinkit.virtual.rc8.robot.tools import (
 from orinkit.virtual.rc8.variables.table import VariableTable
 from orinkit.virtual.rc8.variables.types import CLASSES
 
-ROBOT_AXES: Final = 6
 _LEAST_VALUES: Final = {"P": 6, "T": 9, "J": 1}
+_ALL_BITS: Final = -1
+_VERTICAL: Final = 1 - 1e-12  # cosine of a tilt of less than 1e-4 deg
 _FIGURE_AT: Final = {"P": 6, "T": 9}
 _BY_LENGTH: Final[dict[int, Kind]] = {7: "P", 8: "J", 9: "T", 10: "T"}  # type of an untyped pose by its length
 NO_FRAME: Final = -2
@@ -50,14 +51,15 @@ class Goal(NamedTuple):
     Attributes:
         tcp: Tool frame in the base frame.
         figure: Figure of the pose; negative if the arm chooses it.
-        extra: Joints from the seventh on.
-        wrist_straight: True for a J whose joint 5 is 0, so that FLIP and NONFLIP are the same.
+        extra: Extended joints.
+        path_bits: Bits of the figure that a path to this destination cannot change. Of a J whose joint 5 is 0, FLIP and
+            NONFLIP are the same.
     """
 
     tcp: Matrix
     figure: int
     extra: Joints
-    wrist_straight: bool = False
+    path_bits: int = _ALL_BITS
 
 
 class FrameContext:
@@ -104,16 +106,16 @@ class FrameContext:
             ValueError: If there are fewer joints than the arm has, or more than axes, or if a joint is outside its
                 limits.
         """
-        axes = len(self.model.axes)
+        axes, robot_axes = len(self.model.axes), self.model.robot_axes
         position = (*map(float, joints), *self.model.home[len(joints) :])
-        complete = len(joints) >= ROBOT_AXES and len(position) == axes and all(map(math.isfinite, position))
+        complete = len(joints) >= robot_axes and len(position) == axes and all(map(math.isfinite, position))
         if not complete or self.kinematics.limits_exceeded(position):
             raise ValueError(
                 tr(
                     "joint position {joints} is not valid for {name}. Try: {count} joints within their limits",
                     name=self.model.name,
                     joints=", ".join(f"{value:g}" for value in joints),
-                    count=ROBOT_AXES if axes == ROBOT_AXES else f"{ROBOT_AXES}-{axes}",
+                    count=robot_axes if axes == robot_axes else f"{robot_axes}-{axes}",
                 )
             )
         return position
@@ -203,12 +205,12 @@ class FrameContext:
         if kind == "J":
             count = len(self.model.axes)
             ends = (*values[:count], *start[len(values) :])
-            return self.with_extra(
-                target.extra, start, ends[:count] if len(values) > ROBOT_AXES else _robot(ends, start)
-            )
-        tcp = self.frame_in_base(kind, values, work)
+            if len(values) <= self.model.robot_axes:
+                ends = (*ends[: self.model.robot_axes], *start[self.model.robot_axes :])
+            return self.with_extra(target.extra, start, ends[:count])
+        tcp = self.frame_in_base(kind, values, work, tool)
         solved = self.solve(tcp, figure_of(kind, values), start, tool)
-        return self.with_extra(target.extra, start, (*solved, *start[ROBOT_AXES:]))
+        return self.with_extra(target.extra, start, (*solved, *start[self.model.robot_axes :]))
 
     def goal(self, target: Target, start: Joints) -> Goal:
         """Return the tool frame and the extended joints of a pose.
@@ -219,9 +221,9 @@ class FrameContext:
         kind, values = self.resolve(target, start)
         if kind == "J":
             joints = self.joints(target, start)
-            figure = self.kinematics.figure(joints)
-            return Goal(self.tcp(joints), figure, joints[ROBOT_AXES:], is_wrist_straight(joints))
-        extra = self.with_extra(target.extra, start, start)[ROBOT_AXES:]
+            figure, bits = self.kinematics.figure(joints), self.kinematics.path_bits(joints)
+            return Goal(self.tcp(joints), figure, joints[self.model.robot_axes :], bits)
+        extra = self.with_extra(target.extra, start, start)[self.model.robot_axes :]
         return Goal(self.frame_in_base(kind, values), figure_of(kind, values), extra)
 
     def path_goal(self, target: Target, start: Joints) -> Goal:
@@ -241,7 +243,7 @@ class FrameContext:
             CallError: FIGURE_MISMATCH if the figures differ.
         """
         present = self.kinematics.figure(start)
-        kept = POSTURE & ~NONFLIP if goal.wrist_straight or is_wrist_straight(start) else POSTURE
+        kept = goal.path_bits & self.kinematics.path_bits(start)
         if goal.figure >= 0 and goal.figure & kept != present & kept:
             raise error_for(
                 hresult.FIGURE_MISMATCH,
@@ -253,7 +255,7 @@ class FrameContext:
             )
 
     def solve(self, tcp: Matrix, figure: int, start: Joints, tool: int = -1) -> Joints:
-        """Return the positions of the six robot axes at which the tool frame is ``tcp`` (in the base frame).
+        """Return the positions of the robot axes at which the tool frame is ``tcp`` (in the base frame).
 
         A negative ``figure`` is a rule by which the solution is chosen (:meth:`Kinematics.choose`). Tool -1 is the
         current tool.
@@ -262,7 +264,7 @@ class FrameContext:
             CallError: TARGET_OUT_OF_RANGE, FIGURE_INVALID, FIGURE_OUT_OF_RANGE.
         """
         flange = tcp @ frames.inverse_of(self.tools.matrix(tool))
-        near = np.asarray(start[:ROBOT_AXES])
+        near = np.asarray(start[: self.model.robot_axes])
         try:
             if figure < 0:
                 found = self.kinematics.choose(flange, figure, near)
@@ -286,7 +288,7 @@ class FrameContext:
             return ends
         joints = list(ends)
         for number, value in extra.joints:
-            if not ROBOT_AXES < number <= len(joints):
+            if not self.model.robot_axes < number <= len(joints):
                 raise error_for(
                     hresult.E_INVALIDARG,
                     tr("{name} has no extended joint {number}", name=self.model.name, number=number),
@@ -294,17 +296,20 @@ class FrameContext:
             joints[number - 1] = value if extra.absolute else start[number - 1] + value
         return tuple(joints)
 
-    def frame_in_base(self, kind: str, values: Sequence[float], work: int = -1) -> Matrix:
+    def frame_in_base(self, kind: str, values: Sequence[float], work: int = -1, tool: int = -1) -> Matrix:
         """Convert P or T values in a work frame to a frame in the base frame.
 
         Work -1 is the current one, :data:`NO_FRAME` none. If the tool is fixed (attribute of the work), the values are
-        the pose of the fixed tool in the frame that the arm holds.
+        the pose of the fixed tool in the frame that the arm holds. RX and RY of a P have no influence if the arm is a
+        SCARA: they are those of tool number ``tool``, -1 for the current one.
 
         Raises:
             CallError: TARGET_OUT_OF_RANGE if the position is beyond the reach of any arm; E_INVALIDARG if the vectors
                 of a T are not valid.
         """
         check_reach(*values[:3])
+        if kind == "P" and self.model.is_scara:
+            values = self._upright(values, work, tool)
         make = frames.matrix_of_position if kind == "P" else frames.matrix_of_trans
         frame = np.asarray(make(values[: _FIGURE_AT[kind]]))
         if work == NO_FRAME:
@@ -312,6 +317,20 @@ class FrameContext:
         if self.works.attribute(work) == FIXED_TOOL:
             return np.asarray(self.works.matrix(work) @ frames.inverse_of(frame))
         return np.asarray(self.works.matrix(work) @ frame)
+
+
+    def _upright(self, values: Sequence[float], work: int, tool: int) -> Sequence[float]:
+        """Return a P with RX and RY of the tool in a work frame; unchanged if the work frame is tilted or its tool fixed."""
+        held = self.tools.matrix(tool)
+        if work != NO_FRAME:
+            if self.works.attribute(work) == FIXED_TOOL:
+                return values
+            frame = self.works.matrix(work)
+            if abs(frame[2, 2]) < _VERTICAL:
+                return values
+            held = frames.inverse_of(frame) @ held
+        rx, ry = frames.position_of_matrix(held)[3:5]
+        return (*values[:3], float(rx), float(ry), *values[5:])
 
 
 def check_reach(*lengths: float) -> None:
@@ -343,7 +362,3 @@ def figure_of(kind: str, values: Sequence[float]) -> int:
             tr("figure {given:g} is not valid; expected -3 to {highest}", given=given, highest=HIGHEST),
         )
     return figure
-
-
-def _robot(values: Sequence[float], start: Joints) -> Joints:
-    return (*values[:ROBOT_AXES], *start[ROBOT_AXES:])

@@ -20,7 +20,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import PERIOD
-from orinkit.virtual.engine.dynamics import ARM_AXES, GRAVITY, Payload, Vector, Wrench
+from orinkit.virtual.engine.dynamics import GRAVITY, Payload, Vector, Wrench
 from orinkit.virtual.engine.servo import Servo
 from orinkit.virtual.rc8.robot.hardware.contact import Matrix, Surfaces
 from orinkit.virtual.rc8.robot.hardware.force_parameters import (
@@ -221,7 +221,7 @@ class ForceControl:
         """Return the error code of a displacement beyond its limits, 0 if it is within them."""
         if not self.on:
             return 0
-        largest = 0 if not self._shift else max(range(ARM_AXES), key=lambda index: abs(self._shift[index]))
+        largest = 0 if not self._shift else max(range(self._arm.model.robot_axes), key=lambda index: abs(self._shift[index]))
         for value, limit in zip(self._displacement, self._parameters.position_deviation, strict=True):
             if abs(value) > limit:
                 return hresult.POSITION_DEVIATION_AXIS1 + largest
@@ -247,12 +247,14 @@ class ForceControl:
         goal[:3, 3] += axes @ self._displacement[:3]
         goal[:3, :3] = _turn(axes @ self._displacement[3:]) @ nominal[:3, :3]
         error = np.concatenate((goal[:3, 3] - tip[:3, 3], _turn_between(tip[:3, :3], goal[:3, :3])))
+        units = self._units
         jacobian = self._jacobian(present, tip)
         weights = np.array([1.0, 1.0, 1.0, _LEVER, _LEVER, _LEVER])
         scaled = jacobian * weights[:, None]
         square = scaled @ scaled.T + (_SHARP**2) * np.eye(6)
         step = scaled.T @ np.linalg.solve(square, error * weights)
-        return (*(float(joint + turn / _DEGREE) for joint, turn in zip(present, step, strict=False)), *present[6:])
+        moved = [float(joint + turn * unit) for joint, turn, unit in zip(present, step, units, strict=False)]
+        return (*moved, *present[len(moved) :])
 
     def _yield(self, tip: Matrix, axes: Matrix) -> None:
         """Integrate the displacement by one cycle; the plates' stiffness is taken at the end of the cycle."""
@@ -299,8 +301,9 @@ class ForceControl:
         limits = self._arm.servo.loads.force_limits
         limits.clear()
         if parameters.mode == COMPLIANCE:
+            limits_of_axes = parameters.current_limit[: self._arm.model.robot_axes]
             limits.update(
-                {index: limit for index, limit in enumerate(parameters.current_limit[:ARM_AXES]) if limit < 100.0}
+                {index: limit for index, limit in enumerate(limits_of_axes) if limit < 100.0}
             )
 
     def _take_start(self) -> None:
@@ -359,13 +362,19 @@ class ForceControl:
         np.minimum(low, value, out=low)
 
     def _jacobian(self, joints: Joints, tip: Matrix) -> Matrix:
-        """Return the Jacobian of the tip, mm and rad for each rad of the six joints."""
+        """Return the Jacobian of the tip, mm and rad for each unit of the robot axes."""
         kinematics = self._arm.space.kinematics
-        jacobian = np.array(kinematics.jacobian(joints))
-        jacobian[:3] /= _DEGREE
+        jacobian = np.array(kinematics.jacobian(joints)) * self._units
+        jacobian[3:] *= _DEGREE
         x, y, z = tip[:3, 3] - kinematics.forward(joints)[:3, 3]
         jacobian[:3] -= np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))) @ jacobian[3:]
         return jacobian
+
+    @property
+    def _units(self) -> Matrix:
+        """The units in which axes are compared: 1 rad in deg; for a linear axis, the way in mm that counts as much."""
+        axes = self._arm.model.axes[: self._arm.model.robot_axes]
+        return np.array([_LEVER if axis.linear else 1 / _DEGREE for axis in axes])
 
 
 def _effective(parameters: ForceParameters, index: int, force: float) -> float | None:

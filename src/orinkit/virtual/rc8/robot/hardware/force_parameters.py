@@ -38,7 +38,7 @@ class ForceParameters:
         mass: Resistance to the acceleration, kg, kg m^2.
         current_limit: Largest motor current of each axis while force control is on, %.
         offset: Force that is added to the measured one, N, N m.
-        axis_deviation: Largest displacement of each axis, deg; a larger one is an error.
+        axis_deviation: Largest displacement of each axis, deg, or mm of a linear axis; a larger one is an error.
         mode: 0 compliance, 1 force sensor, 2 following of external forces.
         rate: Share of the force that is controlled, %; 0 keeps the arm rigid in this direction.
         translation: Largest velocity of the displacement, mm/s.

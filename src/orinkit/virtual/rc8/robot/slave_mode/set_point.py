@@ -12,7 +12,7 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.rc8.slave_formats import PoseKind, SetPoint
 from orinkit.values.poses import Extra
 from orinkit.virtual.engine.motion.soft_limits import check_end
-from orinkit.virtual.rc8.robot.target import ROBOT_AXES, FrameContext, Joints, figure_of
+from orinkit.virtual.rc8.robot.target import FrameContext, Joints, figure_of
 
 # The arm is already moving, so the code of a stop replaces the code of a refused motion.
 _AS_STOP: Final = {hresult.TARGET_OUT_OF_RANGE: hresult.OUT_OF_WORKING_RANGE}
@@ -35,9 +35,10 @@ def joints_of(space: FrameContext, kind: PoseKind, point: SetPoint, start: Joint
             not valid. OUT_OF_WORKING_RANGE, SINGULAR_POINT_STOP, FIGURE_INVALID, FIGURE_OUT_OF_RANGE or
             TARGET_OVER_SOFT_LIMIT_AXISn if the arm cannot reach the pose.
     """
-    robot = point.pose[:ROBOT_AXES] if kind == "J" else _solved(space, kind, point.pose, start)
+    count = space.model.robot_axes
+    robot = point.pose[:count] if kind == "J" else _solved(space, kind, point.pose, start)
     extra = Extra(True, point.extra) if point.extra else None
-    joints = space.with_extra(extra, start, (*robot, *start[ROBOT_AXES:]))
+    joints = space.with_extra(extra, start, (*robot, *start[count:]))
     check_end(space.model, joints)
     return joints
 
