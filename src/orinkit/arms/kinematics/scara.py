@@ -171,7 +171,7 @@ class ScaraSolver(ArmSolver):
         """
         upper, fore = self._upper, self._fore
         x, y = flanges[:, 0, 3] - self._chain.base[0], flanges[:, 1, 3] - self._chain.base[1]
-        distance = np.hypot(x, y)
+        distance = np.minimum(np.hypot(x, y), 2.0 * (upper + fore))  # its square must be finite
         cosine = (distance * distance - (upper * upper + fore * fore)) / (2.0 * upper * fore)
         bend = np.arccos(np.clip(cosine, -1.0, 1.0)) * (-1.0 if lefty else 1.0)
         first = np.arctan2(y, x) - np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend)) - self._upper_angle
