@@ -169,14 +169,19 @@ def test_a_scara_of_a_users_own():
 )
 def test_invalid_files_of_scaras(old, new, key):
     assert old in BENT
-    with pytest.raises(ValueError, match="bent.toml") as caught:
+    with pytest.raises(ValueError, match=r"bent\.toml") as caught:
         parse_model(BENT.replace(old, new), "bent.toml")
     assert f": {key}: " in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ("type_name", "name"),
-    [("HSR065A1-N17-NNN-NNN", "HSR065"), ("HM4A73-XYZ", "HM-4A73"), ("VS060A3-AV6-NNN-NNN", "VS-060"), ("HM40702E", None)],
+    [
+        ("HSR065A1-N17-NNN-NNN", "HSR065"),
+        ("HM4A73-XYZ", "HM-4A73"),
+        ("VS060A3-AV6-NNN-NNN", "VS-060"),
+        ("HM40702E", None),
+    ],
 )
 def test_models_by_type_name(type_name, name):
     found = model_of_type(type_name)

@@ -148,6 +148,16 @@ class ArmModel:
         return self.kind == "scara"
 
 
+def joint_unit(index: int, count: int) -> str:
+    """Return the unit of a joint, by its index from 0, of an arm with ``count`` axes: deg, mm, or deg (mm) if unknown.
+
+    An arm with four axes is a SCARA, whose joint 3 is linear. Only the model shows the unit of an extended joint.
+    """
+    if count == _ROBOT_AXES["scara"] and index == _LINEAR_OF_SCARA:
+        return "mm"
+    return "deg" if index < _ROBOT_AXES["six-axis"] else "deg (mm)"
+
+
 def load_model(name_or_path: str | Path) -> ArmModel:
     """Return a built-in model, or read one from a TOML file.
 
@@ -237,10 +247,10 @@ class _ModelReader:
         return value
 
     def _kind(self, value: object) -> ArmKind:
-        for kind in _ROBOT_AXES:
-            if value == kind:
-                return kind
-        self._fail("kind", tr("must be one of {names}", names=", ".join(_ROBOT_AXES)))
+        kind = next((each for each in _ROBOT_AXES if each == value), None)
+        if kind is None:
+            self._fail("kind", tr("must be one of {names}", names=", ".join(_ROBOT_AXES)))
+        return kind
 
     def _origins(self, value: object, kind: ArmKind) -> tuple[tuple[float, float, float], ...]:
         rows = self._list(value, "origins", _ROBOT_AXES[kind], _ROBOT_AXES[kind])

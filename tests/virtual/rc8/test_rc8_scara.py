@@ -251,7 +251,7 @@ def slave() -> Iterator[SlaveCell]:
 def ramp(count: int = 40, *, back: bool = True) -> list[float]:
     """Return smooth parts of a way, 0 to 1 and back to 0."""
     there = [0.5 - 0.5 * math.cos(math.pi * step / count) for step in range(1, count + 1)]
-    return there + (there[-2::-1] + [0.0] if back else [])
+    return there + ([*there[-2::-1], 0.0] if back else [])
 
 
 def pose_of(cell: SlaveCell, kind: str, joints: tuple[float, ...]) -> list[float]:

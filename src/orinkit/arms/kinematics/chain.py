@@ -168,9 +168,7 @@ def joints_of(joints: ArrayLike, fewest: int = ARM_AXES) -> Array:
     values = np.asarray(joints, dtype=np.float64)
     if values.ndim == 0 or values.shape[-1] < fewest:
         raise ValueError(
-            tr(
-                "the shape must be (..., n) with n of {fewest} or more, not {shape}", fewest=fewest, shape=values.shape
-            )
+            tr("the shape must be (..., n) with n of {fewest} or more, not {shape}", fewest=fewest, shape=values.shape)
         )
     if not np.isfinite(values).all():
         raise error_for(hresult.E_INVALIDARG, tr("a joint is not a finite number"))

@@ -178,10 +178,10 @@ class ScaraSolver(ArmSolver):
         first = np.where(distance >= _LENGTH_NOISE, first / RADIAN, hold)
         second = bend / RADIAN + (self._upper_angle - self._fore_angle) / RADIAN
         turn = np.arctan2(flanges[:, 1, 0], flanges[:, 0, 0]) / RADIAN
-        first, second = (
-            _around(angle, centre) for angle, centre in zip((first, second), self._centres, strict=True)
+        first, second = (_around(angle, centre) for angle, centre in zip((first, second), self._centres, strict=True))
+        joints = np.stack(
+            (first, second, flanges[:, 2, 3] - self._chain.height, _around(turn - first - second, 0.0)), -1
         )
-        joints = np.stack((first, second, flanges[:, 2, 3] - self._chain.height, _around(turn - first - second, 0.0)), -1)
         margin = np.minimum(upper + fore - distance, distance - abs(upper - fore)) + REACH_TOLERANCE
         return joints, (margin >= 0.0) & _upright(flanges)
 

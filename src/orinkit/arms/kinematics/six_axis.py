@@ -110,8 +110,8 @@ class SixAxisSolver(ArmSolver):
         joints, reached = (self._wrist or self._search).follow(flanges[:count], start)
         if count == len(flanges):
             return joints, reached
-        rest = len(flanges) - count
-        return np.vstack((joints, np.full((rest, ARM_AXES), np.nan))), np.append(reached, np.zeros(rest, dtype=np.bool_))
+        missing = np.full((len(flanges) - count, ARM_AXES), np.nan)
+        return np.vstack((joints, missing)), np.append(reached, np.zeros(len(missing), dtype=np.bool_))
 
     def is_singular(self, values: Array) -> bool:
         """Return True at a singular point or close to one."""

@@ -16,6 +16,7 @@ from orinkit.core.i18n import tr
 from orinkit.transport.runner import Deadline, sleep
 from orinkit.values.poses import J, P
 
+_JOINTS: Final = 6
 _SETTLING: Final = 2.0  # maximum time in s by which the encoders may lag behind the command
 
 
@@ -32,10 +33,11 @@ def follow(robot: orinkit.Robot, motion: orinkit.Motion, interrupts: Interrupts,
         KeyboardInterrupt: If a signal has arrived.
         CallError: If the motion was stopped.
     """
+    count = joint_count(robot) if bar.seen else _JOINTS
     for fraction in motion:
         interrupts.check()
         if bar.seen:
-            bar.show(tr("moving"), fraction, str(rounded(without_unused(robot.joints), 1)))
+            bar.show(tr("moving"), fraction, str(rounded(without_unused(robot.joints, count), 1)))
     deadline = Deadline(_SETTLING)
     while not robot.motion_complete(1) and not deadline.passed:
         interrupts.check()
@@ -126,9 +128,22 @@ def reading_progress(bar: ProgressBar) -> Callable[[int, int], None]:
     return lambda count, of: bar.show(tr("reading the record"), count / of)
 
 
-def without_unused(joints: J) -> J:
-    """Return the joints without joints 7 and 8 if these are 0."""
-    return joints if any(joints[6:]) else J.of(joints[:6])
+def joint_count(robot: orinkit.Robot) -> int:
+    """Return the number of joints that move the flange: 4 if the arm is a known SCARA, otherwise 6."""
+    from orinkit.arms import model_of_type
+
+    if not robot.client.dialect.slave_formats:  # a VE026A does not report its type
+        return _JOINTS
+    try:
+        model = model_of_type(str(robot.execute("GetRobotTypeName")))
+    except CallError:
+        return _JOINTS
+    return model.robot_axes if model is not None else _JOINTS
+
+
+def without_unused(joints: J, count: int = _JOINTS) -> J:
+    """Return the first ``count`` joints if all joints after the sixth are 0, otherwise all of them."""
+    return joints if any(joints[_JOINTS:]) else J.of(joints[:count])
 
 
 def rounded(pose: J | P, digits: int = 3) -> J | P:

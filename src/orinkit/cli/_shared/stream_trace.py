@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
+from orinkit.arms import joint_unit
 from orinkit.core.errors import MissingExtra
 from orinkit.core.i18n import tr
 from orinkit.core.optional_deps import require
@@ -51,9 +52,10 @@ class StreamTrace:
     def unit(self, index: int) -> str:
         """Return the unit of a value; ``""`` for joints 7 and 8, whose unit is unknown."""
         name = self.names[index]
-        if name in _ROTATIONS or (name[0] == "J" and int(name[1:]) <= _ROBOT_AXES):
-            return "deg"
-        return "mm" if name in ("X", "Y", "Z") else ""
+        if name[0] == "J":
+            joints = sum(each[0] == "J" for each in self.names)
+            return joint_unit(index, joints) if int(name[1:]) <= _ROBOT_AXES else ""
+        return "deg" if name in _ROTATIONS else "mm" if name in ("X", "Y", "Z") else ""
 
     def deviations(self, index: int) -> list[float]:
         """Return actual minus command of a value for each time; for RX, RY and RZ from -180 to 180 deg."""

@@ -16,6 +16,7 @@ from orinkit.cli._shared.moving import (
     ProgressBar,
     explain_errors,
     follow,
+    joint_count,
     reading_progress,
     rounded,
     show_notes,
@@ -92,7 +93,7 @@ def move(
             recorder = stack.enter_context(ControlLogRecorder(robot, Path(record), reading_progress(bar)))
         with Interrupts() as interrupts, explain_errors(controller, url):
             _move(robot, pose, mark, options, interrupts, bar, recorder, line=line, motor=not no_motor)
-        joints, position = without_unused(robot.joints), robot.position
+        joints, position = without_unused(robot.joints, joint_count(robot)), robot.position
     if json:
         from orinkit.cli._shared.output import print_json
 

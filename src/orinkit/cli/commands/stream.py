@@ -363,8 +363,11 @@ class StreamDisplay:
 
 def joints_text(entered: Stream) -> str:
     """Return the current joint position as text; ``""`` if the feedback does not contain it."""
-    joints = entered.latest.joints
-    return "" if joints is None else str(rounded(without_unused(joints), 1))
+    from orinkit.streaming.planning.limits import Limits
+
+    joints, limits = entered.latest.joints, entered.limits
+    count = min(_ROBOT_AXES, len(limits.lower)) if isinstance(limits, Limits) else _ROBOT_AXES
+    return "" if joints is None else str(rounded(without_unused(joints, count), 1))
 
 
 def _interrupted(job: _StreamRequest) -> CommandError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from orinkit.arms import joint_unit
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import N_, tr
 from orinkit.core.public_name import public
@@ -54,7 +55,6 @@ RANGE: Final = -1
 _ROUNDING: Final = 1e-9  # deg, mm
 _POSITION_TOLERANCE: Final = 1e-6  # mm
 _ANGLE_TOLERANCE: Final = 1e-4  # deg: for orientations given by vectors with six decimals
-_ROBOT_JOINTS: Final = 6
 _SHOWN: Final = 3  # number of decimals in messages
 
 
@@ -116,7 +116,7 @@ def joint_rules(
     steps, changes = finite_differences.of_column(column, start)
     velocity, acceleration = limits.velocity[axis], limits.acceleration[axis]
     more = 1.0 + tolerance
-    unit = "deg" if axis < _ROBOT_JOINTS else "deg (mm)"
+    unit = joint_unit(axis, len(limits.lower))
     return (
         LimitCheck(0, axis + 1, steps, velocity * period * more, velocity, period, f"{unit}/s", N_("velocity")),
         LimitCheck(

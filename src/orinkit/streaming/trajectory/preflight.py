@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
+from orinkit.arms import joint_unit
 from orinkit.core.i18n import N_, tr
 from orinkit.streaming.planning.limits import Limits, PathLimits
 from orinkit.streaming.trajectory import finite_differences, limit_violations
@@ -108,7 +109,7 @@ def _beyond_range(column: Sequence[float], limits: Limits, axis: int, period: fl
         outside = [sign * value > sign * limit + _ROUNDING for value in values]
         for first, last in islice(_groups(outside), MOST_FOUND):
             worst = sign * max(sign * value for value in values[first : last + 1])
-            unit = "deg" if axis < 6 else "deg (mm)"
+            unit = joint_unit(axis, len(limits.lower))
             yield Violation(first, last, axis + 1, POSITION, worst, limit, unit, first * period)
 
 

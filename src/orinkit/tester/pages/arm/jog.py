@@ -21,6 +21,7 @@ _KEY = re.compile(r"([1-8])([+-])")
 _FRAMES: dict[JogFrame, str] = {"joint": N_("Joint"), "base": N_("Base"), "tool": N_("Tool")}
 _STEPS = (0.0, 0.1, 1.0, 5.0, 10.0)
 _AXES = ("X", "Y", "Z", "RX", "RY", "RZ")
+_TILTS = ("RX", "RY")  # rotations that a SCARA does not have
 _STATES = {
     MotionState.OFF: N_("Off"),
     MotionState.STARTING: N_("Entering slave mode"),
@@ -82,8 +83,12 @@ class JogCard:
         self._buttons = []
         self._pad.clear()
         names = [f"J{number}" for number in range(1, axes + 1)] if self._frame.value == "joint" else _AXES
+        model = self._cell.monitor.model
+        hidden = _TILTS if model is not None and model.is_scara else ()
         with self._pad:
             for number, name in enumerate(names, start=1):
+                if name in hidden:
+                    continue
                 self._jog_button(number, name, "-")
                 ui.label(name).classes("ok-pad-name")
                 self._jog_button(number, name, "+")

@@ -90,10 +90,10 @@ class ArmView:
         model = monitor.model
         if not self._ready or model is None or not monitor.joints:
             return
-        joints = tuple(round(joint, _DIGITS) for joint in monitor.joints[:6])
+        joints = tuple(round(joint, _DIGITS) for joint in monitor.joints[: model.robot_axes])
         if self._drawn != monitor.type_name:
             self._drawn, self._sent = monitor.type_name, joints
-            drawing = {"origins": model.origins, "joints": joints}
+            drawing = {"kind": model.kind, "origins": model.origins, "joints": joints}
             self._scene.call("build", drawing, "iso")
         elif joints != self._sent:
             self._sent = joints

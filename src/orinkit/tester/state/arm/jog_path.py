@@ -25,7 +25,9 @@ JOINT_SPEED: Final = 0.2
 """Velocity of a joint at 100 %, as a fraction of its limit."""
 _MARGIN: Final = 0.05  # deg or mm that remain before a soft limit
 _JOINT_SHARE: Final = 0.5  # part of the velocity limits of the joints that a path of the tool uses
-_AXES: Final = 6
+_DIRECTIONS: Final = 6  # of the tool: X, Y, Z and the rotations about them
+_AXES_OF_SCARA: Final = 4
+_TILTS: Final = (4, 5)  # numbers of RX and RY
 _JUMP: Final = 20.0  # deg; a larger step of a joint on a path is a change of the posture
 
 
@@ -53,9 +55,11 @@ class JogRequest:
         Raises:
             InvalidValue: If a value is invalid.
         """
-        most = axes if self.frame == "joint" else _AXES
+        most = axes if self.frame == "joint" else _DIRECTIONS
         if self.frame not in ("joint", "base", "tool") or not 1 <= self.axis <= most or self.sign not in (1, -1):
             raise InvalidValue(tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=self.axis, count=most))
+        if axes == _AXES_OF_SCARA and self.frame != "joint" and self.axis in _TILTS:
+            raise InvalidValue(tr("a SCARA cannot tilt its tool. Try: X, Y, Z or RZ"))
         if not 0 < self.speed <= 100:
             raise InvalidValue(tr("the speed must be above 0 and at most 100 %"))
         if not 0 <= self.step <= 100:
@@ -113,14 +117,15 @@ class ToolPath(JogPath):
 
     def __init__(self, kinematics: Kinematics, start: tuple[float, ...], tool: Array, request: JogRequest) -> None:
         self._kinematics = kinematics
-        self._extended = start[_AXES:]
+        self._axes = kinematics.model.robot_axes
+        self._extended = start[self._axes :]
         self._unmounted = inverse_of(tool)
         self._from = kinematics.forward(start) @ tool
         self._in_tool = request.frame == "tool"
         self._turns = request.axis > 3
         self._direction = np.zeros(3)
         self._direction[(request.axis - 1) % 3] = request.sign
-        self._velocities = np.array([axis.velocity for axis in kinematics.model.axes[:_AXES]]) * _JOINT_SHARE
+        self._velocities = np.array([axis.velocity for axis in kinematics.model.axes[: self._axes]]) * _JOINT_SHARE
         self.full_speed = ROTATION_SPEED if self._turns else LINEAR_SPEED
 
     def point(self, distance: float, near: tuple[float, ...]) -> tuple[float, ...]:
@@ -137,7 +142,7 @@ class ToolPath(JogPath):
             return tr("the tool cannot move further in this direction: the end of the reach")
         if (
             self._kinematics.is_singular(joints)
-            or max(abs(a - b) for a, b in zip(joints[:_AXES], near, strict=False)) > _JUMP
+            or max(abs(a - b) for a, b in zip(joints[: self._axes], near, strict=False)) > _JUMP
         ):
             return tr("a singular point is near. Try: jog the joints")
         for number, (joint, axis) in enumerate(zip(joints, self._kinematics.model.axes, strict=False), start=1):
@@ -150,7 +155,7 @@ class ToolPath(JogPath):
     def fastest(self, distance: float, near: tuple[float, ...]) -> float:
         """Return the largest velocity at a distance at which no joint exceeds half of its velocity limit."""
         ahead = 0.01
-        joints = np.array(self.point(distance + ahead, near)[:_AXES]) - np.array(near[:_AXES])
+        joints = np.array(self.point(distance + ahead, near)[: self._axes]) - np.array(near[: self._axes])
         rates = np.abs(joints) / ahead
         return float(min(self.full_speed, np.min(self._velocities / np.maximum(rates, 1e-9))))
 

@@ -38,7 +38,7 @@ class StoredPose:
         """
         if not self.name.strip() or len(self.name) > LONGEST_NAME or not self.name.isprintable():
             raise InvalidValue(tr("the name must have 1 to {most} printable characters", most=LONGEST_NAME))
-        if not 6 <= len(self.joints) <= 8 or not all(math.isfinite(joint) for joint in self.joints):
+        if not 4 <= len(self.joints) <= 8 or not all(math.isfinite(joint) for joint in self.joints):
             raise InvalidValue(tr("the joint position is not known"))
         return self
 

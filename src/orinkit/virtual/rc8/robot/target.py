@@ -318,7 +318,6 @@ class FrameContext:
             return np.asarray(self.works.matrix(work) @ frames.inverse_of(frame))
         return np.asarray(self.works.matrix(work) @ frame)
 
-
     def _upright(self, values: Sequence[float], work: int, tool: int) -> Sequence[float]:
         """Return a P with RX and RY of the tool in a work frame; unchanged if the work frame is tilted or its tool fixed."""
         held = self.tools.matrix(tool)

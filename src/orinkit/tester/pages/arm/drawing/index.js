@@ -71,8 +71,8 @@ export class Drawing {
 
   build(model, place) {
     this.arm?.remove();
-    this.arm = new Arm(THREE, this.scene, this.colours, model.origins.map((row) => row.map((value) => value / 1000)));
-    this.shown = model.joints.slice(0, 6);
+    this.arm = new Arm(THREE, this.scene, this.colours, model.origins.map((row) => row.map((value) => value / 1000)), model.kind);
+    this.shown = model.joints.slice();
     this.joints(this.shown);
     this.look(place, 0);
     this.report({ ready: true });

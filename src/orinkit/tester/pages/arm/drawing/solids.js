@@ -1,18 +1,19 @@
 // The solids of an arm, drawn from its model, the ground below it, and the trail of its tool.
 
 const DEGREE = Math.PI / 180;
-const AXES = ["z", "y", "y", "z", "y", "z"];
+const AXES = { "six-axis": ["z", "y", "y", "z", "y", "z"], scara: ["z", "z", "linear", "z"] };
 const TRAIL = 600; // points
 const TRAIL_STEP = 0.002; // m between two points of the trail
 
 let THREE;
 
-/** An arm in a scene. Lengths are in m, joints in deg. */
+/** An arm in a scene. Lengths are in m, joints in deg, or mm if they are linear. */
 export class Arm {
-  constructor(three, scene, colours, origins) {
+  constructor(three, scene, colours, origins, kind = "six-axis") {
     THREE = three;
-    Object.assign(this, { scene, colours, turns: [], points: [], things: [] });
-    this.build(origins);
+    Object.assign(this, { scene, colours, turns: [], points: [], things: [], kinds: AXES[kind] });
+    if (kind === "scara") this.buildScara(origins);
+    else this.build(origins);
   }
 
   remove() {
@@ -25,7 +26,11 @@ export class Arm {
   }
 
   place(joints) {
-    this.turns.forEach((group, index) => (group.rotation[AXES[index]] = joints[index] * DEGREE));
+    this.turns.forEach((group, index) => {
+      const kind = this.kinds[index];
+      if (kind === "linear") group.position.z = joints[index] / 1000;
+      else group.rotation[kind] = joints[index] * DEGREE;
+    });
   }
 
   clear() {
@@ -84,6 +89,58 @@ export class Arm {
     return geometry;
   }
 
+  // The frames of the joints, each inside the previous one.
+  chain(root, origins) {
+    let parent = root;
+    return origins.map((origin) => {
+      const place = new THREE.Group(), turn = new THREE.Group();
+      place.position.set(...origin);
+      place.add(turn);
+      parent.add(place);
+      parent = turn;
+      this.turns.push(turn);
+      return turn;
+    });
+  }
+
+  // A SCARA: a column, two horizontal arms above the stroke of the shaft, and the shaft, which carries the flange.
+  buildScara(origins) {
+    const { colours } = this;
+    const body = this.material(colours.body), joint = this.material(colours.joint, 0.5, 0.25);
+    const accent = this.material(colours.accent, 0.35, 0.1), plate = this.material(colours.plate, 0.5, 0.1);
+    const [, o2, o3, o4] = origins, second = [o3[0] + o4[0], o3[1] + o4[1]];
+    const size = Math.hypot(o2[0], o2[1]) + Math.hypot(...second), thick = 0.12 * size;
+    const zero = origins.reduce((sum, origin) => sum + origin[2], 0), level = Math.max(zero, 0) + 0.42 * size;
+    this.reach = size;
+    this.shoulder = level;
+    this.ground(size);
+    const upright = (mesh) => mesh.rotateX(Math.PI / 2);
+    const root = new THREE.Group();
+    this.show(root);
+    this.root = root;
+    const [g1, g2, , g4] = this.chain(root, origins);
+    const radius = 0.11 * size, rod = 0.022 * size, top = level - origins[0][2];
+    this.add(root, new THREE.BoxGeometry(0.4 * size, 0.4 * size, 0.022 * size), plate, (m) => m.position.set(0, 0, 0.011 * size));
+    this.add(root, this.drum(radius, level - thick / 2, 0.1), body, (m) => upright(m).position.set(origins[0][0], origins[0][1], (level - thick / 2) / 2));
+    // each arm is a link in the x-z plane, laid flat and turned to its direction
+    const flat = (group, [x, y], from, to, height, colour) => this.add(group,
+      this.link(Math.hypot(x, y), 0, from, to, thick).rotateX(-Math.PI / 2).rotateZ(Math.atan2(y, x)),
+      colour, (m) => m.position.set(0, 0, height));
+    flat(g1, o2, radius, radius * 0.85, top, body);
+    this.add(g1, this.drum(radius * 0.6, thick * 1.1, 0.2), accent, (m) => upright(m).position.set(0, 0, top));
+    const above = top - o2[2] + thick * 1.05;
+    flat(g2, second, radius * 0.85, radius * 0.6, above, body);
+    this.add(g2, this.drum(radius * 0.55, thick * 1.1, 0.2), accent, (m) => upright(m).position.set(0, 0, above));
+    this.add(g2, this.drum(radius * 0.6, 0.3 * size, 0.2), body, (m) => upright(m).position.set(...second, above + 0.12 * size));
+    const length = 0.85 * size;
+    this.add(g4, this.drum(rod, length, 0.05), joint, (m) => upright(m).position.set(0, 0, length / 2));
+    this.add(g4, this.drum(rod * 1.8, 0.014 * size, 0.3), plate, (m) => upright(m).position.set(0, 0, 0.007 * size));
+    this.tip = g4;
+    this.axes(g4, 0.19 * size);
+    this.axes(root, 0.2 * size, 0.0009);
+    this.trail();
+  }
+
   build(origins) {
     const { colours } = this;
     const body = this.material(colours.body), joint = this.material(colours.joint, 0.5, 0.25);
@@ -105,17 +162,7 @@ export class Arm {
     const top = Math.max(o1[2], 0.06 * size) * 0.9 + (o1[2] < 0.01 ? 0.02 * size : 0);
     this.add(root, this.drum(r1 * 1.12, top, 0.12), body, (m) => upright(m).position.set(0, 0, top / 2 + 0.02 * size));
     this.add(root, this.drum(r1 * 1.0, 0.02 * size, 0.3), accent, (m) => upright(m).position.set(0, 0, top + 0.026 * size));
-    let parent = root;
-    const groups = origins.map((origin, index) => {
-      const place = new THREE.Group(), turn = new THREE.Group();
-      place.position.set(...origin);
-      place.add(turn);
-      parent.add(place);
-      parent = turn;
-      this.turns.push(turn);
-      return turn;
-    });
-    const [g1, g2, g3, g4, g5, g6] = groups;
+    const [g1, g2, g3, g4, g5, g6] = this.chain(root, origins);
     // shoulder: a column from the base to joint 2
     const start = top + 0.034 * size - o1[2], column = Math.max(o2[2] - start, 0.02 * size);
     this.add(g1, this.drum(r1, column, 0.15), body, (m) => upright(m).position.set(0, 0, start + column / 2));

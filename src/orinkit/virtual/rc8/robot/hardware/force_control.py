@@ -221,7 +221,8 @@ class ForceControl:
         """Return the error code of a displacement beyond its limits, 0 if it is within them."""
         if not self.on:
             return 0
-        largest = 0 if not self._shift else max(range(self._arm.model.robot_axes), key=lambda index: abs(self._shift[index]))
+        axes = range(self._arm.model.robot_axes)
+        largest = 0 if not self._shift else max(axes, key=lambda index: abs(self._shift[index]))
         for value, limit in zip(self._displacement, self._parameters.position_deviation, strict=True):
             if abs(value) > limit:
                 return hresult.POSITION_DEVIATION_AXIS1 + largest
@@ -302,9 +303,7 @@ class ForceControl:
         limits.clear()
         if parameters.mode == COMPLIANCE:
             limits_of_axes = parameters.current_limit[: self._arm.model.robot_axes]
-            limits.update(
-                {index: limit for index, limit in enumerate(limits_of_axes) if limit < 100.0}
-            )
+            limits.update({index: limit for index, limit in enumerate(limits_of_axes) if limit < 100.0})
 
     def _take_start(self) -> None:
         servo, space = self._arm.servo, self._arm.space
