@@ -50,6 +50,14 @@ def joints(rc8: VirtualRC8) -> list[float]:
     return found
 
 
+def test_a_scara_has_four_joints(run):
+    device = VirtualRC8(clock=Clock(20), language="en", model="HSR065")
+    with orinkit.serve(device, "tcp://127.0.0.1:0") as server:
+        done = run("move", server.url, "J(20, 40, 50, 10)")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == "J(20, 40, 50, 10)\nP(489.885, 366.415, 50, 0, 0, 70, 0)\n"
+
+
 def test_it_moves_and_restores_the_previous_state(run, rc8, url):
     done = run("move", url, POSE)
     assert (done.code, done.err) == (0, "")

@@ -116,3 +116,53 @@ def test_a_released_step_stops_early():
 def test_invalid_requests_are_refused(request_):
     with pytest.raises(InvalidValue):
         request_.check(6)
+
+
+# --- SCARA ------------------------------------------------------------------------------------------------------------
+
+SCARA = Kinematics(load_model("HSR065"))
+SCARA_START = (0.0, 60.0, 100.0, -60.0)
+
+
+def jogged(request: JogRequest, release_after: int) -> np.ndarray:
+    path = (
+        JointPath(SCARA.model, SCARA_START, request)
+        if request.frame == "joint"
+        else ToolPath(SCARA, SCARA_START, np.eye(4), request)
+    )
+    moving = JogMotion(path, SCARA_START, Limits.of_model(SCARA.model), PERIOD, request.speed, request.step)
+    points = []
+    while not moving.ended:
+        if len(points) == release_after:
+            moving.release()
+        points.append(moving.next())
+    assert not SCARA.limits_exceeded(points[-1])
+    return np.array(points)
+
+
+@pytest.mark.parametrize("frame", ["joint", "base", "tool"])
+def test_a_scara_jogs_up_and_down_in_mm(frame):
+    rows = jogged(JogRequest(frame, 3, -1, 100), 60)
+    assert rows[-1][2] < SCARA_START[2] - 10
+    assert rows[-1][[0, 1, 3]] == pytest.approx([0, 60, -60], abs=1e-6)
+
+
+def test_a_scara_turns_its_tool_in_place():
+    rows = jogged(JogRequest("base", 6, 1, 100), 60)
+    assert rows[-1][3] > SCARA_START[3] + 5
+    assert rows[-1][:3] == pytest.approx(SCARA_START[:3], abs=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["base", "tool"])
+def test_a_scara_stops_at_the_end_of_its_reach_and_of_its_stroke(frame):
+    x = jogged(JogRequest(frame, 1, 1, 100), 10**6)
+    assert 0 < x[-1][1] < 45  # almost stretched out
+    z = jogged(JogRequest(frame, 3, 1, 100), 10**6)
+    assert 215 < z[-1][2] <= 220
+
+
+@pytest.mark.parametrize("axis", [4, 5])
+def test_a_scara_does_not_tilt_its_tool(axis):
+    with pytest.raises(InvalidValue, match="tilt"):
+        JogRequest("base", axis, 1, 10).check(4)
+    JogRequest("base", axis, 1, 10).check(6)
