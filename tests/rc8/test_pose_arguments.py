@@ -151,7 +151,7 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         (Variant(R8 | ARRAY, []), BAD, "an empty array is not a pose"),
         (form([]), BAD, "pose 1: an empty array is not a pose"),
         ([1.0, 2.0], BAD, "the pose type of 2 numbers is unknown; expected 7 (P), 8 (J), 9 or 10 (T) or 3 (V)"),
-        ([1, 2, 3, 4], BAD, "the pose type of 4 numbers is unknown"),
+        ([1, 2, 3, 4, 5], BAD, "the pose type of 5 numbers is unknown"),
         ([1.0] * 100_000, BAD, "more than 10 numbers"),
         (form(*[1.0] * 50, 2), BAD, "more than 10 numbers"),
         (form(form(*[1.0] * 50, 2), "P"), BAD, "more than 10 numbers"),

@@ -140,10 +140,7 @@ class ToolPath(JogPath):
             joints = self.point(distance, near)
         except CallError:
             return tr("the tool cannot move further in this direction: the end of the reach")
-        if (
-            self._kinematics.is_singular(joints)
-            or max(abs(a - b) for a, b in zip(joints[: self._axes], near, strict=False)) > _JUMP
-        ):
+        if self._kinematics.is_singular(joints) or self._largest_turn(joints, near) > _JUMP:
             return tr("a singular point is near. Try: jog the joints")
         for number, (joint, axis) in enumerate(zip(joints, self._kinematics.model.axes, strict=False), start=1):
             if joint < axis.lower + _MARGIN:
@@ -158,6 +155,10 @@ class ToolPath(JogPath):
         joints = np.array(self.point(distance + ahead, near)[: self._axes]) - np.array(near[: self._axes])
         rates = np.abs(joints) / ahead
         return float(min(self.full_speed, np.min(self._velocities / np.maximum(rates, 1e-9))))
+
+    def _largest_turn(self, joints: tuple[float, ...], near: tuple[float, ...]) -> float:
+        axes = self._kinematics.model.axes[: self._axes]
+        return max(abs(a - b) for a, b, axis in zip(joints, near, axes, strict=False) if not axis.linear)
 
     def _tool_at(self, distance: float) -> Array:
         moved = self._from.copy()
