@@ -96,15 +96,17 @@ class SyncBlock(ABC):
 
     def __init__(self) -> None:
         self._parts: dict[int, CollectedMotions] = {}
+        self._refused = False
 
     @property
     @abstractmethod
     def name(self) -> str:
         """Name of the commands of the block, without Start and End."""
 
-    @abstractmethod
     def add(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
         """Plan motions of a robot, and keep them until the end of the block.
+
+        If a motion is refused, none begins at the end of the block.
 
         Args:
             robot: The robot.
@@ -115,8 +117,27 @@ class SyncBlock(ABC):
             ``None``, or a Deferred (``brief``) if the motions are planned in a thread.
 
         Raises:
-            CallError: Errors of planning; as for :meth:`CollectedMotions.require_valid`.
+            CallError: Errors of planning; as for :meth:`CollectedMotions.require_valid`. SyncMove: E_FAIL for a
+                follower; INTERPOLATION_NOT_SUPPORTED for PTP.
         """
+        try:
+            planning = self._plan(robot, operator, plans)
+        except BaseException:
+            self._refused = True
+            raise
+        if planning is not None:
+            planning.add_done_callback(lambda: self._notice(planning))
+        return planning
+
+    def _notice(self, planning: Deferred[None]) -> None:
+        try:
+            planning.result()
+        except Exception:  # noqa: BLE001 - the call reports it
+            self._refused = True
+
+    @abstractmethod
+    def _plan(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
+        """Plan motions of a robot for :meth:`add`."""
 
     def run(self) -> Deferred[None] | None:
         """Begin all motions in the next cycle.
@@ -125,8 +146,16 @@ class SyncBlock(ABC):
             A Deferred that resolves when all motions have ended; ``None`` if there are no motions.
 
         Raises:
-            CallError: As for :meth:`CollectedMotions.require_valid`; no arm moves then.
+            CallError: As for :meth:`CollectedMotions.require_valid`; E_FAIL if a motion was refused. No arm moves then.
         """
+        if self._refused:
+            raise error_for(
+                hresult.E_FAIL,
+                tr(
+                    "a motion after {name}Start was refused; the others are discarded. Try: begin again with {name}Start",
+                    name=self.name,
+                ),
+            )
         parts = [part for part in self._parts.values() if part.motions]
         for part in parts:
             part.require_valid()
@@ -161,8 +190,7 @@ class SyncTime(SyncBlock):
         """Name of the commands of the block, without Start and End."""
         return "SyncTime"
 
-    def add(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
-        """Plan motions of a robot, and keep them until the end of the block; see :meth:`SyncBlock.add`."""
+    def _plan(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
         part = self._part(robot, operator, len(plans.makes))
         start = part.end
         return robot.moves.collect(plans, lambda: plans.planned(start), part.motions.extend)
@@ -195,13 +223,8 @@ class SyncMove(SyncBlock):
         """Name of the commands of the block, without Start and End."""
         return "SyncMove"
 
-    def add(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
-        """Plan motions of the leader and of its followers; see :meth:`SyncBlock.add`.
-
-        Raises:
-            CallError: E_FAIL for another robot; INTERPOLATION_NOT_SUPPORTED for PTP; errors of planning, for
-                the leader and for its followers.
-        """
+    def _plan(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
+        """Plan motions of the leader and of its followers."""
         if robot is not self._leader:
             raise error_for(
                 hresult.E_FAIL,
