@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOptions
-from orinkit.cli._shared.errors import CommandError, usage_error
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.client._shared.connection_string import url_of
 from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
@@ -237,6 +237,16 @@ def pendant(
     wait: Annotated[
         bool, Parameter(help=tr("Wait until the action has ended; only for the actions jog and motor."))
     ] = False,
+    robot: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help=tr(
+                "Number of the robot, if the controller has two: 0 for the first one, 1 for the second one. Without it, "
+                "motor concerns all robots, and the other actions the first one."
+            ),
+        ),
+    ] = None,
     json: Annotated[
         bool,
         Parameter(help=tr("Print the whole status as one JSON document.")),
@@ -271,8 +281,9 @@ def pendant(
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
     seconds = None if timeout == DEFAULT_TIMEOUT else timeout  # a connection string may contain another one
+    options = (f"Secret={secret}" if secret else "", "" if robot is None else f"Robot={robot}")
     connection = ConnectionOptions(
-        PROVIDER, seconds, trace, option=f"Secret={secret}" if secret else None, capture=capture
+        PROVIDER, seconds, trace, option=",".join(filter(None, options)) or None, capture=capture
     )
     status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
     if json:
