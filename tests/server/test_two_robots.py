@@ -31,7 +31,7 @@ class TcpClient:
     def call(self, function: int, *arguments: object) -> object:
         return self._raw.ask(function, *arguments)
 
-    def lose(self, server: Server) -> None:  # noqa: ARG002 - as over HTTP
+    def lose(self, server: Server) -> None:
         self._raw.close()
 
 
@@ -53,7 +53,7 @@ class HttpClient:
 
 @pytest.mark.parametrize("kind", [TcpClient, HttpClient])
 @pytest.mark.parametrize("what", ["motions", "a cooperative motion", "collected motions"])
-def test_both_arms_stop(kind: type[TcpClient] | type[HttpClient], what: str) -> None:
+def test_both_arms_stop(kind: type[TcpClient | HttpClient], what: str) -> None:
     clock = ManualClock()
     rc8 = VirtualRC8(clock=clock, motor=True, second_model="VS-060")
     rc8.pendant.teach("V", 1, [0.0, 150.0, 0.0])

@@ -162,7 +162,6 @@ def _error(cell: TwoArms) -> None:
     cell.rc8.pendant.clear_errors()
 
 
-
 INTERRUPTIONS: dict[str, Callable[[TwoArms], None]] = {
     "halt": lambda cell: cell.run(cell.robots[1].halt("")),
     "halt of another client": lambda cell: cell.run(cell.connect().get_robot("", "ID=1").halt("")),
@@ -416,7 +415,12 @@ def test_followers_that_do_not_exist(cell, followers):
 
 @pytest.mark.parametrize(
     "form",
-    [Variant(VarType.I4, 1), Variant(VarType.I4 | ARRAY, [1]), variant([1]), variant([Variant(VarType.I4 | ARRAY, [1])])],
+    [
+        Variant(VarType.I4, 1),
+        Variant(VarType.I4 | ARRAY, [1]),
+        variant([1]),
+        variant([Variant(VarType.I4 | ARRAY, [1])]),
+    ],
 )
 def test_forms_of_the_followers(cell, form):
     assert cell.run(cell.robots[0].execute("SyncMoveStart", form)) is None

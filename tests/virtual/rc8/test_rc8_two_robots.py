@@ -116,7 +116,9 @@ def test_commands_of_the_second_robot_have_a_prefix(cell):
 
 
 def test_programs_act_on_the_first_robot(cell):
-    cell.rc8.state.files.write("Pro1.pcs", b"Sub Main\n  Takearm\n  Move P, J(10, 45, 90, 0, 45, 0)\n  Givearm\nEnd Sub\n")
+    cell.rc8.state.files.write(
+        "Pro1.pcs", b"Sub Main\n  Takearm\n  Move P, J(10, 45, 90, 0, 45, 0)\n  Givearm\nEnd Sub\n"
+    )
     task = cell.controller.get_task("Pro1", "")
     cell.of(0, "GiveArm")
     cell.run(task.start(1, ""))
@@ -184,7 +186,9 @@ def test_both_arms_stop_within_their_limits(cell, cause, after):
 
 
 @pytest.mark.parametrize("streaming", [0, 1])
-@pytest.mark.parametrize("cause", ["emergency stop", "protective stop", "error of level 2", "crash of the control loop"])
+@pytest.mark.parametrize(
+    "cause", ["emergency stop", "protective stop", "error of level 2", "crash of the control loop"]
+)
 @pytest.mark.filterwarnings("ignore")
 def test_an_arm_in_slave_mode_stops_with_the_other_one(strict, cause, streaming):
     move = strict.move_of(1 - streaming, 1, FAR[1 - streaming])

@@ -111,7 +111,12 @@ def stream(
         retime=retime, move=move, motor=not no_motor,
     )  # fmt: skip
     option = robot_option(robot_id)
-    with show_notes(), connection.open(url) as controller, controller.robot(option=option) as robot, ProgressBar() as bar:
+    with (
+        show_notes(),
+        connection.open(url) as controller,
+        controller.robot(option=option) as robot,
+        ProgressBar() as bar,
+    ):
         job.options = job.read(robot.client.dialect)
         try:
             with Interrupts() as interrupts, explain_errors(controller, url):

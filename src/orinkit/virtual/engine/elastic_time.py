@@ -300,13 +300,14 @@ class CyclePacer:
             seconds: The increase, in seconds of the clock.
             by_server: True if the server caused the increase, False if the client did.
         """
-        self._note_lag(seconds, by_server=by_server)
+        self.note_lag(seconds, by_server=by_server)
         self._cycles.delay(seconds)
         for other in _pacers_of(self._cycles):
             if other is not self:  # the clients of other arms have not caused it
-                other._note_lag(seconds, by_server=True)
+                other.note_lag(seconds, by_server=True)
 
-    def _note_lag(self, seconds: float, *, by_server: bool) -> None:
+    def note_lag(self, seconds: float, *, by_server: bool) -> None:
+        """Record that the cycles are delayed; the arguments are those of :meth:`_add_lag`."""
         self._lag = min(max(0.0, self._lag + seconds), _MAX_LAG)
         self._server_lag = min(max(0.0, self._server_lag + seconds * by_server), self._lag)
         self._lag_expires_at = self._cycles.number + _LAG_LIFETIME
@@ -339,7 +340,7 @@ class CommonPace:
 
     def __call__(self, due: int) -> int:
         """Return how many of the due cycles to run now; 0 to wait."""
-        if not all([each.ready(due) for each in self.pacers]):  # every one of them requests its input
+        if not all(each.ready(due) for each in self.pacers):  # every one of them requests its input
             return 0
         count = due
         for pacer in sorted(self.pacers, key=lambda each: not each.starving):  # those that may wait are first

@@ -17,7 +17,7 @@ from orinkit.virtual.rc8.switches import Switches
 
 @dataclass(slots=True)
 class ClientData:
-    """What the contexts of one client share.
+    """Data that the contexts of one client share.
 
     Attributes:
         contexts: The contexts, by the number of the robot.
@@ -41,7 +41,7 @@ class ClientContext:
         robot: The robot.
         origin: Name and address of the client, for the logs.
         access: Access rights of the client.
-        client: What the contexts of this client share.
+        client: Data that the contexts of this client share.
         when_input_processed: Function that invokes a callback after all data received from the client so far has been
             processed (:class:`orinkit.cao.provider.ClientInfo`); ``None`` if data is always processed immediately.
         formats: Formats of the arguments and results of the client's slvMove calls.

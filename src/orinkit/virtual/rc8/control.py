@@ -283,7 +283,9 @@ def _status(panel: ControlPanel, _: Variant) -> str:
     state = rc8.state
     time = state.calendar.now().isoformat(" ", "seconds")
     hand, workspace = state.hand.status(), panel.workspace.status()
-    return json.dumps({**rc8.pendant.status(robot=panel.robot.number), "time": time, "hand": hand, "workspace": workspace})
+    return json.dumps(
+        {**rc8.pendant.status(robot=panel.robot.number), "time": time, "hand": hand, "workspace": workspace}
+    )
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:

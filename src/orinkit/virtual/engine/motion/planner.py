@@ -288,9 +288,7 @@ def plan_carried(
     model, rates, profile = kinematics.model, carrier.rates, carrier.profile
     if not profile.knots:
         return Motion(JointPath(start, start), profile, rates, carrier.mark, 0.0)
-    path = table_path(
-        kinematics, course, tool, tuple(start), None, lambda rows: _hopeless(model, rows, profile, rates)
-    )
+    path = table_path(kinematics, course, tool, tuple(start), None, lambda rows: _hopeless(model, rows, profile, rates))
     check_end(model, path.end)
     check_way(model, path)
     _, velocity, acceleration = profile.states_at(np.linspace(0, profile.duration, _SAMPLES))

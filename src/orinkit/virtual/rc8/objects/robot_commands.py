@@ -243,7 +243,10 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
         *_pose_commands(),
         *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
-        *(RobotCommand(name, run, reads=False) for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS | SYNC_COMMANDS).items()),
+        *(
+            RobotCommand(name, run, reads=False)
+            for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS | SYNC_COMMANDS).items()
+        ),
         *(RobotCommand(name, run) for name, run in (MOTION_QUERIES | ACCURACY_QUERIES).items()),
         *(
             RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED)

@@ -41,7 +41,11 @@ def _sync_move_start(caller: ClientContext, parameter: Variant) -> None:
         if not 0 <= number < len(robots) or number == leader.number or numbers.count(number) > 1:
             raise error_for(
                 hresult.E_INVALIDARG,
-                tr("robot {number} cannot follow {leader}. Try: the ID of another robot", number=number, leader=leader.name),
+                tr(
+                    "robot {number} cannot follow {leader}. Try: the ID of another robot",
+                    number=number,
+                    leader=leader.name,
+                ),
             )
     if not numbers:
         raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))

@@ -295,9 +295,10 @@ class RC8Arm:
             as_set: True to decelerate as set for the motion, False to decelerate as fast as possible.
         """
         for arm in (self, *self.companions):
-            arm._stop_alone(code, as_set=as_set)
+            arm.stop_alone(code, as_set=as_set)
 
-    def _stop_alone(self, code: int, *, as_set: bool) -> None:
+    def stop_alone(self, code: int, *, as_set: bool = False) -> None:
+        """Stop this arm without its companions; see :meth:`stop`."""
         self.held = False
         self.interruptions += 1
         if self.slave.on:

@@ -77,6 +77,4 @@ class Carrier:
             return np.asarray(between @ space.kinematics.forward(motion.path.sampled(u)[0]) @ tool @ grasp)
 
         course = measured(poses, _PARTS)
-        return planner.plan_carried(
-            follower.space.kinematics, start, course, follower.space.tools.matrix(), motion
-        )
+        return planner.plan_carried(follower.space.kinematics, start, course, follower.space.tools.matrix(), motion)

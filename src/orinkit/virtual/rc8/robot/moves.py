@@ -96,9 +96,7 @@ class Moves:
         """
         arm = self._arm
         if arm.companions:
-            raise error_for(
-                hresult.ROBOT_MOVING, tr("a cooperative motion is in progress. Try: wait for its end")
-            )
+            raise error_for(hresult.ROBOT_MOVING, tr("a cooperative motion is in progress. Try: wait for its end"))
         if arm.room < len(plans.makes):
             raise error_for(
                 hresult.ROBOT_MOVING,

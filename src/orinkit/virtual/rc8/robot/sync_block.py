@@ -1,7 +1,7 @@
 """Motions of several robots that start in the same cycle: SyncTimeStart to SyncTimeEnd, SyncMoveStart to SyncMoveEnd.
 
-Between the two commands, the motions of the client are planned and collected; nothing moves. Whatever stops or releases an
-arm, or switches its motor off, before the end of the block makes the collected motions invalid.
+Between the two commands, the motions of the client are planned and collected; nothing moves. If an arm is stopped,
+released, switched off or moved before the end of the block, its collected motions are invalid.
 """
 
 from __future__ import annotations
@@ -168,8 +168,9 @@ class SyncBlock(ABC):
             raise
         return all_of(done) if done else None
 
+    @abstractmethod
     def _join(self, arms: Sequence[RC8Arm]) -> None:
-        """Connect the arms whose motions begin."""
+        """Connect the arms whose motions begin, if they belong together."""
 
     def _part(self, robot: RobotUnit, operator: Operator, count: int) -> CollectedMotions:
         """Return the motions of a robot after checking that more can be added."""
@@ -195,6 +196,9 @@ class SyncTime(SyncBlock):
         start = part.end
         return robot.moves.collect(plans, lambda: plans.planned(start), part.motions.extend)
 
+    def _join(self, arms: Sequence[RC8Arm]) -> None:
+        """Do nothing: after the start, each arm moves and stops by itself."""
+
 
 class SyncMove(SyncBlock):
     """SyncMoveStart to SyncMoveEnd: the followers keep the poses of their tools relative to the tool of the leader.
@@ -208,9 +212,7 @@ class SyncMove(SyncBlock):
         CallError: The code of the first violated condition of a motion, for any of the arms; ROBOT_MOVING.
     """
 
-    def __init__(
-        self, leader: RobotUnit, operator: Operator, followers: Sequence[tuple[RobotUnit, Operator]]
-    ) -> None:
+    def __init__(self, leader: RobotUnit, operator: Operator, followers: Sequence[tuple[RobotUnit, Operator]]) -> None:
         super().__init__()
         self._leader = leader
         self._parts = {
