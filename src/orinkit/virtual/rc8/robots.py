@@ -23,6 +23,7 @@ class Robots:
 
     def __init__(self, units: Sequence[RobotUnit]) -> None:
         self._units = tuple(units)
+        self._first, self._others = self._units[0].arm, tuple(unit.arm for unit in self._units[1:])
 
     def __iter__(self) -> Iterator[RobotUnit]:
         return iter(self._units)
@@ -38,7 +39,7 @@ class Robots:
     @property
     def busy(self) -> bool:
         """True if an arm moves, or has motions that are queued or paused."""
-        return any(unit.arm.busy for unit in self._units)
+        return self._first.busy or any([arm.busy for arm in self._others])  # in every cycle
 
     @property
     def stopping(self) -> bool:
@@ -58,7 +59,7 @@ class Robots:
     @property
     def motor_on(self) -> bool:
         """True if the motor of an arm is on."""
-        return any(unit.arm.motor.on for unit in self._units)
+        return self._first.motor.on or any([arm.motor.on for arm in self._others])
 
     @property
     def calibrated(self) -> bool:
