@@ -14,7 +14,7 @@ from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOption
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.client._shared.connection_string import url_of
-from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
+from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ObjectNotFound, ProtocolError
 from orinkit.core.hresult import E_CAO_PROV_INVALID
 from orinkit.core.i18n import N_, tr
 from orinkit.transport.address import Address, is_loopback, parse_address
@@ -285,7 +285,7 @@ def pendant(
     connection = ConnectionOptions(
         PROVIDER, seconds, trace, option=",".join(filter(None, options)) or None, capture=capture
     )
-    status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
+    status = _press(url, connection, wanted, PendantArguments(value, wait, usage), robot)
     if json:
         print_json(status)
     else:
@@ -334,7 +334,9 @@ def _denied(url: str, *, known: bool) -> CommandError:
     )
 
 
-def _press(url: str, connection: ConnectionOptions, action: PendantAction, given: PendantArguments) -> dict[str, Any]:
+def _press(
+    url: str, connection: ConnectionOptions, action: PendantAction, given: PendantArguments, robot: int | None
+) -> dict[str, Any]:
     """Press a button and return the resulting status."""
     parameter = action.read(given)
     try:
@@ -344,6 +346,10 @@ def _press(url: str, connection: ConnectionOptions, action: PendantAction, given
             return _status(controller.execute("Status"))
     except AccessDenied:
         raise _denied(url, known=connection.option is not None) from None
+    except ObjectNotFound:  # the description of the call would contain the secret
+        if robot is None:
+            raise
+        raise CommandError(tr("the controller has no robot {number}. Try: --robot 0", number=robot)) from None
     except InvalidArgument as error:
         raise CommandError(f"{error} {given.wrong()}") from None
     except CallError as error:

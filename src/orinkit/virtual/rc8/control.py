@@ -85,7 +85,7 @@ class ControlProvider(Provider):
 
         Raises:
             CallError: E_ACCESSDENIED if the client is on another machine, or if its secret is missing or wrong;
-                E_INVALIDARG if its robot does not exist.
+                E_CAO_OBJECT_NOTFOUND if its robot does not exist.
         """
         if not _is_here(client):
             raise error_for(hresult.E_ACCESSDENIED, client.address)
@@ -98,7 +98,7 @@ class ControlProvider(Provider):
         """Return the number of the robot in the option ``Robot``, or None.
 
         Raises:
-            CallError: E_INVALIDARG if the robot does not exist.
+            CallError: E_CAO_OBJECT_NOTFOUND if the robot does not exist.
         """
         text = given.text_of(_ROBOT_OPTION).strip()
         if not text:
@@ -106,7 +106,7 @@ class ControlProvider(Provider):
         last = len(self._rc8.state.robots) - 1
         if not text.isdecimal() or int(text) > last:
             raise error_for(
-                hresult.E_INVALIDARG,
+                hresult.E_CAO_OBJECT_NOTFOUND,
                 tr("robot {number} does not exist; robots: 0 to {last}", number=quoted(text), last=last),
             )
         return int(text)
