@@ -23,7 +23,6 @@ class Robots:
 
     def __init__(self, units: Sequence[RobotUnit]) -> None:
         self._units = tuple(units)
-        self._first, self._others = self._units[0].arm, self._units[1:]
 
     def __iter__(self) -> Iterator[RobotUnit]:
         return iter(self._units)
@@ -39,8 +38,6 @@ class Robots:
     @property
     def busy(self) -> bool:
         """True if an arm moves, or has motions that are queued or paused."""
-        if not self._others:  # called in every cycle
-            return self._first.busy
         return any(unit.arm.busy for unit in self._units)
 
     @property
@@ -61,8 +58,6 @@ class Robots:
     @property
     def motor_on(self) -> bool:
         """True if the motor of an arm is on."""
-        if not self._others:
-            return self._first.motor.on
         return any(unit.arm.motor.on for unit in self._units)
 
     @property
