@@ -65,6 +65,13 @@ class Robots:
         """True if the reference positions of the encoders of all arms are known."""
         return all(unit.arm.hardware.calibrated for unit in self._units)
 
+    def activity(self) -> tuple[Callable[[], bool], Callable[[], bool]]:
+        """Return functions for :attr:`busy` and :attr:`motor_on`, which every cycle calls; with one arm, they are direct."""
+        if len(self) > 1:
+            return (lambda: self.busy), (lambda: self.motor_on)
+        arm = self._units[0].arm
+        return (lambda: arm.busy), (lambda: arm.motor.on)
+
     # --- operations ---------------------------------------------------------------------------------------------
 
     def stop(self, code: int) -> None:

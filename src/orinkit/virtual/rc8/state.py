@@ -192,11 +192,8 @@ class RC8State:
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
-        arm, robots = self.arm, self.robots
-        moving, motor = (lambda: robots.busy), (lambda: robots.motor_on)
-        if len(robots) == 1:  # they are read in every cycle
-            moving, motor = (lambda: arm.busy), (lambda: arm.motor.on)
-        self.usage = Usage(lambda: self.seconds, lambda: self.tasks.running > 0 or moving(), motor)
+        moving, motor_on = self.robots.activity()
+        self.usage = Usage(lambda: self.seconds, lambda: self.tasks.running > 0 or moving(), motor_on)
         arms = [robot.arm for robot in self.robots]
         self.cycles.add(self.tasks, *arms, self.hands, self.timers, self.usage, on_error=self._crashed)
 
