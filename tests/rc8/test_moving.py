@@ -16,7 +16,7 @@ from orinkit.cao import functions as f
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.provider_registry import ProviderRegistry
 from orinkit.cao.session import Session
-from orinkit.rc8.motion_calls import leaves_moving
+from orinkit.rc8.motion_calls import begins_together, leaves_moving
 from orinkit.values.variant import Variant, VarType, variant
 
 pytestmark = pytest.mark.core
@@ -32,12 +32,26 @@ pytestmark = pytest.mark.core
         (f.robot_execute, (variant("GiveArm"),), False),
         (f.robot_execute, ("Motor", variant([1, 0])), None),
         (f.robot_execute, (), None),
+        (f.robot_execute, ("SyncTimeEnd", variant(1)), True),
+        (f.robot_execute, (variant(" syncmoveend "), variant([1])), True),
+        (f.robot_execute, ("SyncMoveEnd", variant("1")), True),
+        (f.robot_execute, ("SyncTimeEnd", variant(0)), False),
+        (f.robot_execute, ("SyncTimeEnd",), False),
+        (f.robot_execute, ("SyncTimeStart",), None),
         (f.robot_halt, (), False),
         (f.variable_get_value, (), None),
     ],
 )  # fmt: skip
 def test_which_calls_leave_an_arm_moving(function: Any, arguments: Any, answer: bool | None) -> None:
     assert leaves_moving(function, arguments) is answer
+
+
+def test_which_calls_begin_the_motions_of_several_arms() -> None:
+    assert begins_together(f.robot_execute, ("SyncTimeEnd", variant(0)))
+    assert begins_together(f.robot_execute, (variant("syncmoveend"),))
+    assert not begins_together(f.robot_execute, ("SyncMoveStart", variant([1])))
+    assert not begins_together(f.robot_execute, ())
+    assert not begins_together(f.controller_execute, ("SyncTimeEnd", variant(0)))
 
 
 class Axis(ControllerObject):

@@ -14,8 +14,8 @@ from orinkit.virtual.rc8 import VirtualRC8
 class ArmLog:
     """Records the command position of each cycle in which the arm is stepped."""
 
-    def __init__(self, rc8: VirtualRC8) -> None:
-        self._arm = rc8.state.arm
+    def __init__(self, rc8: VirtualRC8, robot: int = 0) -> None:
+        self._arm = rc8.state.robots[robot].arm
         self.commands: list[tuple[float, ...]] = []
 
     def note(self) -> None:
@@ -38,9 +38,9 @@ class ArmLog:
 
 
 @contextmanager
-def logged(rc8: VirtualRC8) -> Iterator[ArmLog]:
+def logged(rc8: VirtualRC8, robot: int = 0) -> Iterator[ArmLog]:
     """Record the commands for the duration of a block."""
-    arm, log = rc8.state.arm, ArmLog(rc8)
+    arm, log = rc8.state.robots[robot].arm, ArmLog(rc8, robot)
     step = arm.step
 
     def step_and_note() -> bool:

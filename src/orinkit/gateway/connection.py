@@ -42,8 +42,8 @@ from orinkit.core.errors import (
     error_for,
 )
 from orinkit.core.i18n import tr
+from orinkit.gateway.moving_arms import MovingArms
 from orinkit.gateway.upstream import ConnectRequest, Upstream
-from orinkit.rc8.motion_calls import leaves_moving
 from orinkit.server.capacity import ALWAYS
 from orinkit.server.large_values import memory_of
 from orinkit.values.variant import Variant
@@ -72,7 +72,7 @@ class UpstreamConnection:
         generation: Number of times that the connection has been opened; handles of earlier generations are invalid.
         handle: Handle of the controller object, which is valid until the connection is opened again.
         url: URL of the controller, for messages.
-        may_move: True if the arm may still execute a motion that was forwarded for this client.
+        moving: The arms that may still execute a motion that was forwarded for this client.
     """
 
     def __init__(self, upstream: Upstream, wanted: ConnectRequest, ended: Callable[[UpstreamConnection], None]) -> None:
@@ -87,7 +87,7 @@ class UpstreamConnection:
         self._client: AsyncClient | None = None
         self._closed = False
         self._lossy = False  # True if an earlier attempt may have arrived although a later one raised ConnectFailed
-        self.may_move = False
+        self.moving = MovingArms()
         self._executing = False  # True after a call was sent, until its reply or its time-out
         self._timeouts = 0
         self._last_reply = 0.0
@@ -121,17 +121,15 @@ class UpstreamConnection:
         Raises:
             CallError: With the controller's error code, or one of the codes in the module's docstring.
         """
-        after = leaves_moving(function, arguments)
-        if after is not None:
-            self.may_move = True
+        self.moving.before(function, handle, arguments)
         try:
             reply = await self._exchange(function, handle, *arguments)
         except CallError:
             raise
         except OrinError as error:
             raise self._failure(function, error) from error
-        if after is not None:
-            self.may_move = after
+        self.moving.after(function, handle, arguments)
+        self.moving.connected(function, arguments, getattr(reply.value, "value", reply.value))
         return reply
 
     def add_reference(self, release: Function[[int], None], handle: int) -> None:
@@ -256,7 +254,7 @@ class UpstreamConnection:
     async def _lose(self, error: OrinError) -> None:
         """Close a connection that is lost or unusable; keep the error for calls before the next attempt to connect."""
         client, self._client = self._client, None
-        self.may_move = False
+        self.moving.clear()
         self._released.clear()
         self._stop_keep_alive()
         self._refusal = _refusal(self.url, error)

@@ -108,7 +108,7 @@ class RemoteObject(CaoObject):
 
     def is_moving(self) -> bool:
         """Return True if the arm may still execute a motion that was forwarded for this client."""
-        return self._connection.may_move
+        return bool(self._connection.moving)
 
     def stop_moving(self) -> None:
         """Close the connection, so that the controller stops the arm.

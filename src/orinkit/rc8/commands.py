@@ -48,6 +48,7 @@ _HAND_POSITION: Final = N_("mm, speed in %, NEXT to return immediately")
 _HAND_HOLD: Final = N_("mm, speed in %, force in N, NEXT to return immediately")
 _GRIPPER_HOLD: Final = N_("mm, speed in %, force in %, NEXT to return immediately")
 _POINT: Final = N_("number of the point, NEXT to return immediately")
+_NEXT: Final = N_("0 to wait for the end of the motions, 1 to return immediately (NEXT)")
 _WAIT: Final = N_("1 to wait until programs and arm have stopped")
 _CHANNEL: Final = N_("channel: 0 both, 1 A, 2 B")
 
@@ -143,6 +144,10 @@ ROBOT_COMMANDS: Final = (
     ExtendedCommand("DriveAEx", VARIANT_ARRAY, "(8,@P (1,10),(2,45)),(8,SPEED=20)", _AXES),
     ExtendedCommand("RotateH", VARIANT_ARRAY, "(8,@P 30),(8,SPEED=20)", N_("(pass mark and angle in deg), (option)")),
     ExtendedCommand("Arrive", _R8, "50", N_("share of the motion in %")),
+    ExtendedCommand("SyncTimeStart"),
+    ExtendedCommand("SyncTimeEnd", VarType.I4, "0", _NEXT),
+    ExtendedCommand("SyncMoveStart", _I4S, "1", N_("numbers of the robots that follow this one")),
+    ExtendedCommand("SyncMoveEnd", VarType.I4, "0", _NEXT),
     ExtendedCommand("MotionSkip", _I4S, "-1,0", N_("arm group, pattern: 0 or 1 as fast as possible, 2 or 3 as set")),
     ExtendedCommand("MotionComplete", _I4S, "-1,0", N_("arm group, 0 or 1 to include the settling of the encoders")),
     ExtendedCommand("CrtMotionAllow", _R8S, "1,0.5", N_("1 on or 0 off, tolerance in mm, tolerance in deg")),

@@ -16,6 +16,8 @@ MOVING: Final = frozenset(
 """IDs of the functions with which a client begins motions or takes the arm semaphore."""
 
 _MOTIONS: Final = (f.robot_move, f.robot_rotate, f.robot_drive, f.robot_go_home)
+_TOGETHER: Final = ("synctimeend", "syncmoveend")  # cooperative control; with the option 1 (NEXT), they do not wait
+_NEXT: Final = ("1", "1.0", "NEXT")
 _AT_REST: Final = ("givearm",)  # GiveArm waits for the end of the motion
 
 
@@ -36,8 +38,19 @@ def leaves_moving(function: Function[..., Any], arguments: Sequence[Any]) -> boo
         return None
     if _says_next(arguments[1:]):
         return True
-    command = str(getattr(arguments[0], "value", arguments[0])).strip().lower() if arguments else ""
+    command = _command(arguments)
+    if command in _TOGETHER:
+        return any(str(each).strip() in _NEXT for each in _values(arguments[1:]))
     return False if command in _AT_REST else None
+
+
+def begins_together(function: Function[..., Any], arguments: Sequence[Any]) -> bool:
+    """Return True if a call begins the motions of several arms; the arguments are without the handle."""
+    return function is f.robot_execute and _command(arguments) in _TOGETHER
+
+
+def _command(arguments: Sequence[Any]) -> str:
+    return str(getattr(arguments[0], "value", arguments[0])).strip().lower() if arguments else ""
 
 
 def _says_next(arguments: Sequence[Any]) -> bool:
@@ -45,10 +58,14 @@ def _says_next(arguments: Sequence[Any]) -> bool:
 
 
 def _texts(value: Any) -> Iterator[str]:
+    return (each for each in _values(value) if isinstance(each, str))
+
+
+def _values(value: Any) -> Iterator[Any]:
     if isinstance(value, Variant):
         value = value.value
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, list | tuple):
+    if isinstance(value, list | tuple):
         for each in value:
-            yield from _texts(each)
+            yield from _values(each)
+    else:
+        yield value

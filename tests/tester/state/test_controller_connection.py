@@ -74,3 +74,42 @@ def test_an_idle_serial_line_is_not_used_and_its_end_is_detected():
     assert before == after
     assert state is ConnectionState.LOST
     assert "does not exist any more" in error
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_robot_of_a_connection_is_chosen_by_its_number(number):
+    async def types(url: str) -> list[object]:
+        connection = ControllerConnection(ConnectionSpec("a", url, robot=number).check(), PacketLog())
+        await connection.open()
+        try:
+            robots = [await connection.robot(), await connection.monitored_robot()]
+            robots.append(await connection.robot_of(connection.controller))
+            return [await robot.execute("GetRobotTypeName") for robot in robots]
+        finally:
+            await connection.close()
+
+    rc8 = VirtualRC8(second_model="VS-060")
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        assert asyncio.run(types(server.url)) == [rc8.state.robots[number].arm.model.type_name] * 3
+    rc8.close()
+
+
+def test_stopping_the_motion_stops_the_robot_of_the_connection():
+    async def stop(url: str) -> None:
+        connection = ControllerConnection(ConnectionSpec("a", url, robot=1), PacketLog())
+        await connection.open()
+        try:
+            await connection.stop_motion()
+        finally:
+            await connection.close()
+
+    rc8 = VirtualRC8(second_model="VS-060")
+    with orinkit.serve(rc8, "tcp://127.0.0.1:0") as server:
+        asyncio.run(stop(server.url))
+        assert [robot.arm.interruptions for robot in rc8.state.robots] == [0, 1]
+    rc8.close()
+
+
+def test_a_connection_has_a_robot_0_or_1():
+    with pytest.raises(orinkit.InvalidValue, match="robot"):
+        ConnectionSpec("a", "tcp://127.0.0.1", robot=2).check()

@@ -84,8 +84,8 @@ def test_names(name, controller):
         ("Hand1.Chuck", hresult.E_CAO_OBJECT_NOTFOUND),
         ("Hand0.Motor2", hresult.E_CAO_OBJECT_NOTFOUND),
         ("x" * 100_000, hresult.E_CAO_OBJECT_NOTFOUND),
-        ("Robot.SyncTimeStart", hresult.E_NOTIMPL),
-        ("synctimestart", hresult.E_NOTIMPL),
+        ("Robot.ServoLock", hresult.E_NOTIMPL),
+        ("servolock", hresult.E_NOTIMPL),
     ],
 )
 def test_unknown_names(name, refusal, controller, refused):
@@ -95,7 +95,7 @@ def test_unknown_names(name, refusal, controller, refused):
 def test_every_name_of_the_list_is_a_command(controller):
     names = controller.get_command_names("")
     assert {"ClearError", "HandMoveA", "Robot.Motor", "Hand0.Chuck"} <= set(names)
-    assert "Robot.SyncTimeStart" not in names
+    assert "Robot.ServoLock" not in names
     assert len(names) == len(set(names))
     for name in names:
         assert controller.get_command(name, "").get_state() == IDLE

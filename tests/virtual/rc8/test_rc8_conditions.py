@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from typing import Any
@@ -24,6 +25,13 @@ def _execute(command: str, parameter: Any = None) -> Callable[[Cell], Any]:
     return lambda cell: cell.robot.execute(command, variant(parameter))
 
 
+def _sync_move_start(cell: Cell) -> Any:
+    """Take the arm of the second robot, if this is allowed, and call SyncMoveStart."""
+    with contextlib.suppress(CallError):
+        cell.run(cell.controller.get_robot("", "ID=1").execute("TakeArm", variant([0, 0])))
+    return cell.robot.execute("SyncMoveStart", variant([1]))
+
+
 CALLS: dict[str, Callable[[Cell], Any]] = {
     "TakeArm": _execute("TakeArm", [0, 0]),
     "GiveArm": _execute("GiveArm"),
@@ -42,6 +50,10 @@ CALLS: dict[str, Callable[[Cell], Any]] = {
     "Halt": lambda cell: cell.robot.halt(""),
     "Hold": lambda cell: cell.robot.hold(""),
     "Unhold": lambda cell: cell.robot.unhold(""),
+    "SyncTimeStart": _execute("SyncTimeStart"),
+    "SyncTimeEnd": _execute("SyncTimeEnd"),
+    "SyncMoveStart": _sync_move_start,
+    "SyncMoveEnd": _execute("SyncMoveEnd"),
     "Arrive": _execute("Arrive", 50.0),
     "MotionSkip": _execute("MotionSkip", [-1, 0]),
     "CrtMotionAllow": _execute("CrtMotionAllow", [True, 1.0]),
@@ -200,7 +212,8 @@ def documented() -> dict[tuple[str, str], int]:
 
 def outcome(function: str, state: str) -> int:
     """Put a cell into a state and call the function; return the code of the refusal, or 0."""
-    cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None)
+    second = {"second_model": "VS-060"} if function.startswith("Sync") else {}
+    cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None, **second)
     try:
         STATES[state](cell)
         cell.run(CALLS[function](cell), 120.0)
@@ -229,7 +242,7 @@ def test_refusals_are_those_of_the_docs(function, state):
 @pytest.mark.parametrize("state", STATES)
 def test_what_is_refused_moves_nothing(state):
     """In each state, call everything that is refused; the arm stays as it was."""
-    cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None)
+    cell = Cell(Permission("rw", {ADDRESS: "r"}) if state == "read-only" else None, second_model="VS-060")
     STATES[state](cell)
     joints, tickets = cell.rc8.state.arm.queue.joints, len(cell.rc8.state.arm.queue.tickets)
     for function, call in CALLS.items():

@@ -22,7 +22,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8 import StateError, VirtualRC8
-from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.client_context import ClientContext, open_context
 from orinkit.virtual.rc8.files import MOST_BYTES, MOST_ENTRIES, FileStore, disk, usage
 from orinkit.virtual.rc8.objects.file import RC8File, find_file, require_program
 from orinkit.virtual.rc8.permission import AccessRight
@@ -50,7 +50,7 @@ def store(root, clock) -> FileStore:
 @pytest.fixture
 def caller(rc8):
     def caller(access: AccessRight = AccessRight.READ_WRITE) -> ClientContext:
-        return ClientContext(rc8.state, Origin("ctrl", "192.168.0.7"), access)
+        return open_context(rc8.state, Origin("ctrl", "192.168.0.7"), access)
 
     return caller
 
@@ -1121,7 +1121,7 @@ def test_a_file_has_no_variables_and_no_commands(open_file, refused):
 
 def test_help_is_in_the_controllers_language(clock, store):
     device = VirtualRC8(clock=clock, language="ja")
-    caller = ClientContext(device.state, Origin("ctrl"), AccessRight.READ_WRITE)
+    caller = open_context(device.state, Origin("ctrl"), AccessRight.READ_WRITE)
     helps = [find_file(caller, store, name, CREATE).get_help() for name in ("a.pcs", "a.txt", "dir\\")]
     assert helps == ["a.pcs: プログラム", "a.txt: ファイル", "dir: フォルダ"]
     device.close()

@@ -20,6 +20,7 @@ from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.rc8 import Permission
 from orinkit.virtual.rc8.objects.hand_commands import ROBOT_COMMANDS as HAND_COMMANDS
 from orinkit.virtual.rc8.objects.robot_commands import NOT_SIMULATED, OF_CONTROLLER, ROBOT_COMMANDS
+from orinkit.virtual.rc8.objects.sync_commands import SYNC_COMMANDS
 from orinkit.virtual.rc8.robot.motor import MotorState
 from support.cell import ADDRESS, Cell
 from support.strategies import variants
@@ -176,9 +177,9 @@ def record(cell: Cell, cycles: int = 3) -> None:
 
 
 def test_every_command_is_in_the_table():
-    """The others need something that does not exist here: slave mode, a file, a point, a linear axis, force control."""
+    """The others need what does not exist here: slave mode, a file, a point, a linear axis, force control, a second arm."""
     others = {"slvmove", "generatenonstoppath", "loadpathpoint", "getpathpoint", "zforce", "forcechangetable"}
-    others |= {each.name.lower() for each in HAND_COMMANDS}
+    others |= {each.name.lower() for each in HAND_COMMANDS} | {name.lower() for name in SYNC_COMMANDS}
     assert {name.lower() for name in ANSWERS} == set(ROBOT_COMMANDS) - others
     assert not {name.lower() for name in NOT_SIMULATED} & set(ROBOT_COMMANDS)
 

@@ -162,7 +162,7 @@ def test_its_client_sets_nothing_of_the_robot_with_variables(cell):
 def test_an_unknown_command_is_unknown_in_slave_mode_too(cell):
     cell.on()
     assert cell.code_of(lambda: cell.execute("slvMode", 0)) == hresult.E_INVALID_CMD_NAME
-    assert cell.code_of(lambda: cell.execute("SyncTimeStart")) == hresult.E_NOTIMPL
+    assert cell.code_of(lambda: cell.execute("ServoLock")) == hresult.E_NOTIMPL
 
 
 def test_another_client_reads_everything(cell):

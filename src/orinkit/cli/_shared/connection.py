@@ -15,7 +15,7 @@ from orinkit.bcap.profiles import DEFAULT_TRIES
 from orinkit.cao.dialect import RC8 as RC8_DIALECT
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.replies import Trace
-from orinkit.cli._shared.errors import usage_error
+from orinkit.cli._shared.errors import usage_error, whole_number
 from orinkit.cli._shared.files import read_token, warn_of_exposure
 from orinkit.cli._shared.transcript import TracedPacket, Transcript
 from orinkit.client._shared.common import LOCALHOST, RC8, check_timeout, dialect_of
@@ -57,6 +57,14 @@ SlaveModeUrl: TypeAlias = Annotated[
 Capture: TypeAlias = Annotated[
     str | None,
     Parameter(help=tr("Write every packet to a new pcapng file, for Wireshark (see orinkit dissector).")),
+]
+RobotId: TypeAlias = Annotated[
+    int | None,
+    Parameter(
+        group=OBJECT,
+        converter=whole_number,
+        help=tr("Number of the robot, if the controller has two: 0 for the first one, 1 for the second one."),
+    ),
 ]
 Json: TypeAlias = Annotated[bool, Parameter(help=tr("Print one JSON document, with bytes in hex and dates in ISO 8601."))]  # fmt: skip
 
@@ -244,12 +252,18 @@ def print_packet(packet: TracedPacket) -> None:
         print(line, file=sys.stderr)
 
 
+def robot_option(number: int | None) -> str:
+    """Return the option of Controller_GetRobot for a robot number; ``None`` for the default of the controller."""
+    return "" if number is None else f"ID={number}"
+
+
 @Parameter(name="*", group=OBJECT)
 @dataclass(frozen=True)
 class OwnerOptions:
     """Options that select the object that owns a variable: without these options, the controller."""
 
     robot: Annotated[str | None, Parameter(help=tr("Name of a robot."))] = None
+    robot_id: RobotId = None
     task: Annotated[str | None, Parameter(help=tr("Name of a task."))] = None
     extension: Annotated[str | None, Parameter(help=tr("Name of an extension board."))] = None
     file: Annotated[str | None, Parameter(help=tr("Name of a file."))] = None
@@ -261,7 +275,9 @@ class OwnerOptions:
             options = " ".join(f"--{name}" for name in named)
             raise usage_error(tr("give only one of {options}", options=options))
         if self.robot is not None:
-            return controller.robot(self.robot)
+            return controller.robot(self.robot, robot_option(self.robot_id))
+        if self.robot_id is not None:
+            raise usage_error(tr("--robot-id requires --robot"))
         if self.task is not None:
             return controller.task(self.task)
         if self.extension is not None:

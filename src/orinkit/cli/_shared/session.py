@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import orinkit
 from orinkit.cao.table import Function
@@ -16,6 +16,9 @@ from orinkit.cli._shared.transcript import Transcript
 from orinkit.core.errors import OrinError, ProtocolError, TransportError
 from orinkit.core.i18n import tr
 from orinkit.rc8.motion_calls import MOVING, leaves_moving
+
+_RobotKey: TypeAlias = tuple[str, str]
+"""Name of a robot, and the option of Controller_GetRobot."""
 
 
 class Session:
@@ -41,8 +44,8 @@ class Session:
         self._transcript = Transcript(print_packet)
         self._capture = options.capture_file(url)
         self._controller: orinkit.Controller | None = None
-        self._robots: dict[str, orinkit.Robot] = {}
-        self._moving: set[str] = set()
+        self._robots: dict[_RobotKey, orinkit.Robot] = {}
+        self._moving: set[_RobotKey] = set()
 
     @property
     def controller(self) -> orinkit.Controller:
@@ -108,14 +111,14 @@ class Session:
 
     def halt(self) -> None:
         """Halt the robots that calls of this session have set in motion."""
-        for name in sorted(self._moving):
-            self.controller.robot(name).halt()
-            self._moving.discard(name)
-            print(tr("robot {name} halted", name=name), file=sys.stderr)
+        for key in sorted(self._moving):
+            self.controller.robot(*key).halt()
+            self._moving.discard(key)
+            print(tr("robot {name} halted", name=" ".join(filter(None, key))), file=sys.stderr)
 
     @contextmanager
     def following(
-        self, function: Function[..., Any], arguments: tuple[str, ...], robot: str | None
+        self, function: Function[..., Any], arguments: tuple[str, ...], robot: str | None, option: str = ""
     ) -> Iterator[int | None]:
         """Keep the handle of a robot during the session, and remember whether a call leaves the robot moving.
 
@@ -125,20 +128,22 @@ class Session:
             function: The function to call.
             arguments: Its arguments without the handle.
             robot: Name of the robot; ``None`` if the call does not apply to a robot.
+            option: Option of Controller_GetRobot.
         """
         if robot is None:
             yield None
             return
-        if robot not in self._robots:
+        key = robot, option
+        if key not in self._robots:
             with self.noticing_loss():
-                self._robots[robot] = self.controller.robot(robot)
+                self._robots[key] = self.controller.robot(*key)
         moves = leaves_moving(function, arguments)
-        was_moving = robot in self._moving
+        was_moving = key in self._moving
         if function.id in MOVING:
-            self._moving.add(robot)  # if the call is interrupted
-        yield self._robots[robot].handle
+            self._moving.add(key)  # if the call is interrupted
+        yield self._robots[key].handle
         if moves is False or (moves is None and not was_moving):
-            self._moving.discard(robot)
+            self._moving.discard(key)
 
     def _trace(self, direction: str, data: bytes) -> None:
         if self._capture is not None:

@@ -20,7 +20,7 @@ from orinkit.cao.argument_text import read_argument
 from orinkit.cao.replies import Reply
 from orinkit.cao.table import Argument, Function
 from orinkit.cao.user_functions import foreign_entry, is_user_function
-from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url
+from orinkit.cli._shared.connection import OBJECT, ConnectionOptions, Json, OwnerOptions, Url, robot_option
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.signature import signature
 from orinkit.client._sync.objects import ObjectBase
@@ -120,8 +120,8 @@ def _user_argument(text: str) -> Any:
 
 
 _APPLY: Final[dict[str, tuple[str, ...]]] = {
-    "Variable": ("robot", "task", "extension", "file", "variable"),
-    "Robot": ("robot",), "Task": ("task",), "Extension": ("extension",), "File": ("file",), "Command": ("command",),
+    "Variable": ("robot", "robot_id", "task", "extension", "file", "variable"),
+    "Robot": ("robot", "robot_id"), "Task": ("task",), "Extension": ("extension",), "File": ("file",), "Command": ("command",),
 }  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def _check_options(entry: Function[..., Any], owning: OwnerOptions, other: Objec
                 raise usage_error(
                     tr(
                         "--{option} does not apply to {name}, a function of the interface {interface}",
-                        option=option,
+                        option=option.replace("_", "-"),
                         name=entry.name,
                         interface=entry.interface,
                     ),
@@ -190,7 +190,7 @@ def _target(
         case "Command":
             return controller.command(_named(entry, "command", other.command))
         case "Robot":
-            return controller.robot(_named(entry, "robot", owning.robot))
+            return controller.robot(_named(entry, "robot", owning.robot), robot_option(owning.robot_id))
         case "Task":
             return controller.task(_named(entry, "task", owning.task))
         case "Extension":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from cyclopts import Parameter
 
 import orinkit
-from orinkit.cli._shared.connection import ConnectionOptions, Json, Url
+from orinkit.cli._shared.connection import ConnectionOptions, Json, RobotId, Url, robot_option
 from orinkit.cli._shared.errors import CommandError, usage_error
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import (
@@ -62,6 +62,7 @@ def move(
 "Seconds without signs of life of this command after which the server stops the arm, 0.3 to 3600, or 0: the option Alive "
 "of Service_Start is then omitted, because controllers of other manufacturers may refuse this option.")),
     ] = 1.0,
+    robot_id: RobotId = None,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
@@ -83,7 +84,7 @@ def move(
     with (
         show_notes(),
         connection.opened(url, alive or None) as controller,
-        controller.robot() as robot,
+        controller.robot(option=robot_option(robot_id)) as robot,
         ExitStack() as stack,
     ):
         _require_motions(robot)

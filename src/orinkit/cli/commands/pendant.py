@@ -11,10 +11,10 @@ from typing import Annotated, Any, Final
 from cyclopts import Parameter
 
 from orinkit.cli._shared.connection import CONNECTION, Capture, ConnectionOptions
-from orinkit.cli._shared.errors import CommandError, usage_error
+from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.client._shared.common import DEFAULT_TIMEOUT
 from orinkit.client._shared.connection_string import url_of
-from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ProtocolError
+from orinkit.core.errors import AccessDenied, CallError, InvalidArgument, ObjectNotFound, ProtocolError
 from orinkit.core.hresult import E_CAO_PROV_INVALID
 from orinkit.core.i18n import N_, tr
 from orinkit.transport.address import Address, is_loopback, parse_address
@@ -237,6 +237,16 @@ def pendant(
     wait: Annotated[
         bool, Parameter(help=tr("Wait until the action has ended; only for the actions jog and motor."))
     ] = False,
+    robot: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help=tr(
+                "Number of the robot, if the controller has two: 0 for the first one, 1 for the second one. Without it, "
+                "motor concerns all robots, and the other actions the first one."
+            ),
+        ),
+    ] = None,
     json: Annotated[
         bool,
         Parameter(help=tr("Print the whole status as one JSON document.")),
@@ -271,10 +281,11 @@ def pendant(
         raise usage_error(tr("--wait does not apply to {action}", action=action))
     secret = _secret(url, control_secret_file)
     seconds = None if timeout == DEFAULT_TIMEOUT else timeout  # a connection string may contain another one
+    options = (f"Secret={secret}" if secret else "", "" if robot is None else f"Robot={robot}")
     connection = ConnectionOptions(
-        PROVIDER, seconds, trace, option=f"Secret={secret}" if secret else None, capture=capture
+        PROVIDER, seconds, trace, option=",".join(filter(None, options)) or None, capture=capture
     )
-    status = _press(url, connection, wanted, PendantArguments(value, wait, usage))
+    status = _press(url, connection, wanted, PendantArguments(value, wait, usage), robot)
     if json:
         print_json(status)
     else:
@@ -323,7 +334,9 @@ def _denied(url: str, *, known: bool) -> CommandError:
     )
 
 
-def _press(url: str, connection: ConnectionOptions, action: PendantAction, given: PendantArguments) -> dict[str, Any]:
+def _press(
+    url: str, connection: ConnectionOptions, action: PendantAction, given: PendantArguments, robot: int | None
+) -> dict[str, Any]:
     """Press a button and return the resulting status."""
     parameter = action.read(given)
     try:
@@ -333,6 +346,10 @@ def _press(url: str, connection: ConnectionOptions, action: PendantAction, given
             return _status(controller.execute("Status"))
     except AccessDenied:
         raise _denied(url, known=connection.option is not None) from None
+    except ObjectNotFound:  # the description of the call would contain the secret
+        if robot is None:
+            raise
+        raise CommandError(tr("the controller has no robot {number}. Try: --robot 0", number=robot)) from None
     except InvalidArgument as error:
         raise CommandError(f"{error} {given.wrong()}") from None
     except CallError as error:

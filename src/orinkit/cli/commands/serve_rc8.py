@@ -97,6 +97,14 @@ def serve_rc8(
             help=tr("Type name of the arm (@TYPE_NAME), for example VS060A3-AV6-NNN-NNN; by default that of the model."),
         ),
     ] = None,
+    second_model: Annotated[
+        str | None,
+        Parameter(
+            group=ROBOT,
+            help=tr(
+"Model of the arm of a second robot (ID=1), or a TOML file; by default there is one robot."),
+        ),
+    ] = None,
     mode: Annotated[
         str, Parameter(group=ROBOT, help=tr("Initial position of the mode switch: manual, teach or auto."))
     ] = "auto",
@@ -115,6 +123,13 @@ def serve_rc8(
             help=tr(
 "Initial joint position in deg: \"J(0, 30, 90, 0, 60, 0)\" or 0,30,90,0,60,0; the home "
 "pose by default."),
+        ),
+    ] = None,
+    second_joints: Annotated[
+        str | None,
+        JOINTS,
+        Parameter(
+            help=tr("Initial joint position of the second robot; the home pose by default."),
         ),
     ] = None,
     no_samples: Annotated[
@@ -246,10 +261,12 @@ def serve_rc8(
             version=version,
             model=model,
             type_name=type_name,
+            second_model=second_model,
             mode=read_mode(mode),
             token=token,
             motor=motor_on,
             joints=None if joints is None else read_joints(joints),
+            second_joints=None if second_joints is None else read_joints(second_joints),
             samples=not no_samples,
             slave_licence=not no_slave_licence,
             slave_limit=slave_limit,

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final
 from cyclopts import App, Parameter
 
 from orinkit.cao.functions import FUNCTIONS
-from orinkit.cli._shared.connection import ConnectionOptions, Json, OwnerOptions, Url
+from orinkit.cli._shared.connection import ConnectionOptions, Json, OwnerOptions, Url, robot_option
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.line_editor import LineEditor, history_file
 from orinkit.cli._shared.session import Session
@@ -141,7 +141,7 @@ class ShellCommands:
         """Call a function and print its result."""
         entry = calling.find(function)
         held = self.session.connection
-        with self.session.following(entry, args, owning.robot) as robot:
+        with self.session.following(entry, args, owning.robot, robot_option(owning.robot_id)) as robot:
             if entry.interface == "Robot" and other.handle is None:
                 other = replace(other, handle=robot)
             calling.call(self.session.url, function, *args, owning=owning, other=other, connection=held, json=json)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
 from cyclopts import Parameter
 
 import orinkit
-from orinkit.cli._shared.connection import ConnectionOptions, Json, SlaveModeUrl
+from orinkit.cli._shared.connection import ConnectionOptions, Json, RobotId, SlaveModeUrl, robot_option
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.interrupts import Interrupts
 from orinkit.cli._shared.moving import ProgressBar, explain_errors, follow, rounded, show_notes, without_unused
@@ -97,6 +97,7 @@ def stream(
     no_motor: Annotated[
         bool, Parameter(help=tr("Do not switch the motor on; it must be on already."))
     ] = False,
+    robot_id: RobotId = None,
     connection: ConnectionOptions = _CONNECTION,
     json: Json = False,
 ) -> None:  # fmt: skip
@@ -109,7 +110,13 @@ def stream(
         connection.known_dialect(url), trajectory, mode, pose, record, speed, model,
         retime=retime, move=move, motor=not no_motor,
     )  # fmt: skip
-    with show_notes(), connection.open(url) as controller, controller.robot() as robot, ProgressBar() as bar:
+    option = robot_option(robot_id)
+    with (
+        show_notes(),
+        connection.open(url) as controller,
+        controller.robot(option=option) as robot,
+        ProgressBar() as bar,
+    ):
         job.options = job.read(robot.client.dialect)
         try:
             with Interrupts() as interrupts, explain_errors(controller, url):

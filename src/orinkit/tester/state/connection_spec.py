@@ -13,6 +13,7 @@ from orinkit.transport.address import parse_address
 VRC: Final = "CaoProv.DENSO.VRC"
 _CAN: Final = "can"
 _LONGEST_NAME: Final = 60
+_LAST_ROBOT: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,7 @@ class ConnectionSpec:
         tries: Number of attempts over UDP and on serial lines, 1 to 7.
         debug: True if the variables ``$LAST_SEND_PACKET$`` and ``$LAST_RECEIVE_PACKET$`` exist.
         token: Access token, for HTTP. It is not saved.
+        robot: Number of the robot (``ID`` of Controller_GetRobot), 0 or 1.
         driver: Address of the ABH3 driver, for CAN.
         dialect: Dialect of the ABH3 driver, ``"v1"`` or ``"v2"``, for CAN.
         control: Address of the control port of a virtual RC8; ``""`` if there is none. It is not saved.
@@ -46,6 +48,7 @@ class ConnectionSpec:
     tries: int = 5
     debug: bool = False
     token: str = ""
+    robot: int = 0
     driver: int = 1
     dialect: str = "v1"
     control: str = ""
@@ -79,6 +82,8 @@ class ConnectionSpec:
             raise InvalidValue(tr("the time-out must be 0 (default) to 3,600,000 ms, not {value}", value=self.timeout))
         if not 1 <= self.tries <= 7:
             raise InvalidValue(tr("the number of attempts must be 1 to 7, not {value}", value=self.tries))
+        if not 0 <= self.robot <= _LAST_ROBOT:
+            raise InvalidValue(tr("the number of the robot must be 0 or 1, not {value}", value=self.robot))
         if self.dialect not in ("v1", "v2"):
             raise InvalidValue(tr("the dialect must be v1 or v2, not {value}", value=self.dialect))
         return self

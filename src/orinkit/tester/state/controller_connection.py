@@ -85,8 +85,17 @@ class ControllerConnection(Connection):
         controller = self.controller
         async with self._lock:
             if self._robot is None:
-                self._robot = await controller.robot(self.robot_name)
+                self._robot = await self.robot_of(controller)
             return self._robot
+
+    async def robot_of(self, controller: AsyncController) -> AsyncRobot:
+        """Return a new object for the robot of this connection, over another connection to the same controller.
+
+        Raises:
+            OrinError: If the controller does not have the robot.
+        """
+        option = f"ID={self.spec.robot}" if self.spec.robot else ""
+        return await controller.robot(self.robot_name, option)
 
     async def connect_another(self, *, trace: bool = False, **options: Any) -> AsyncController:
         """Open a further connection to the same controller, with the same parameters.
@@ -140,7 +149,7 @@ class ControllerConnection(Connection):
         controller = await self.monitor()
         async with self._lock:
             if self._second_robot is None:
-                self._second_robot = await controller.robot(self.robot_name)
+                self._second_robot = await self.robot_of(controller)
             return self._second_robot
 
     async def stop_motion(self) -> None:

@@ -152,7 +152,7 @@ class SlaveMove:
             return
         controller = await connection.connect_another()
         try:
-            await self._sequence(await controller.robot(connection.robot_name))
+            await self._sequence(await connection.robot_of(controller))
         finally:
             await controller.close()
 

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 from orinkit.core.i18n import tr
@@ -163,11 +163,38 @@ class CyclePacer:
         self._server_lag = 0.0  # the share of _lag that the server has caused, s
         self._lag_expires_at = 0  # number of the cycle after which the lag is disregarded
 
+    def begin(self) -> None:
+        """Begin to decide about the cycles, together with the pacers of other arms."""
+        others = _pacers_of(self._cycles)
+        self._cycles.pace = CommonPace([*others, self]) if others else self
+
+    def end(self) -> None:
+        """End to decide about the cycles."""
+        others = [each for each in _pacers_of(self._cycles) if each is not self]
+        self._cycles.pace = CommonPace(others) if len(others) > 1 else next(iter(others), None)
+
     def __call__(self, due: int) -> int:
         """Return how many of the due cycles to run now; 0 to wait."""
+        return self.cycles_to_run(due) if self.ready(due) else 0
+
+    @property
+    def starving(self) -> bool:
+        """True if the next cycle needs a set-point and there is none."""
+        return self._slave.starving
+
+    def ready(self, due: int) -> bool:
+        """Return True if all input that matters for the next cycle has been processed; otherwise request it."""
         slave = self._slave
-        if (slave.starving or (slave.overwrites and (slave.moving or due > 1))) and not self._input_drained():
-            return 0
+        matters = slave.starving or (slave.overwrites and (slave.moving or due > 1))
+        return not matters or self._input_drained()
+
+    def require_input(self) -> None:
+        """Disregard the input that has been processed so far, because no cycle was run."""
+        self._drain_request = None
+
+    def cycles_to_run(self, due: int) -> int:
+        """Return how many of the due cycles to run now, after :meth:`ready`; 0 to wait."""
+        slave = self._slave
         self._drain_request = None
         late = self._server_late()
         if late > _TOLERANCE and self._waited is None:
@@ -273,10 +300,17 @@ class CyclePacer:
             seconds: The increase, in seconds of the clock.
             by_server: True if the server caused the increase, False if the client did.
         """
+        self.note_lag(seconds, by_server=by_server)
+        self._cycles.delay(seconds)
+        for other in _pacers_of(self._cycles):
+            if other is not self:  # the clients of other arms have not caused it
+                other.note_lag(seconds, by_server=True)
+
+    def note_lag(self, seconds: float, *, by_server: bool) -> None:
+        """Record that the cycles are delayed; the arguments are those of :meth:`_add_lag`."""
         self._lag = min(max(0.0, self._lag + seconds), _MAX_LAG)
         self._server_lag = min(max(0.0, self._server_lag + seconds * by_server), self._lag)
         self._lag_expires_at = self._cycles.number + _LAG_LIFETIME
-        self._cycles.delay(seconds)
 
     def _catch_up_cycles(self, late: float) -> int:
         """Return the number of cycles for the move to the newest set-point in mode 1.
@@ -290,3 +324,37 @@ class CyclePacer:
         if count > 1 and self._server_lag + late > _HALF * PERIOD:
             self._slave.lenient_cycles = count + _EXTRA_LENIENT_CYCLES
         return max(1, count)
+
+
+class CommonPace:
+    """Decides how many cycles to run while several arms of a controller are in slave mode.
+
+    The arms share the controller's time. If it waits for a set-point of one arm, all arms wait.
+
+    Args:
+        pacers: The pacers of the arms.
+    """
+
+    def __init__(self, pacers: Sequence[CyclePacer]) -> None:
+        self.pacers = tuple(pacers)
+
+    def __call__(self, due: int) -> int:
+        """Return how many of the due cycles to run now; 0 to wait."""
+        if not all(each.ready(due) for each in self.pacers):  # every one of them requests its input
+            return 0
+        count = due
+        for pacer in sorted(self.pacers, key=lambda each: not each.starving):  # those that may wait are first
+            count = min(count, pacer.cycles_to_run(due))
+            if count == 0:
+                for each in self.pacers:
+                    each.require_input()
+                return 0
+        return count
+
+
+def _pacers_of(cycles: ControlLoop) -> Sequence[CyclePacer]:
+    """Return the pacers that decide about the cycles at present."""
+    pace = cycles.pace
+    if isinstance(pace, CommonPace):
+        return pace.pacers
+    return (pace,) if isinstance(pace, CyclePacer) else ()

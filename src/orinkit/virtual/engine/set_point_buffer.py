@@ -186,11 +186,13 @@ class SetPointBuffer(ABC):
             strict: True for strict time: the controller does not wait for late set-points.
         """
         self.lenient_cycles = 0
-        self._pace = self._cycles.pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
+        self._pace = CyclePacer(self._cycles, self, when_input_processed, strict=strict)
+        self._pace.begin()
 
     def _close(self) -> list[Deferred[Value]]:
         """End the stream and clear the buffer; return the deferred replies of the calls that still wait for room."""
-        self._cycles.pace = None
+        if self._pace is not None:
+            self._pace.end()
         self._buffer.clear()
         waiting, self._waiting = self._waiting, deque()
         return [each.deferred for each in waiting]

@@ -1,4 +1,4 @@
-"""The connection context of a client: its name, its address, and its access rights."""
+"""The connection context of a client: its name, its address, its access rights, and the robot that it addresses."""
 
 from __future__ import annotations
 
@@ -9,28 +9,55 @@ from orinkit.core.errors import CallError, error_for
 from orinkit.virtual.engine.elastic_time import WhenInputProcessed
 from orinkit.virtual.rc8.permission import AccessRight
 from orinkit.virtual.rc8.robot.slave_mode.formats import Formats
+from orinkit.virtual.rc8.robot.sync_block import SyncBlock
+from orinkit.virtual.rc8.robot.unit import RobotUnit
 from orinkit.virtual.rc8.state import Origin, RC8State
 from orinkit.virtual.rc8.switches import Switches
 
 
+@dataclass(slots=True)
+class ClientData:
+    """Data that the contexts of one client share.
+
+    Attributes:
+        contexts: The contexts, by the number of the robot.
+        sync: The motions that the client has commanded since SyncTimeStart or SyncMoveStart; otherwise None.
+    """
+
+    contexts: tuple[ClientContext, ...] = ()
+    sync: SyncBlock | None = None
+
+
 @dataclass(frozen=True, slots=True, eq=False)  # compared by identity, because one particular instance holds the arm
 class ClientContext:
-    """One client's connection to the controller; shared by every object that the client holds.
+    """One client's connection to the controller, seen from one robot.
+
+    It is shared by every object that the client holds for this robot; objects that belong to no robot have the context
+    of the first robot. The context is the operator of the robot's arm: the client takes the semaphore of each arm
+    separately.
 
     Attributes:
         state: The controller.
+        robot: The robot.
         origin: Name and address of the client, for the logs.
         access: Access rights of the client.
+        client: Data that the contexts of this client share.
         when_input_processed: Function that invokes a callback after all data received from the client so far has been
             processed (:class:`orinkit.cao.provider.ClientInfo`); ``None`` if data is always processed immediately.
         formats: Formats of the arguments and results of the client's slvMove calls.
     """
 
     state: RC8State
+    robot: RobotUnit
     origin: Origin
     access: AccessRight
+    client: ClientData
     when_input_processed: WhenInputProcessed | None = None
     formats: Formats = field(default_factory=Formats)
+
+    def of_robot(self, number: int) -> ClientContext:
+        """Return the context of this client for another robot."""
+        return self.client.contexts[number]
 
     def require_read(self) -> None:
         """Raise an exception unless the client has the right to read.
@@ -56,7 +83,7 @@ class ClientContext:
         Raises:
             CallError: REFUSED_IN_SLAVE_MODE.
         """
-        if self.state.arm.slave.owner is self:
+        if any(each.robot.arm.slave.owner is each for each in self.client.contexts):
             raise self._refused(hresult.REFUSED_IN_SLAVE_MODE)
 
     # --- the protocol Operator (orinkit.virtual.rc8.robot.arm_owner) --------------------------------------------------
@@ -79,3 +106,14 @@ class ClientContext:
 
     def _refused(self, code: int) -> CallError:
         return error_for(code, self.origin.address)
+
+
+def open_context(
+    state: RC8State, origin: Origin, access: AccessRight, when_input_processed: WhenInputProcessed | None = None
+) -> ClientContext:
+    """Return the context of a new client for the first robot; it knows those for the other robots."""
+    client = ClientData()
+    client.contexts = tuple(
+        ClientContext(state, robot, origin, access, client, when_input_processed) for robot in state.robots
+    )
+    return client.contexts[0]

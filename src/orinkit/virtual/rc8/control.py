@@ -24,11 +24,12 @@ from orinkit.cao.provider import BlockingCall, ClientInfo, ControllerObject, Def
 from orinkit.cao.shared_secret import SecretAttempts, check_secret
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
-from orinkit.core.i18n import tr
+from orinkit.core.i18n import quoted, tr
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.provider import VirtualRC8
 from orinkit.virtual.rc8.robot import parameters
+from orinkit.virtual.rc8.robot.waiting_calls import all_of
 from orinkit.virtual.rc8.switches import ModeSwitch
 from orinkit.virtual.rc8.variables import conversion
 
@@ -42,6 +43,7 @@ logger = logging.getLogger("orinkit.rc8")
 # safe, because a secret has at least 16 characters.
 _HELD: Final = 8
 _SECRET_OPTION: Final = "secret"  # noqa: S105 - the name of the option, not a secret
+_ROBOT_OPTION: Final = "robot"
 _LONGEST: Final = 500  # maximum length of a string in characters; the rest is cut off
 # of a surface: pose, size, stiffness, damping, friction, thickness, radius
 _SURFACE_DEFAULTS: Final = (0.0,) * 6 + (200.0, 200.0, 10.0, 0.0, 0.0, 100.0, 0.0)
@@ -82,14 +84,32 @@ class ControlProvider(Provider):
         If the refusal has to be delayed, return a call that raises the exception after the delay.
 
         Raises:
-            CallError: E_ACCESSDENIED if the client is on another machine, or if its secret is missing or wrong.
+            CallError: E_ACCESSDENIED if the client is on another machine, or if its secret is missing or wrong;
+                E_CAO_OBJECT_NOTFOUND if its robot does not exist.
         """
         if not _is_here(client):
             raise error_for(hresult.E_ACCESSDENIED, client.address)
         given = Options(option)
         if _SECRET_OPTION in given.repeated or not self._is_right(given.text_of(_SECRET_OPTION)):
             return self._refuse(given=_SECRET_OPTION in given)
-        return ControlPanel(self._rc8, name, client.describe_error)
+        return ControlPanel(self._rc8, name, client.describe_error, self._robot(given))
+
+    def _robot(self, given: Options) -> int | None:
+        """Return the number of the robot in the option ``Robot``, or None.
+
+        Raises:
+            CallError: E_CAO_OBJECT_NOTFOUND if the robot does not exist.
+        """
+        text = given.text_of(_ROBOT_OPTION).strip()
+        if not text:
+            return None
+        last = len(self._rc8.state.robots) - 1
+        if not text.isdecimal() or int(text) > last:
+            raise error_for(
+                hresult.E_CAO_OBJECT_NOTFOUND,
+                tr("robot {number} does not exist; robots: 0 to {last}", number=quoted(text), last=last),
+            )
+        return int(text)
 
     def _is_right(self, given: str) -> bool:
         return hmac.compare_digest(given.encode("utf-8", "replace"), self.secret.encode())
@@ -143,14 +163,23 @@ class ControlPanel(ControllerObject):
         rc8: The controller.
         name: Name that the client has chosen.
         describe_error: The client's :attr:`ClientInfo.describe_error`.
+        robot: Number of the robot that the client has chosen; ``None`` if it has not chosen one.
 
     Attributes:
         rc8: The controller.
+        chosen: Number of the robot that the client has chosen, or ``None``: Motor then concerns all robots.
+        robot: The robot to which the buttons of one robot belong; the first one by default.
+        workspace: The surroundings of its arm.
     """
 
-    def __init__(self, rc8: VirtualRC8, name: str, describe_error: Callable[[int], str]) -> None:
+    def __init__(
+        self, rc8: VirtualRC8, name: str, describe_error: Callable[[int], str], robot: int | None = None
+    ) -> None:
         super().__init__(name, help=rc8.state.say("Buttons of a virtual RC8"))
         self.rc8 = rc8
+        self.chosen = robot
+        self.robot = rc8.state.robots[robot or 0]
+        self.workspace = rc8.workspaces[robot or 0]
         self._describe_error = describe_error
 
     def execute(self, command: str, parameter: Variant) -> Any:
@@ -217,15 +246,18 @@ def _deadman(panel: ControlPanel, parameter: Variant) -> None:
 def _motor(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
     given = parameters.elements(parameter)
     on, wait = _flag(given, 0, missing=True), _flag(given, 1, missing=False)
-    panel.rc8.pendant.motor(on)
-    # The motor is already switching. A second call only returns another Deferred of the same switching.
-    return panel.rc8.state.arm.switch_motor(on) if wait else None
+    panel.rc8.pendant.motor(on, robot=panel.chosen)
+    if not wait:
+        return None
+    # The motors are already switching. A second call only returns another Deferred of the same switching.
+    robots = panel.rc8.state.robots if panel.chosen is None else (panel.robot,)
+    return all_of([robot.arm.switch_motor(on) for robot in robots])
 
 
 def _jog(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
     axis, distance, wait = parameters.numbers(parameter, None, None, 0)
-    ticket = panel.rc8.pendant.jog(parameters.whole(axis), distance, operator=panel)
-    return panel.rc8.state.arm.when_done(ticket) if wait else None
+    ticket = panel.rc8.pendant.jog(parameters.whole(axis), distance, operator=panel, robot=panel.robot.number)
+    return panel.robot.arm.when_done(ticket) if wait else None
 
 
 def _raise_error(panel: ControlPanel, parameter: Variant) -> None:
@@ -250,8 +282,10 @@ def _status(panel: ControlPanel, _: Variant) -> str:
     rc8 = panel.rc8
     state = rc8.state
     time = state.calendar.now().isoformat(" ", "seconds")
-    hand, workspace = state.hand.status(), rc8.workspace.status()
-    return json.dumps({**rc8.pendant.status(), "time": time, "hand": hand, "workspace": workspace})
+    hand, workspace = state.hand.status(), panel.workspace.status()
+    return json.dumps(
+        {**rc8.pendant.status(robot=panel.robot.number), "time": time, "hand": hand, "workspace": workspace}
+    )
 
 
 def _workpiece(panel: ControlPanel, parameter: Variant) -> None:
@@ -270,7 +304,7 @@ def _surface(panel: ControlPanel, parameter: Variant) -> None:
     given = parameters.elements(parameter)
     name = _text(_first(parameter))
     if len(given) == 1:
-        panel.rc8.workspace.remove(name)
+        panel.workspace.remove(name)
         return
     values = [conversion.double(each) for each in given[1:]]
     if not 6 <= len(values) <= len(_SURFACE_DEFAULTS):
@@ -282,7 +316,7 @@ def _surface(panel: ControlPanel, parameter: Variant) -> None:
         )
     values += _SURFACE_DEFAULTS[len(values) :]
     x, y, stiffness, damping, friction, thickness, radius = values[6:]
-    panel.rc8.workspace.place(
+    panel.workspace.place(
         name, values[:6], size=(x, y), stiffness=stiffness, damping=damping, friction=friction, thickness=thickness,
         radius=radius,
     )  # fmt: skip
@@ -292,10 +326,10 @@ def _fence(panel: ControlPanel, parameter: Variant) -> None:
     """Set one fence: six numbers of a pose, three of a size, and True to stay inside; without numbers, remove all."""
     given = parameters.elements(parameter)
     if not given:
-        panel.rc8.workspace.fence()
+        panel.workspace.fence()
         return
     values = parameters.numbers(parameter, *(None,) * 9, 1.0)
-    panel.rc8.workspace.fence((values[:6], values[6:9], bool(values[9])))
+    panel.workspace.fence((values[:6], values[6:9], bool(values[9])))
 
 
 def _scene(panel: ControlPanel, parameter: Variant) -> None:
@@ -307,19 +341,19 @@ def _scene(panel: ControlPanel, parameter: Variant) -> None:
         raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
     number, sub, tool, work, speed = [*values, *(-1.0,) * (5 - len(values))]
     whole = parameters.whole
-    panel.rc8.workspace.scene(whole(number), whole(sub), name=name, tool=whole(tool), work=whole(work), speed=speed)
+    panel.workspace.scene(whole(number), whole(sub), name=name, tool=whole(tool), work=whole(work), speed=speed)
 
 
 def _press(panel: ControlPanel, parameter: Variant) -> None:
-    panel.rc8.workspace.press(*parameters.whole_numbers(parameter, None))
+    panel.workspace.press(*parameters.whole_numbers(parameter, None))
 
 
 def _lose_calibration(panel: ControlPanel, _: Variant) -> None:
-    panel.rc8.workspace.lose_calibration()
+    panel.workspace.lose_calibration()
 
 
 def _save_path(panel: ControlPanel, parameter: Variant) -> Deferred[None] | None:
-    return panel.rc8.state.disk.run(panel.rc8.workspace.path_writer(*parameters.whole_numbers(parameter, None)))
+    return panel.rc8.state.disk.run(panel.workspace.path_writer(*parameters.whole_numbers(parameter, None)))
 
 
 _BUTTONS: Final[dict[str, Callable[[ControlPanel, Variant], Any]]] = {

@@ -14,6 +14,7 @@ from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion import planner
 from orinkit.virtual.engine.motion.planner import Rates
 from orinkit.virtual.engine.motion.queue import Ticket, TicketState
+from orinkit.virtual.rc8.robot.unit import RobotUnit
 from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Token
 from orinkit.virtual.rc8.variables.types import CLASSES
@@ -71,30 +72,38 @@ class Pendant:
             self._state.switches.deadman = bool(on)
             self._holder = operator if on else None
             if not on and self._state.switches.mode is not ModeSwitch.AUTOMATIC:
-                self._state.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
+                self._state.robots.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
 
-    def motor(self, on: bool = True) -> None:
+    def motor(self, on: bool = True, *, robot: int | None = None) -> None:
         """Begin to switch the motor on, which takes about 1 s, or off, which takes about 0.3 s.
+
+        Args:
+            on: True to switch it on, False to switch it off.
+            robot: Number of a robot; ``None`` for all robots.
 
         Raises:
             CallError: EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT, MOTOR_SWITCHING_OFF,
                 MOTOR_OFF_WHILE_MOVING; outside automatic mode, E_ACCESSDENIED if the enable switch is not held.
+            ValueError: If the robot does not exist.
         """
+        arms = [each.arm for each in self._state.robots] if robot is None else [self._robot(robot).arm]
         with self._state.cycles:
             if on:
                 self._require_safe()
                 self._require_enabled()
-            elif self._state.arm.busy:
+            elif any(arm.busy for arm in arms):
                 raise error_for(hresult.MOTOR_OFF_WHILE_MOVING)
-            self._state.arm.switch_motor(on)
+            for arm in arms:
+                arm.switch_motor(on)
 
-    def jog(self, axis: int, distance: float, *, operator: object = None) -> Ticket:
+    def jog(self, axis: int, distance: float, *, operator: object = None, robot: int = 0) -> Ticket:
         """Move one axis at a tenth of its largest velocity, in manual or teach-check mode with the enable switch held.
 
         Args:
             axis: Number of the axis, from 1.
             distance: Distance, deg; mm for a linear axis.
             operator: Object that identifies the operator for :meth:`lose_operator`.
+            robot: Number of the robot.
 
         Returns:
             The ticket of the motion; ``ticket.state`` is the progress of the motion.
@@ -103,10 +112,10 @@ class Pendant:
             CallError: REFUSED_IN_AUTO_MODE; EMERGENCY_STOP_ON, PROTECTIVE_STOP_ON, ERROR_PRESENT; E_ACCESSDENIED if the
                 enable switch is not held; MOTOR_NOT_ON; ROBOT_PAUSED; ROBOT_MOVING; MANUAL_SOFT_LIMIT_AXISn if the
                 target is outside the soft limits of axis n.
-            ValueError: If the axis does not exist.
+            ValueError: If the axis or the robot does not exist.
         """
+        arm = self._robot(robot).arm
         with self._state.cycles:
-            arm = self._state.arm
             if not 1 <= axis <= len(arm.model.axes):
                 count = len(arm.model.axes)
                 raise ValueError(tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=count))
@@ -152,14 +161,16 @@ class Pendant:
         with self._state.cycles:
             self._state.variables.write(CLASSES[kind], index, Variant(int(VarType.R8) | ARRAY, list(values)))
 
-    def speed(self, percent: float) -> None:
+    def speed(self, percent: float, *, robot: int = 0) -> None:
         """Set the external speed in %, and external acceleration and deceleration to the default (speed squared / 100).
 
         Raises:
             CallError: VALUE_OUT_OF_RANGE.
+            ValueError: If the robot does not exist.
         """
+        arm = self._robot(robot).arm
         with self._state.cycles:
-            self._state.arm.speeds.set_external(percent)
+            arm.speeds.set_external(percent)
 
     def slave_limit(self, number: int) -> None:
         """Set the parameter "153: b-CAP Slave speed setting" (RC8 4.8): the limit of commands in slave mode.
@@ -216,10 +227,18 @@ class Pendant:
         """
         self._state.restart()
 
-    def status(self) -> Mapping[str, object]:
-        """Return the state of switches, arm and programs as a mapping that can be converted to JSON."""
+    def status(self, *, robot: int = 0) -> Mapping[str, object]:
+        """Return the state of switches, arm and programs as a mapping that can be converted to JSON.
+
+        Args:
+            robot: Number of the robot to which the items of the arm belong.
+
+        Raises:
+            ValueError: If the robot does not exist.
+        """
+        arm = self._robot(robot).arm
         with self._state.cycles:
-            switches, arm = self._state.switches, self._state.arm
+            switches = self._state.switches
             return {
                 "mode": switches.mode.name.lower(),
                 "token": str(switches.token),
@@ -239,6 +258,12 @@ class Pendant:
                 "slave_mode": arm.slave.mode.number if arm.slave.mode else 0,
                 "slave_limit": int(switches.slave_limit),
             }
+
+    def _robot(self, number: int) -> RobotUnit:
+        count = len(self._state.robots)
+        if not 0 <= number < count:
+            raise ValueError(tr("robot {number} does not exist; robots: 0 to {last}", number=number, last=count - 1))
+        return self._state.robots[number]
 
     def _require_enabled(self) -> None:
         """Raise E_ACCESSDENIED if the mode is not automatic and the enable switch is not held."""

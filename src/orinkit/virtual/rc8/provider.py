@@ -16,7 +16,7 @@ from orinkit.core.i18n import Language, tr
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.rc8.user_io_unit import UserIoUnit, read_unit
 from orinkit.virtual.clock import Clock
-from orinkit.virtual.rc8.client_context import ClientContext
+from orinkit.virtual.rc8.client_context import open_context
 from orinkit.virtual.rc8.objects.controller import RC8Controller
 from orinkit.virtual.rc8.pendant import Pendant
 from orinkit.virtual.rc8.permission import Permission
@@ -49,10 +49,12 @@ class VirtualRC8(Provider):
         model: The arm: a name of :data:`orinkit.arms.MODEL_NAMES`, a TOML file, or an
             :class:`~orinkit.arms.ArmModel`; the usual arm of the controller if not given.
         type_name: Type name of the arm (``@TYPE_NAME``, GetRobotTypeName); that of the model if not given.
+        second_model: The arm of a second robot (``ID=1``), as for ``model``; by default there is one robot.
         mode: Initial position of the mode switch.
         token: The executable token: a :class:`Token`, or its text (:meth:`Token.parse`).
-        motor: True if the motor is on initially.
+        motor: True if the motors are on initially.
         joints: Initial joint position, deg; the home pose if not given.
+        second_joints: Initial joint position of the second robot, deg; the home pose if not given.
         samples: Put the sample programs into the file store if it is empty.
         slave_licence: True if the licence of the slave function is registered; without it slave mode is refused.
         slave_limit: Limit of commands in slave mode: a :class:`SlaveLimit`, or its number 0 to 3.
@@ -79,7 +81,8 @@ class VirtualRC8(Provider):
     Attributes:
         state: State shared by all clients: :class:`~orinkit.virtual.rc8.state.RC8State`.
         pendant: The pendant, operated by tests and by users.
-        workspace: The surroundings of the arm, set by tests and by users.
+        workspace: The surroundings of the arm of the first robot, set by tests and by users.
+        workspaces: The surroundings of each arm.
 
     Raises:
         ValueError: If a count, class, board, language, controller, model, mode, token or limit is not valid, or if the arm
@@ -99,10 +102,12 @@ class VirtualRC8(Provider):
         controller: str = "rc8",
         model: str | os.PathLike[str] | ArmModel | None = None,
         type_name: str | None = None,
+        second_model: str | os.PathLike[str] | ArmModel | None = None,
         mode: int = ModeSwitch.AUTOMATIC,
         token: Token | str = ANYONE,
         motor: bool = False,
         joints: Sequence[float] | None = None,
+        second_joints: Sequence[float] | None = None,
         samples: bool = True,
         slave_licence: bool = True,
         slave_limit: int = SlaveLimit.SERVO,
@@ -143,7 +148,11 @@ class VirtualRC8(Provider):
             user_io_unit=read_unit(user_io_unit),
         )
         profile = find_profile(controller)
-        arm = _arm(profile.model if model is None else model, type_name)
+        arms = [_arm(profile.model if model is None else model, type_name)]
+        if second_model is not None:
+            arms.append(_arm(second_model, None))
+        elif second_joints is not None:
+            raise ValueError(tr("second_joints requires second_model"))
         self._forget: Callable[[], object] = lambda: None
         if state is None:
             scratch = TemporaryDirectory()
@@ -162,30 +171,33 @@ class VirtualRC8(Provider):
                 counts=counts,
                 io_points=io_points,
                 store=store,
-                model=arm,
+                models=arms,
                 files=directory / _FILES,
                 switches=switches,
                 hands=hands,
             )
-            if joints is not None:
-                self.state.arm.place(joints)
+            for robot, position in zip(self.state.robots, (joints, second_joints), strict=False):
+                if position is not None:
+                    robot.arm.place(position)
         except BaseException:
             if store is not None:
                 store.close()
             raise
         if motor:
-            self.state.arm.motor.state = MotorState.ON
+            for robot in self.state.robots:
+                robot.arm.motor.state = MotorState.ON
         if samples and not self.state.files.names(""):
             for name, text in sample_programs().items():
                 self.state.files.write(name, text.encode())
         self.guard = self.state.cycles
         self.pendant = Pendant(self.state)
-        self.workspace = Workspace(self.state)
+        self.workspaces = tuple(Workspace(self.state, robot) for robot in self.state.robots)
+        self.workspace = self.workspaces[0]
 
     def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
         """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
-        context = ClientContext(self.state, Origin(name, client.address), access, client.when_input_processed)
+        context = open_context(self.state, Origin(name, client.address), access, client.when_input_processed)
         if client.disconnect is not None:
             self.state.connections[context] = client.disconnect
         return RC8Controller(context, option)
@@ -226,7 +238,10 @@ class VirtualRC8(Provider):
 
     @property
     def set_point_lateness(self) -> Lateness:
-        """Number and delays of the late set-points in the current stream; in the last stream if slave mode is off."""
+        """Number and delays of the late set-points in the current stream; in the last stream if slave mode is off.
+
+        They are those of the first robot.
+        """
         with self.guard:
             return self.state.arm.slave.lateness(0)
 

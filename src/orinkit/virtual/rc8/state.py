@@ -8,7 +8,7 @@ themselves, so they are thread-safe.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import IntEnum
@@ -35,8 +35,9 @@ from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.profiles import Profile
 from orinkit.virtual.rc8.robot.arm import RC8Arm
-from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.robot.moves import Moves
+from orinkit.virtual.rc8.robot.unit import RobotUnit
+from orinkit.virtual.rc8.robots import Robots
 from orinkit.virtual.rc8.starts import START_LIMITS
 from orinkit.virtual.rc8.switches import ModeSwitch, Switches, Token
 from orinkit.virtual.rc8.task import Task
@@ -126,14 +127,15 @@ class RC8State:
         counts: Number of variables of each class.
         io_points: Number of I/O points.
         store: Database of the variables, or ``None`` to keep them in memory only.
-        model: The arm model.
+        models: The model of each arm.
         files: Directory of the controller's files.
         switches: Initial state of the switches, and settings such as ``strict``.
         hands: Numbers of the boards for electric grippers that are fitted.
 
     Attributes:
         cycles: The 8 ms control loop, which is also the lock of the whole state.
-        arm, moves: The arm, and the planner of its motions.
+        robots: The robots.
+        arm, moves: The arm of the first robot, on which programs act, and the planner of its motions.
         planning: The thread in which motions are planned.
         disk: The thread in which the files are accessed.
         compiling: The thread in which programs are compiled.
@@ -157,7 +159,7 @@ class RC8State:
         counts: Mapping[str, int] | None,
         io_points: int,
         store: VariableDatabase | None,
-        model: ArmModel,
+        models: Sequence[ArmModel],
         files: Path,
         switches: Switches,
         hands: Iterable[int] = (0,),
@@ -179,24 +181,21 @@ class RC8State:
         self.cycles = ControlLoop(clock)
         self.disk = Lane("orinkit-disk", clock)
         self.files = FileStore(files, self.calendar.now)
-        self.arm = RC8Arm(
-            model, self.cycles, self.switches, self.faults, self.variables, lambda: self.last_cycle_time,
-            self._motion_fault,
-        )  # fmt: skip
+        self.planning = Lane("orinkit-planning", clock)
+        self.robots = Robots([self._robot(number, model) for number, model in enumerate(models)])
+        self.arm, self.moves = self.robots[0].arm, self.robots[0].moves
         self.hands = Hands(self.cycles, self.switches, hands)
         self.timers = Timers(self.cycles)
         self.login_level = LOGIN_LEVEL
-        self.planning = Lane("orinkit-planning", clock)
-        self.moves = Moves(self.arm, self.cycles, self.planning, self.variables, self._motion_fault)
         self.compiling = Lane("orinkit-compiling", clock, START_LIMITS)
         self.tasks = Tasks(
             self.cycles, self.arm, self.moves, self.variables, self.files,
             lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
-        self.usage = Usage(
-            lambda: self.seconds, lambda: self.tasks.running > 0 or self.arm.busy, lambda: self.arm.motor.on
-        )
-        self.cycles.add(self.tasks, self.arm, self.hands, self.timers, self.usage, on_error=self._crashed)
+        moving, motor_on = self.robots.activity()
+        self.usage = Usage(lambda: self.seconds, lambda: self.tasks.running > 0 or moving(), motor_on)
+        arms = [robot.arm for robot in self.robots]
+        self.cycles.add(self.tasks, *arms, self.hands, self.timers, self.usage, on_error=self._crashed)
 
     @property
     def seconds(self) -> float:
@@ -270,9 +269,9 @@ class RC8State:
             return
         motion = hresult.family(code) in (CodeFamily.MOTION, CodeFamily.SERVO)
         if level >= _CUTTING_LEVEL or (motion and level >= _CUTTING_MOTION_LEVEL):
-            self.arm.stop_and_power_off(code)
+            self.robots.stop_and_power_off(code)
         else:
-            self.arm.stop(code)
+            self.robots.stop(code)
         self.tasks.stop_all()
 
     def clear_errors(self, origin: Origin = _NOBODY) -> None:
@@ -290,9 +289,9 @@ class RC8State:
     def restart(self) -> None:
         """Reset errors, motor, motions and programs, as if switched off and on; the clients are disconnected."""
         with self.cycles:
-            self.arm.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
+            self.robots.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.power_on()
-            self.arm.give()
+            self.robots.give()
             self.hands.power_on()
             self.usage.power_on()
             self.faults.clear()
@@ -380,25 +379,13 @@ class RC8State:
         with self.cycles:
             if bool(on) is self.switches.machine_lock:
                 return
-            if self.arm.motor.state is not MotorState.OFF:
-                raise error_for(hresult.MOTOR_IS_ON)
-            self.arm.lock(bool(on))
+            self.robots.require_motors_off()
+            self.robots.lock(bool(on))
             text = self.say("Machine lock on") if on else self.say("Machine lock off")
             self.log(Operation.MACHINE_LOCK, text, origin)
 
-    def lose_calibration(self) -> None:
-        """Lose the reference positions of the encoders, as after a change of their battery.
-
-        Raises:
-            CallError: MOTOR_IS_ON if the motor is not off.
-        """
-        with self.cycles:
-            if self.arm.motor.state is not MotorState.OFF:
-                raise error_for(hresult.MOTOR_IS_ON)
-            self.arm.hardware.calibrated = False
-
     def _halt_all(self, code: int) -> None:
-        self.arm.stop_and_power_off(code)
+        self.robots.stop_and_power_off(code)
         self.tasks.stop_all()
 
     def load_program(self, task: Task, origin: Origin) -> Program:
@@ -420,6 +407,16 @@ class RC8State:
                 with self.cycles:
                     self.faults.log.add(record)
             raise
+
+    def _robot(self, number: int, model: ArmModel) -> RobotUnit:
+        def fault(code: int, detail: str) -> None:
+            self._motion_fault(code, f"{unit.name}: {detail}".rstrip(": ") if number else detail)
+
+        arm = RC8Arm(
+            model, self.cycles, self.switches, self.faults, self.variables, lambda: self.last_cycle_time, fault
+        )
+        unit = RobotUnit(number, arm, Moves(arm, self.cycles, self.planning, self.variables, fault))
+        return unit
 
     def _motion_fault(self, code: int, detail: str) -> None:
         text = self.faults.default_message(code)
@@ -458,7 +455,7 @@ class RC8State:
         """Stop the controller and close the database of the variables."""
         self.cycles.close()
         with self.cycles:
-            self.arm.close()
+            self.robots.close()
             self.hands.stop(hresult.E_ABORT)
             self.tasks.close()
             self.variables.close()

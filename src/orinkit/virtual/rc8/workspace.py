@@ -1,34 +1,42 @@
-"""The surroundings of the arm of a virtual controller, set by tests and users: surfaces, fences, scenes, buttons."""
+"""The surroundings of an arm of a virtual controller, set by tests and users: surfaces, fences, scenes, buttons."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from orinkit.core.errors import CallError
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.objects.device_commands import path_file, path_text
 from orinkit.virtual.rc8.robot.hardware.areas import Box, Fence
 from orinkit.virtual.rc8.robot.hardware.arm_hardware import BUTTONS, ArmHardware
 from orinkit.virtual.rc8.robot.hardware.contact import CompliantSurface
 from orinkit.virtual.rc8.robot.hardware.scenes import Scene
+from orinkit.virtual.rc8.robot.motor import MotorState
+from orinkit.virtual.rc8.robot.unit import RobotUnit
 from orinkit.virtual.rc8.state import RC8State
 
 _LONGEST_NAME: Final = 64
 
 
 class Workspace:
-    """The surroundings of the arm. Every method is thread-safe.
+    """The surroundings of an arm. Every method is thread-safe.
 
     If an argument is not valid, a method raises :class:`ValueError`.
+
+    Args:
+        state: The controller.
+        robot: The robot to which the arm belongs.
     """
 
-    def __init__(self, state: RC8State) -> None:
+    def __init__(self, state: RC8State, robot: RobotUnit) -> None:
         self._state = state
+        self._robot = robot
 
     @property
     def _hardware(self) -> ArmHardware:
-        return self._state.arm.hardware
+        return self._robot.arm.hardware
 
     def place(
         self,
@@ -104,7 +112,7 @@ class Workspace:
         Raises:
             ValueError: If a number is not valid.
         """
-        space = self._state.arm.space
+        space = self._robot.arm.space
         with self._state.cycles:
             try:
                 space.tools.check(tool, -1)
@@ -134,7 +142,10 @@ class Workspace:
         Raises:
             CallError: MOTOR_IS_ON.
         """
-        self._state.lose_calibration()
+        with self._state.cycles:
+            if self._robot.arm.motor.state is not MotorState.OFF:
+                raise error_for(hresult.MOTOR_IS_ON)
+            self._hardware.calibrated = False
 
     def save_path(self, number: int) -> None:
         """Save a path for free curves to its file, from which LoadPathPoint reads it.
@@ -150,7 +161,7 @@ class Workspace:
         Raises:
             CallError: E_INVALIDARG if the path does not exist.
         """
-        moves, files = self._state.moves, self._state.files
+        moves, files = self._robot.moves, self._state.files
         with self._state.cycles:
             targets = moves.path_targets(number)
         return lambda: files.write(path_file(number), path_text([moves.as_position(each) for each in targets]))

@@ -83,12 +83,13 @@ class ConnectionForm:
             self._timeout = ui.number(tr("Time-out (ms)"), min=0, max=3_600_000, precision=0, placeholder=tr("default"))
             self._tries = ui.number(tr("Attempts (UDP, serial)"), value=5, min=1, max=7, precision=0)
             self._token = ui.input(tr("Access token (HTTP)"), password=True)
+            self._robot = ui.number(tr("Robot (ID)"), value=0, min=0, max=1, precision=0)
             self._driver = ui.number(tr("Driver address (CAN)"), value=1, min=1, max=63, precision=0)
             self._dialect = ui.select(["v1", "v2"], label=tr("Dialect (CAN)"), value="v1")
             for field, marker in (
                 (self._provider, "provider"), (self._machine, "machine"), (self._option, "option"),
                 (self._timeout, "timeout"), (self._tries, "tries"), (self._token, "token"),
-                (self._driver, "driver"), (self._dialect, "dialect"),
+                (self._robot, "robot"), (self._driver, "driver"), (self._dialect, "dialect"),
             ):  # fmt: skip
                 field.props("outlined dense debounce=250 maxlength=4000").props(f"data-testid=field-{marker}")
         self._messages = ui.checkbox(tr("Fetch messages (Message)"), value=True).props("data-testid=field-messages")
@@ -139,6 +140,7 @@ class ConnectionForm:
             tries=int(self._tries.value or 1),
             debug=self._debug.value,
             token=self._token.value or "",
+            robot=int(self._robot.value or 0),
             driver=int(self._driver.value or 0),
             dialect=self._dialect.value or "",
         )
@@ -152,6 +154,7 @@ class ConnectionForm:
             self._provider.set_options(list(dict.fromkeys([*_PROVIDERS, spec.provider])), value=spec.provider)
             self._timeout.value, self._tries.value = spec.timeout or None, spec.tries
             self._messages.value, self._debug.value = spec.messages, spec.debug
+            self._robot.value = spec.robot
             self._driver.value, self._dialect.value = spec.driver, spec.dialect
         self._show_scheme()
 

@@ -132,7 +132,7 @@ class Jogging(HeldMotion[JogRequest]):
             return await connection.robot()
         controller: AsyncController = await connection.connect_another()
         await stack.enter_async_context(controller)
-        return await controller.robot(connection.robot_name)
+        return await connection.robot_of(controller)
 
     async def _jog(self) -> None:
         stream = self._stream

@@ -80,9 +80,9 @@ class PendantLink:
 
     async def _execute(self, command: str, parameter: Value) -> Any:
         if self._controller is None:
-            self._controller = await aio.connect(
-                self._spec.control, provider=PROVIDER, option=f"Secret={self._spec.secret}"
-            )
+            robot = f",Robot={self._spec.robot}" if self._spec.robot else ""
+            option = f"Secret={self._spec.secret}{robot}"
+            self._controller = await aio.connect(self._spec.control, provider=PROVIDER, option=option)
         try:
             return await self._controller.execute(command, parameter)
         except CallError:

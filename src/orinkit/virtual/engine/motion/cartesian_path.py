@@ -173,7 +173,7 @@ def curve(points: Sequence[Array]) -> CartesianPath:
         value = spline(u)
         return _frames(_from_quaternions(value[:, 3:]) @ start[:3, :3], value[:, :3], u, end)
 
-    return _measured(frames, min(64 * len(distances), _MAX_PARTS))
+    return measured(frames, min(64 * len(distances), _MAX_PARTS))
 
 
 def angles_between(a: Array, b: Array) -> Array:
@@ -200,7 +200,13 @@ def _even(frames: Callable[[Array], Array], length: float, angle: float) -> Cart
     return CartesianPath(frames, length, angle, length, angle)
 
 
-def _measured(frames: Callable[[Array], Array], parts: int) -> CartesianPath:
+def measured(frames: Callable[[Array], Array], parts: int) -> CartesianPath:
+    """Return the path of a function, whose lengths are measured in a number of parts.
+
+    Args:
+        frames: Function that returns the frames of the TCP, shape (N, 4, 4), at parameters from 0 to 1, shape (N,).
+        parts: Number of parts.
+    """
     samples = frames(np.linspace(0, 1, parts + 1))
     far = np.linalg.norm(np.diff(samples[:, :3, 3], axis=0), axis=1)
     turn = angles_between(samples[:-1], samples[1:])

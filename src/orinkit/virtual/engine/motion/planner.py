@@ -267,6 +267,47 @@ def plan_curve(
     return _plan_course(kinematics, start, course, tool, rates, mark, extra_end)
 
 
+def plan_carried(
+    kinematics: Kinematics, start: Sequence[float], course: CartesianPath, tool: Array, carrier: Motion
+) -> Motion:
+    """Plan the motion of an arm along a path that is given by the motion of another arm.
+
+    Args:
+        kinematics: Kinematics of the arm.
+        start: Joints at the start, one for each axis; axes from the seventh on do not move.
+        course: The path of the TCP, with the same parameter as the path of the other arm.
+        tool: Frame of the TCP relative to the flange.
+        carrier: The motion of the other arm.
+
+    Returns:
+        A motion with the profile of ``carrier``, slowed down as a whole if a limit of the arm requires it.
+
+    Raises:
+        CallError: As for :func:`plan_line`.
+    """
+    model, rates, profile = kinematics.model, carrier.rates, carrier.profile
+    if not profile.knots:
+        return Motion(JointPath(start, start), profile, rates, carrier.mark, 0.0)
+    path = table_path(kinematics, course, tool, tuple(start), None, lambda rows: _hopeless(model, rows, profile, rates))
+    check_end(model, path.end)
+    check_way(model, path)
+    _, velocity, acceleration = profile.states_at(np.linspace(0, profile.duration, _SAMPLES))
+    fast, hard = float(np.abs(velocity).max()), float(np.abs(acceleration).max())
+    accel = max(rates.accel, rates.decel)
+    stretch = max(
+        (
+            max(fast / (limit.velocity * rates.speed), math.sqrt(hard / (limit.acceleration * accel)))
+            for limit in _course_limits(model, course, ())
+        ),
+        default=1.0,
+    )
+    profile = profile.stretched(profile.duration * stretch)
+    profile = _within_joints(model, path, profile, rates)
+    if profile.duration > LONGEST:
+        raise _too_long()
+    return Motion(path, profile, rates, carrier.mark, course.length)
+
+
 @dataclass(frozen=True, slots=True)
 class _Limits:
     """Largest velocity and acceleration of the path parameter, in 1/s and 1/s^2."""

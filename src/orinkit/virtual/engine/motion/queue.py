@@ -29,6 +29,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.motion.brake import Brake
+from orinkit.virtual.engine.motion.coupling import Coupling, nearest_pace
 from orinkit.virtual.engine.motion.joint_path import Joints
 from orinkit.virtual.engine.motion.planner import Motion
 
@@ -42,7 +43,6 @@ _ROUNDING: Final = 1 + 1e-9  # tolerance for motions that reach a limit exactly
 _SAME_JOINTS: Final = 1e-6  # deg or mm
 # deg or mm in a cycle: below the resolution of an encoder, above the rounding errors of the kinematics
 _STILL: Final = 1e-5
-_HALVINGS: Final = 12
 _SAMPLE: Final = 0.004  # s between the samples of two overlapping motions
 _MAX_SAMPLES: Final = 1024
 
@@ -114,6 +114,7 @@ class MotionQueue:
     Attributes:
         joints: The command position, deg or mm.
         state: State of the queue.
+        coupling: The queues in step with this one until standstill; ``None`` if there are none.
     """
 
     def __init__(self, model: ArmModel, joints: Sequence[float], cycle: float = CYCLE) -> None:
@@ -130,6 +131,7 @@ class MotionQueue:
         self._changed: deque[Ticket] = deque()
         self._followed: Joints | None = None  # external command for the next cycle
         self._brake: Brake | None = None
+        self.coupling: Coupling | None = None
         self.state = QueueState.IDLE
         self.joints: Joints = ()
         self.place(joints)
@@ -140,6 +142,11 @@ class MotionQueue:
     def moving(self) -> bool:
         """True if the command position moves, or is about to move."""
         return self.state not in (QueueState.IDLE, QueueState.HELD)
+
+    @property
+    def pace(self) -> float:
+        """Seconds by which the elapsed times of the motions increased in the last cycle."""
+        return self._pace
 
     @property
     def standing(self) -> bool:
@@ -289,11 +296,14 @@ class MotionQueue:
 
     def step(self) -> None:
         """Run one cycle."""
-        self._earlier, self._before = self._before, self.joints
         if self.state is QueueState.FOLLOWING or self.state is QueueState.BRAKING:
+            self._earlier, self._before = self._before, self.joints
             self._step_without_path()
-        elif self.moving:
-            self._pace = self._next_pace()
+        elif not self.moving:
+            self._earlier, self._before = self._before, self.joints
+        else:
+            self._pace = self._next_pace() if self.coupling is None else self.coupling.pace_of(self)
+            self._earlier, self._before = self._before, self.joints
             self.joints = self._joints_after(self._pace)
             self._advance()
             self._change_state()
@@ -311,33 +321,28 @@ class MotionQueue:
             self.state, self._brake = QueueState.IDLE, None
 
     def _next_pace(self) -> float:
+        desired, fraction = self.intended_pace()
         if self.state is QueueState.MOVING:
-            return self._cycle
+            return desired
+        return nearest_pace(desired, self._pace, lambda pace: self.allows(pace, fraction))
+
+    def intended_pace(self) -> tuple[float, float]:
+        """Return the pace that the state requires, s, and the acceleration allowed to reach it, as a fraction."""
+        if self.state is QueueState.MOVING:
+            return self._cycle, 1.0
         if self.state is QueueState.RESUMING:
-            return self._nearest_to(self._cycle, self._fraction_of_running())
-        return self._nearest_to(0.0, self._stop_fraction if self.state is QueueState.STOPPING else 1.0)
+            return self._cycle, self._fraction_of_running()
+        return 0.0, self._stop_fraction if self.state is QueueState.STOPPING else 1.0
 
     def _fraction_of_running(self) -> float:
         """Return the largest acceleration of the running motions, as a fraction of the limits of the arm model."""
         running = [*self._active, self._waiting[0]] if self._begin_at is not None else self._active
         return max((max(each.motion.rates.accel, each.motion.rates.decel) for each in running), default=1.0)
 
-    def _nearest_to(self, desired: float, fraction: float) -> float:
-        # The last pace is always possible, apart from rounding, because each motion is within the limits.
-        if self._possible(desired, fraction):
-            return desired
-        possible = self._pace
-        for _ in range(_HALVINGS):
-            middle = (desired + possible) / 2
-            if self._possible(middle, fraction):
-                possible = middle
-            else:
-                desired = middle
-        return possible
-
-    def _possible(self, pace: float, fraction: float) -> bool:
+    def allows(self, pace: float, fraction: float) -> bool:
+        """Return True if a pace of the next cycle is within the acceleration limits, multiplied by a fraction."""
         fraction *= _ROUNDING
-        for a, b, c, limit in zip(self._earlier, self._before, self._joints_after(pace), self._steps, strict=True):
+        for a, b, c, limit in zip(self._before, self.joints, self._joints_after(pace), self._steps, strict=True):
             if abs(c - 2 * b + a) > limit * fraction:
                 return False
         return True
@@ -381,6 +386,8 @@ class MotionQueue:
     def _rest(self, state: QueueState) -> None:
         self.state = state
         self._pace = 0.0
+        if state is QueueState.IDLE:
+            self.coupling = None
 
     def _drop(self) -> None:
         for ticket in self.tickets:

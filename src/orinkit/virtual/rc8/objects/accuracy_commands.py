@@ -28,7 +28,7 @@ def _setting(name: str, least: int, most: int, given: Variant, caller: ClientCon
 
     If the switch is on, ``least`` to ``most`` numbers are required.
     """
-    require(name, caller.state.arm, caller)
+    require(name, caller.robot.arm, caller)
     elements = parameters.at_least(given, 1)
     on = conversion.double(elements[0]) != 0
     numbers = [conversion.double(each) for each in elements[1:]]
@@ -55,21 +55,21 @@ def _tolerance(value: float, mode: float) -> float:
 def _crt_motion_allow(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("CrtMotionAllow", 1, 2, parameter, caller)
     values = [_positive(value) for value in numbers] if on else []
-    accuracy = caller.state.arm.accuracy
+    accuracy = caller.robot.arm.accuracy
     accuracy.position = values[0] if on else None
     accuracy.posture = values[1] if len(values) > 1 else None
 
 
 def _enc_motion_allow(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("EncMotionAllow", 1, 2, parameter, caller)
-    caller.state.arm.accuracy.encoder = _tolerance(numbers[0], *numbers[1:] or [0]) if on else None
+    caller.robot.arm.accuracy.encoder = _tolerance(numbers[0], *numbers[1:] or [0]) if on else None
 
 
 def _enc_motion_allow_joint(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("EncMotionAllowJnt", 2, 3, parameter, caller)
     if not numbers:
         raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
-    arm, axis = caller.state.arm, parameters.whole(numbers[0])
+    arm, axis = caller.robot.arm, parameters.whole(numbers[0])
     if on:
         check_axis(arm.model, axis, arm.model.robot_axes + 1)
         arm.accuracy.extended[axis] = _tolerance(numbers[1], *numbers[2:] or [0])
@@ -81,7 +81,7 @@ def _er_alw(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("ErAlw", 2, 2, parameter, caller)
     if not numbers:
         raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
-    arm, number = caller.state.arm, parameters.whole(numbers[0])
+    arm, number = caller.robot.arm, parameters.whole(numbers[0])
     if on:
         arm.accuracy.deviation[check_axis(arm.model, number)] = _positive(numbers[1])
     elif number == ALL_AXES:
@@ -93,31 +93,31 @@ def _er_alw(caller: ClientContext, parameter: Variant) -> None:
 def _motion_timeout(caller: ClientContext, parameter: Variant) -> None:
     on, numbers = _setting("MotionTimeout", 1, 1, parameter, caller)
     if on:
-        caller.state.arm.accuracy.set_timeout(parameters.whole(numbers[0]))
+        caller.robot.arm.accuracy.set_timeout(parameters.whole(numbers[0]))
     else:
-        caller.state.arm.accuracy.timeout = None
+        caller.robot.arm.accuracy.timeout = None
 
 
 def _singular_avoid(caller: ClientContext, parameter: Variant) -> None:
-    require("SingularAvoid", caller.state.arm, caller)
+    require("SingularAvoid", caller.robot.arm, caller)
     (mode,) = parameters.whole_numbers(parameter, None)
     if mode not in _SINGULAR_MODES:
         raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("mode {mode} is neither 0 (off) nor 2 (on)", mode=mode))
-    caller.state.arm.speeds.avoid_singular = _SINGULAR_MODES[mode]
+    caller.robot.arm.speeds.avoid_singular = _SINGULAR_MODES[mode]
 
 
 def _speed_mode(caller: ClientContext, parameter: Variant) -> None:
-    require("SpeedMode", caller.state.arm, caller)
+    require("SpeedMode", caller.robot.arm, caller)
     (mode,) = parameters.whole_numbers(parameter, None)
     if mode not in _SPEED_MODES:
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE, tr("mode {mode} is not 0 (off), 1 (PTP), 2 (CP) or 3 (both)", mode=mode)
         )
-    caller.state.arm.speeds.mode = mode
+    caller.robot.arm.speeds.mode = mode
 
 
 def _current_speed_mode(caller: ClientContext, _: Variant) -> int:
-    return caller.state.arm.speeds.mode
+    return caller.robot.arm.speeds.mode
 
 
 def _non_stop_path(caller: ClientContext, _: Variant) -> None:

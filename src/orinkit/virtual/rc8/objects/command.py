@@ -7,6 +7,7 @@ nor the return codes of a cancelled command; the states and codes used here are 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -28,7 +29,6 @@ from orinkit.virtual.rc8.state import RC8State
 WAIT, AT_ONCE = 0, 1
 MOST_EXECUTING: Final = 256
 """Maximum number of Command objects of all clients that execute at the same time."""
-_ROBOTS: Final = ("robot", "arm0")
 _OF_HAND: Final = frozenset(command.name.lower() for command in HAND_COMMANDS)
 _NOT_OF_ROBOT: Final = frozenset(name.lower() for name in robot_commands.NOT_SIMULATED)
 
@@ -222,7 +222,7 @@ def find_command(caller: ClientContext, name: str) -> RC8Command:
     Raises:
         CallError: E_CAO_OBJECT_NOTFOUND; E_NOTIMPL if only real controllers have the command.
     """
-    return RC8Command(caller, name, _route(caller.state, name))
+    return RC8Command(caller.of_robot(_robot_number(caller.state, name)), name, _route(caller.state, name))
 
 
 def command_names(state: RC8State) -> list[str]:
@@ -230,6 +230,11 @@ def command_names(state: RC8State) -> list[str]:
     return [
         *(command.name for command in controller_commands.COMMANDS.values()),
         *(f"Robot.{command.name}" for command in robot_commands.ROBOT_COMMANDS.values()),
+        *(
+            f"{robot.name}.{command.name}"
+            for robot in itertools.islice(state.robots, 1, None)
+            for command in robot_commands.ROBOT_COMMANDS.values()
+        ),
         *(f"{hand}.{command.name}" for hand in extension_names(state) for command in EXTENSION_COMMANDS.values()),
     ]
 
@@ -246,7 +251,7 @@ def _route(state: RC8State, name: str) -> CommandRoute:
             lambda caller, parameter: found.execute(caller, gripper, parameter),
             lambda _, code: _stop_hand(gripper, code),
         )
-    if owner in ("", *_ROBOTS):
+    if owner in ("", "robot", *(robot.name.lower() for robot in state.robots)):
         if command in robot_commands.ROBOT_COMMANDS:
             stop = _stop_hands if command in _OF_HAND else _stop_arm
             return CommandRoute(lambda caller, parameter: robot_commands.execute(caller, command, parameter), stop)
@@ -255,8 +260,14 @@ def _route(state: RC8State, name: str) -> CommandRoute:
     raise not_found(f"{name:.40}")
 
 
+def _robot_number(state: RC8State, name: str) -> int:
+    """Return the number of the robot that the prefix of a name names; 0 without such a prefix."""
+    owner = name.rpartition(".")[0].strip().lower()
+    return next((robot.number for robot in state.robots if robot.name.lower() == owner), 0)
+
+
 def _stop_arm(caller: ClientContext, code: int) -> bool:
-    arm = caller.state.arm
+    arm = caller.robot.arm
     if arm.holder is not caller or not (arm.busy or arm.slave.has_work):
         return False
     arm.stop(code)

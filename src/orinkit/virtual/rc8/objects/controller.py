@@ -32,7 +32,8 @@ from orinkit.virtual.rc8.objects.task import find_task, run_file
 from orinkit.virtual.rc8.objects.variables import find_variable, variable_names
 from orinkit.virtual.rc8.state import Operation
 
-ROBOT_NAME: Final = "Arm0"
+_NUMBERS: Final = {"0": 0, "True": 0, "1": 1}
+"""Values of the option ``ID``; without a value it means the first robot."""
 
 
 def _disables_events(options: Options) -> bool:
@@ -76,18 +77,20 @@ class RC8Controller(ControllerObject):
         return variable_names()
 
     def get_robot(self, name: str, option: str) -> RobotObject:
-        """Connect to the robot; any name is accepted, because there is only one arm (``ID=0``).
+        """Connect to a robot; any name is accepted, and the option ``ID`` chooses the robot, the first one by default.
 
         Raises:
-            CallError: E_CAO_OBJECT_NOTFOUND if the option names another arm.
+            CallError: E_CAO_OBJECT_NOTFOUND if the robot does not exist.
         """
-        if Options(option).text_of("ID", "0").strip() not in ("0", "True"):
+        number = _NUMBERS.get(Options(option).text_of("ID", "0").strip(), len(self._caller.state.robots))
+        if number >= len(self._caller.state.robots):
             raise not_found(f"{name} {option}")
-        return RC8Robot(self._caller, name or ROBOT_NAME)
+        caller = self._caller.of_robot(number)
+        return RC8Robot(caller, name or caller.robot.name)
 
     def get_robot_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
-        """Return the names of the robots; there is one."""
-        return [ROBOT_NAME]
+        """Return the names of the robots."""
+        return [robot.name for robot in self._caller.state.robots]
 
     def get_task(self, name: str, option: str) -> TaskObject | Deferred[TaskObject]:  # noqa: ARG002
         r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
@@ -158,26 +161,28 @@ class RC8Controller(ControllerObject):
         return EventMessage(event, self._caller.state.identity.type, self.name)
 
     def is_moving(self) -> bool:
-        """Return True if the client holds the arm and has running, queued or paused motions."""
-        arm = self._caller.state.arm
-        return arm.holder is self._caller and arm.busy
+        """Return True if the client holds an arm and has running, queued or paused motions."""
+        return any(each.robot.arm.holder is each and each.robot.arm.busy for each in self._caller.client.contexts)
 
     def stop_moving(self) -> None:
-        """Stop the arm and discard its motions, if the client holds the arm; cancel its waiting starts of programs."""
+        """Stop every arm that the client holds, and discard its motions; cancel its waiting starts of programs."""
+        self._caller.client.sync = None
         self._caller.state.tasks.starts.cancel(client=self._caller)
-        arm = self._caller.state.arm
-        if arm.holder is self._caller:
-            arm.stop(hresult.STOPPED_DURING_PC_MOTION)
+        for each in self._caller.client.contexts:
+            if each.robot.arm.holder is each:
+                each.robot.arm.stop(hresult.STOPPED_DURING_PC_MOTION)
 
     def release(self) -> None:
-        """Release the object: unsubscribe from events, cancel waiting starts of programs, and release the arm."""
+        """Release the object: unsubscribe from events, cancel waiting starts of programs, and release the arms."""
         if not self._connected:
             return
         self._connected = False
         state = self._caller.state
         state.connections.pop(self._caller, None)
         state.tasks.starts.cancel(client=self._caller)
-        state.arm.forget(self._caller)  # the client may have taken the arm with a Command object
+        self._caller.client.sync = None
+        for each in self._caller.client.contexts:  # the client may have taken an arm with a Command object
+            each.robot.arm.forget(each)
         if self.events is not None:
             self.events.close()
         state.log(Operation.DISCONNECT, state.say("Client disconnected"), self._caller.origin)

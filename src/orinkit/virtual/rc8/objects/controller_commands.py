@@ -103,7 +103,7 @@ def system_state(state: RC8State) -> int:
     bits = {
         0: state.running_programs > 0,
         1: state.faults.code != 0,
-        2: state.arm.motor.on,
+        2: state.robots.motors_on,
         3: True,  # initialised: clients can connect only after the start
         4: switches.mode is ModeSwitch.AUTOMATIC,
         5: switches.mode is ModeSwitch.AUTOMATIC and switches.token.kind is not TokenKind.TP,
@@ -111,13 +111,13 @@ def system_state(state: RC8State) -> int:
         10: switches.emergency_stop,
         11: switches.auto_enable,
         12: switches.protective_stop,
-        13: state.arm.stopping,
-        17: state.arm.hardware.calibrated,
+        13: state.robots.stopping,
+        17: state.robots.calibrated,
         18: switches.mode is ModeSwitch.MANUAL,
         19: state.tasks.cycle_complete,
-        20: state.arm.busy,
-        21: not state.arm.settled,
-        24: not state.arm.busy,
+        20: state.robots.busy,
+        21: not state.robots.settled,
+        24: not state.robots.busy,
     }
     return sum(1 << bit for bit, on in bits.items() if on)
 

@@ -103,14 +103,14 @@ def _load_path(caller: ClientContext, parameter: Variant) -> Deferred[None] | No
     """LoadPathPoint: empty a path, then read it from its file."""
     caller.require_write()
     (number,) = parameters.whole_numbers(parameter, None)
-    state = caller.state
-    state.moves.clear_path(number)
+    state, moves = caller.state, caller.robot.moves
+    moves.clear_path(number)
     name = path_file(number)
 
     def job() -> None:
         points = _path_of_text(name, state.files.read(name))
         with state.cycles:
-            state.moves.set_path(number, points)
+            moves.set_path(number, points)
 
     return state.disk.run(job)
 
@@ -120,22 +120,22 @@ def _load_path(caller: ClientContext, parameter: Variant) -> Deferred[None] | No
 
 def _start_servo_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    hardware = caller.state.arm.hardware
+    hardware = caller.robot.arm.hardware
     hardware.servo_log.running = True
     hardware.wake()
 
 
 def _clear_servo_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    caller.state.arm.hardware.servo_log.empty()
+    caller.robot.arm.hardware.servo_log.empty()
 
 
 def _stop_servo_log(caller: ClientContext, _: Variant) -> Deferred[None] | None:
     """StopServoLog: end the log and write it to a file."""
     caller.require_write()
-    state = caller.state
-    state.arm.hardware.servo_log.running = False
-    log = state.arm.hardware.servo_log.copy()
+    state, hardware = caller.state, caller.robot.arm.hardware
+    hardware.servo_log.running = False
+    log = hardware.servo_log.copy()
     return state.disk.run(lambda: state.files.write(SERVO_LOG_FILE, _log_text(log)))
 
 
@@ -153,13 +153,13 @@ def _log_text(log: ControlLog) -> bytes:
 
 def _set_log_time(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
-    log = caller.state.arm.log
+    log = caller.robot.arm.log
     log.configure(parameters.whole_numbers(parameter, None)[0], log.interval)
 
 
 def _set_log_interval(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
-    log = caller.state.arm.log
+    log = caller.robot.arm.log
     log.configure(log.max_time, parameters.whole_numbers(parameter, None)[0])
 
 
@@ -168,12 +168,12 @@ def _set_log_interval(caller: ClientContext, parameter: Variant) -> None:
 
 def _calibrate(caller: ClientContext, _: Variant) -> Deferred[None]:
     """AutoCal: determine the reference positions of the encoders."""
-    state = caller.state
-    require("AutoCal", state.arm, caller)
+    state, arm = caller.state, caller.robot.arm
+    require("AutoCal", arm, caller)
     done = Deferred[None]()
 
     def calibrated() -> None:
-        state.arm.hardware.calibrated = True
+        arm.hardware.calibrated = True
         done.set_result()
 
     state.timers.after(CALIBRATION_TIME, calibrated)
@@ -181,7 +181,7 @@ def _calibrate(caller: ClientContext, _: Variant) -> Deferred[None]:
 
 
 def _change_scene(caller: ClientContext, parameter: Variant) -> None:
-    arm = caller.state.arm
+    arm = caller.robot.arm
     require("ChangeScene", arm, caller)
     number, sub = parameters.whole_numbers(parameter, None, 1)
     scene = arm.hardware.scenes.scene(number, sub)
@@ -196,7 +196,7 @@ def _change_scene(caller: ClientContext, parameter: Variant) -> None:
 
 def _scene_info(caller: ClientContext, parameter: Variant) -> Variant:
     number, sub = parameters.whole_numbers(parameter, None, 1)
-    scene = caller.state.arm.hardware.scenes.scene(number, sub)
+    scene = caller.robot.arm.hardware.scenes.scene(number, sub)
     return Variant(
         VARIANT_ARRAY,
         [
@@ -219,13 +219,13 @@ def _button(number: int) -> int:
 
 def _button_state(caller: ClientContext, parameter: Variant) -> int:
     (number,) = parameters.whole_numbers(parameter, None)
-    return int(caller.state.arm.hardware.buttons[_button(number)])
+    return int(caller.robot.arm.hardware.buttons[_button(number)])
 
 
 def _clear_button(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     (number,) = parameters.whole_numbers(parameter, None)
-    caller.state.arm.hardware.buttons[_button(number)] = False
+    caller.robot.arm.hardware.buttons[_button(number)] = False
 
 
 def _number(read: Callable[[ClientContext], int]) -> Callable[[ClientContext, Variant], Variant]:
@@ -239,13 +239,13 @@ DEVICE_COMMANDS: Final = (
     DeviceCommand("StartServoLog", _start_servo_log, reads=False),
     DeviceCommand("ClearServoLog", _clear_servo_log, reads=False),
     DeviceCommand("StopServoLog", _stop_servo_log, reads=False),
-    DeviceCommand("GetCtrlLogMaxTime", _number(lambda caller: caller.state.arm.log.max_time)),
+    DeviceCommand("GetCtrlLogMaxTime", _number(lambda caller: caller.robot.arm.log.max_time)),
     DeviceCommand("SetCtrlLogMaxTime", _set_log_time, reads=False),
-    DeviceCommand("GetCtrlLogInterval", _number(lambda caller: caller.state.arm.log.interval)),
+    DeviceCommand("GetCtrlLogInterval", _number(lambda caller: caller.robot.arm.log.interval)),
     DeviceCommand("SetCtrlLogInterval", _set_log_interval, reads=False),
     DeviceCommand("AutoCal", _calibrate, reads=False, in_slave=False),
-    DeviceCommand("CurScene", _number(lambda caller: caller.state.arm.hardware.scenes.current[0])),
-    DeviceCommand("CurSubScene", _number(lambda caller: caller.state.arm.hardware.scenes.current[1])),
+    DeviceCommand("CurScene", _number(lambda caller: caller.robot.arm.hardware.scenes.current[0])),
+    DeviceCommand("CurSubScene", _number(lambda caller: caller.robot.arm.hardware.scenes.current[1])),
     DeviceCommand("SceneInfo", _scene_info),
     DeviceCommand("ChangeScene", _change_scene, reads=False, in_slave=False),
     DeviceCommand("GetMechaButtonState", _button_state),

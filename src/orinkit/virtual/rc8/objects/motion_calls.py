@@ -11,7 +11,6 @@ from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.motion_planner import Plans
-from orinkit.virtual.rc8.state import RC8State
 
 MotionResult: TypeAlias = Deferred[Any] | None
 """``None`` if the call completes immediately, otherwise a Deferred.
@@ -21,22 +20,27 @@ another Deferred, which resolves at the end of the motions.
 """
 
 
-def begin_motions(state: RC8State, plans: Plans, options: MotionOptions) -> MotionResult:
+def begin_motions(caller: ClientContext, plans: Plans, options: MotionOptions) -> MotionResult:
     """Plan and queue the motions of a call; the call completes at their end, or immediately with the option NEXT.
 
+    After SyncTimeStart or SyncMoveStart, the motions are only planned, and the call completes immediately.
+
     Raises:
-        CallError: As for :meth:`~orinkit.virtual.rc8.robot.moves.Moves.begin`.
+        CallError: As for :meth:`~orinkit.virtual.rc8.robot.moves.Moves.begin`, or for :meth:`SyncBlock.add`.
     """
+    robot, sync = caller.robot, caller.client.sync
+    if sync is not None:
+        return sync.add(robot, caller, plans)
 
     def completion(tickets: Sequence[Ticket]) -> MotionResult:
-        return None if options.next else state.arm.when_done(tickets[-1])
+        return None if options.next else robot.arm.when_done(tickets[-1])
 
-    return state.moves.begin(plans, completion)
+    return robot.moves.begin(plans, completion)
 
 
 def switch_motor(caller: ClientContext, on: bool) -> Deferred[None]:
     """Begin to switch the motor on or off; return a Deferred that resolves when the motor is on or off."""
-    arm = caller.state.arm
+    arm = caller.robot.arm
     name = "Motor on" if on else "Motor off"
     require(name, arm, caller)
     return arm.switch_motor(on, caller, lambda: require(name, arm, caller))

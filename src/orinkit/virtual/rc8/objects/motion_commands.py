@@ -26,7 +26,7 @@ _SKIP_AS_SET: Final = {0: False, 1: False, 2: True, 3: True}
 
 
 def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
-    require("Approach", caller.state.arm, caller)
+    require("Approach", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 3)
     length, options = pose_data.amount(given[2]), _options(given[3:])
     target = parameters.pose(given[1])
@@ -35,49 +35,49 @@ def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
             hresult.E_INVALIDARG,
             tr("{target}: the pass mark of Approach belongs to the length", target=target),
         )
-    plans = caller.state.moves.approach(
+    plans = caller.robot.moves.approach(
         conversion.whole(given[0]), target, length.value, length.mark, options, length.extra
     )
-    return begin_motions(caller.state, plans, options)
+    return begin_motions(caller, plans, options)
 
 
 def _depart(caller: ClientContext, parameter: Variant) -> MotionResult:
-    require("Depart", caller.state.arm, caller)
+    require("Depart", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 2)
     length, options = pose_data.amount(given[1]), _options(given[2:])
-    plans = caller.state.moves.depart(conversion.whole(given[0]), length.value, length.mark, options, length.extra)
-    return begin_motions(caller.state, plans, options)
+    plans = caller.robot.moves.depart(conversion.whole(given[0]), length.value, length.mark, options, length.extra)
+    return begin_motions(caller, plans, options)
 
 
 def _draw(caller: ClientContext, parameter: Variant) -> MotionResult:
-    require("Draw", caller.state.arm, caller)
+    require("Draw", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 2)
     vector, options = pose_data.vector(given[1]), _options(given[2:])
-    return begin_motions(caller.state, caller.state.moves.draw(conversion.whole(given[0]), vector, options), options)
+    return begin_motions(caller, caller.robot.moves.draw(conversion.whole(given[0]), vector, options), options)
 
 
 def _drive(name: str, absolute: bool) -> Callable[[ClientContext, Variant], MotionResult]:
     def run(caller: ClientContext, parameter: Variant) -> MotionResult:
-        require(name, caller.state.arm, caller)
+        require(name, caller.robot.arm, caller)
         axes, rest = pose_data.axis_values(parameters.at_least(parameter, 1))
         options = _options(rest)
-        plans = caller.state.moves.drive(axes.pairs, absolute, axes.mark, options, axes.extra)
-        return begin_motions(caller.state, plans, options)
+        plans = caller.robot.moves.drive(axes.pairs, absolute, axes.mark, options, axes.extra)
+        return begin_motions(caller, plans, options)
 
     return run
 
 
 def _rotate_hand(caller: ClientContext, parameter: Variant) -> MotionResult:
-    require("RotateH", caller.state.arm, caller)
+    require("RotateH", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 1)
     angle, options = pose_data.amount(given[0]), _options(given[1:])
-    plans = caller.state.moves.rotate_hand(angle.value, angle.mark, options, angle.extra)
-    return begin_motions(caller.state, plans, options)
+    plans = caller.robot.moves.rotate_hand(angle.value, angle.mark, options, angle.extra)
+    return begin_motions(caller, plans, options)
 
 
 def _arch_move(caller: ClientContext, parameter: Variant) -> MotionResult:
     """ArchMove: the target, the height, and optionally the heights at which the arch starts and ends, mm."""
-    require("ArchMove", caller.state.arm, caller)
+    require("ArchMove", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 2)
     if len(given) > 4:
         raise error_for(
@@ -85,35 +85,35 @@ def _arch_move(caller: ClientContext, parameter: Variant) -> MotionResult:
         )
     heights = [conversion.double(each) for each in given[1:]] + [0.0] * (4 - len(given))
     options = MotionOptions()
-    plans = caller.state.moves.arch(parameters.pose(given[0]), ArchHeights(*heights), options)
-    return begin_motions(caller.state, plans, options)
+    plans = caller.robot.moves.arch(parameters.pose(given[0]), ArchHeights(*heights), options)
+    return begin_motions(caller, plans, options)
 
 
 def _arrive(caller: ClientContext, parameter: Variant) -> Deferred[None]:
     """Arrive: wait until the running motion has covered a share of its path, %."""
-    require("Arrive", caller.state.arm, caller)
+    require("Arrive", caller.robot.arm, caller)
     (ratio,) = parameters.numbers(parameter, None)
     if not 0 < ratio <= _PERCENT:
         raise error_for(
             hresult.VALUE_OUT_OF_RANGE, tr("the ratio {ratio:g} is not above 0 and at most 100", ratio=ratio)
         )
-    return caller.state.arm.when_arrived(ratio / _PERCENT)
+    return caller.robot.arm.when_arrived(ratio / _PERCENT)
 
 
 def _motion_skip(caller: ClientContext, parameter: Variant) -> Deferred[None]:
-    require("MotionSkip", caller.state.arm, caller)
+    require("MotionSkip", caller.robot.arm, caller)
     group, pattern = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
     _check_group(group)
     if pattern not in _SKIP_AS_SET:
         raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("pattern {pattern} is not in 0 to 3", pattern=pattern))
-    caller.state.arm.skip(as_set=_SKIP_AS_SET[pattern])
-    return caller.state.arm.when_still()
+    caller.robot.arm.skip(as_set=_SKIP_AS_SET[pattern])
+    return caller.robot.arm.when_still()
 
 
 def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
     group, mode = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
     _check_group(group)
-    arm = caller.state.arm
+    arm = caller.robot.arm
     return arm.settled if parameters.flag(mode) else not arm.busy
 
 

@@ -24,6 +24,7 @@ from orinkit.virtual.rc8.pacscript.scope import PublicVariable, TypeOf
 from orinkit.virtual.rc8.pacscript.values import LENGTHS
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.waiting_calls import all_of
 from orinkit.virtual.rc8.task import Task, is_supervisory
 from orinkit.virtual.rc8.variables import conversion
 
@@ -60,7 +61,8 @@ def _at_standstill(caller: ClientContext, stopped: Deferred[None]) -> Deferred[N
         except CallError as error:  # the controller has been switched off
             done.set_exception(error)
             return
-        caller.state.arm.when_still().add_done_callback(done.set_result)
+        still = [robot.arm.when_still() for robot in caller.state.robots]
+        all_of(still).add_done_callback(done.set_result)
 
     stopped.add_done_callback(wait_for_arm)
     return done

@@ -43,11 +43,11 @@ class RC8Robot(RobotObject):
 
     def __init__(self, caller: ClientContext, name: str) -> None:
         text = caller.state.say("Robot of a virtual RC8")
-        super().__init__(name, attribute=int(caller.access), help=f"{text} ({caller.state.arm.model.name})")
+        super().__init__(name, attribute=int(caller.access), help=f"{text} ({caller.robot.arm.model.name})")
         self._caller = caller
         self._state = caller.state
-        self._arm = caller.state.arm
-        self._moves = caller.state.moves
+        self._arm = caller.robot.arm
+        self._moves = caller.robot.moves
         self._arm.add_robot_object(caller)
 
     # --- motion -------------------------------------------------------------------------------------------------
@@ -125,6 +125,9 @@ class RC8Robot(RobotObject):
     def unhold(self, option: str) -> None:  # noqa: ARG002
         """Continue a paused motion."""
         require("Unhold", self._arm, self._caller)
+        for arm in self._arm.companions:
+            if arm.holder is not None:
+                require("Unhold", arm, arm.holder)
         self._arm.unhold()
 
     # --- settings -----------------------------------------------------------------------------------------------
@@ -172,7 +175,7 @@ class RC8Robot(RobotObject):
     # --- helpers ------------------------------------------------------------------------------------------------
 
     def _begin(self, plans: Plans, options: MotionOptions) -> MotionResult:
-        return begin_motions(self._state, plans, options)
+        return begin_motions(self._caller, plans, options)
 
     def _gripper(self) -> Gripper:
         self._caller.require_write()

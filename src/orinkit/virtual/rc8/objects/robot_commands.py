@@ -27,6 +27,7 @@ from orinkit.virtual.rc8.objects.hand_commands import of_controller
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
 from orinkit.virtual.rc8.objects.motion_commands import MOTION_COMMANDS, MOTION_QUERIES
 from orinkit.virtual.rc8.objects.slave_use import SlaveUse
+from orinkit.virtual.rc8.objects.sync_commands import SYNC_COMMANDS
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.conditions import refusal, require
@@ -85,7 +86,7 @@ def execute(caller: ClientContext, name: str, parameter: Variant) -> Any:
 
 
 def _take_arm(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
-    arm = caller.state.arm
+    arm = caller.robot.arm
     group, keep = parameters.whole_numbers(parameter, 0, 0)
     settings = parameters.flag(keep)
     if not 0 <= group <= 31:
@@ -98,14 +99,14 @@ def _take_arm(caller: ClientContext, parameter: Variant) -> Deferred[None] | Non
 
 
 def _give_arm(caller: ClientContext, _: Variant) -> Deferred[None] | None:
-    arm = caller.state.arm
+    arm = caller.robot.arm
     require("GiveArm", arm, caller)
     return arm.give_at_end(caller) if arm.holder is caller else None
 
 
 def _arm_state(caller: ClientContext, parameter: Variant) -> int:
     (group,) = parameters.whole_numbers(parameter, _OWN_GROUP)
-    holder = caller.state.arm.holder
+    holder = caller.robot.arm.holder
     return int(holder is caller if group == _OWN_GROUP else holder is not None)
 
 
@@ -119,12 +120,12 @@ def _motor(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
 
 
 def _ext_speed(caller: ClientContext, parameter: Variant) -> None:
-    require("ExtSpeed", caller.state.arm, caller)
-    caller.state.arm.speeds.set_external(*parameters.numbers(parameter, None, SQUARE, SQUARE))
+    require("ExtSpeed", caller.robot.arm, caller)
+    caller.robot.arm.speeds.set_external(*parameters.numbers(parameter, None, SQUARE, SQUARE))
 
 
 def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContext, Variant], Value]:
-    return lambda caller, _: Variant(vt, read(caller.state.arm))
+    return lambda caller, _: Variant(vt, read(caller.robot.arm))
 
 
 # --- stored paths -----------------------------------------------------------------------------------------------------
@@ -133,21 +134,21 @@ def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContex
 def _add_path_point(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
     given = parameters.at_least(parameter, 2)
-    caller.state.moves.add_path_point(conversion.whole(given[0]), parameters.pose(given[1]))
+    caller.robot.moves.add_path_point(conversion.whole(given[0]), parameters.pose(given[1]))
 
 
 def _clear_path(caller: ClientContext, parameter: Variant) -> None:
     caller.require_write()
-    caller.state.moves.clear_path(*parameters.whole_numbers(parameter, None))
+    caller.robot.moves.clear_path(*parameters.whole_numbers(parameter, None))
 
 
 def _path_point(caller: ClientContext, parameter: Variant) -> Value:
     path, point = parameters.whole_numbers(parameter, None, None)
-    return Variant(_R8_ARRAY, caller.state.moves.path_point(path, point))
+    return Variant(_R8_ARRAY, caller.robot.moves.path_point(path, point))
 
 
 def _path_length(caller: ClientContext, parameter: Variant) -> int:
-    return caller.state.moves.path_length(*parameters.whole_numbers(parameter, None))
+    return caller.robot.moves.path_length(*parameters.whole_numbers(parameter, None))
 
 
 # --- control log ------------------------------------------------------------------------------------------------------
@@ -155,24 +156,24 @@ def _path_length(caller: ClientContext, parameter: Variant) -> int:
 
 def _start_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    caller.state.arm.log.start()
+    caller.robot.arm.log.start()
     caller.state.cycles.wake()
 
 
 def _stop_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    caller.state.arm.log.running = False
+    caller.robot.arm.log.running = False
 
 
 def _clear_log(caller: ClientContext, _: Variant) -> None:
     caller.require_write()
-    caller.state.arm.log.clear()
+    caller.robot.arm.log.clear()
     caller.state.cycles.wake()
 
 
 def _log_record(caller: ClientContext, parameter: Variant) -> Value:
     (index,) = parameters.whole_numbers(parameter, None)
-    log = caller.state.arm.log
+    log = caller.robot.arm.log
     try:
         return log.record(index)
     except IndexError:
@@ -188,11 +189,11 @@ def _slave_use(command: SharedCommand | DeviceCommand) -> SlaveUse:
 
 
 def _shared(command: SharedCommand) -> Callable[[ClientContext, Variant], Any]:
-    return lambda caller, parameter: command.run(caller.state.arm, caller, parameter)
+    return lambda caller, parameter: command.run(caller.robot.arm, caller, parameter)
 
 
 def _query(answer: queries.Answer) -> Callable[[ClientContext, Variant], Variant]:
-    return lambda caller, parameter: answer(caller.state.arm, parameter)
+    return lambda caller, parameter: answer(caller.robot.arm, parameter)
 
 
 def _pose_commands() -> list[RobotCommand]:
@@ -242,7 +243,10 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
         *_pose_commands(),
         *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
-        *(RobotCommand(name, run, reads=False) for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS).items()),
+        *(
+            RobotCommand(name, run, reads=False)
+            for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS | SYNC_COMMANDS).items()
+        ),
         *(RobotCommand(name, run) for name, run in (MOTION_QUERIES | ACCURACY_QUERIES).items()),
         *(
             RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED)
@@ -270,9 +274,7 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
     )
 }
 
-NOT_SIMULATED: Final = (
-    "ServoLock", "SyncTimeStart", "SyncTimeEnd", "SyncMoveStart", "SyncMoveEnd", "GetMotionPreparationState",
-)  # fmt: skip
+NOT_SIMULATED: Final = ("ServoLock", "GetMotionPreparationState")
 """Commands of real controllers that return E_NOTIMPL here."""
 
 _NOT_SIMULATED: Final = frozenset(name.lower() for name in NOT_SIMULATED)

@@ -64,52 +64,52 @@ def _servo(caller: ClientContext, given: Variant) -> Deferred[None]:
 
 
 def _tool(caller: ClientContext, given: Variant) -> None:
-    require("Change", caller.state.arm, caller)
-    tools = caller.state.arm.space.tools
+    require("Change", caller.robot.arm, caller)
+    tools = caller.robot.arm.space.tools
     tools.current = tools.check(conversion.whole(given))
 
 
 def _work(caller: ClientContext, given: Variant) -> None:
-    require("Change", caller.state.arm, caller)
-    works = caller.state.arm.space.works
+    require("Change", caller.robot.arm, caller)
+    works = caller.robot.arm.space.works
     works.current = works.check(conversion.whole(given))
 
 
 def _external(caller: ClientContext, given: Variant) -> None:
-    require("ExtSpeed", caller.state.arm, caller)
-    caller.state.arm.speeds.set_external(conversion.double(given))
+    require("ExtSpeed", caller.robot.arm, caller)
+    caller.robot.arm.speeds.set_external(conversion.double(given))
 
 
 def _external_accel(caller: ClientContext, given: Variant) -> None:
-    require("ExtSpeed", caller.state.arm, caller)
-    caller.state.arm.speeds.set_external(KEEP, conversion.double(given), KEEP)
+    require("ExtSpeed", caller.robot.arm, caller)
+    caller.robot.arm.speeds.set_external(KEEP, conversion.double(given), KEEP)
 
 
 def _external_decel(caller: ClientContext, given: Variant) -> None:
-    require("ExtSpeed", caller.state.arm, caller)
-    caller.state.arm.speeds.set_external(KEEP, KEEP, conversion.double(given))
+    require("ExtSpeed", caller.robot.arm, caller)
+    caller.robot.arm.speeds.set_external(KEEP, KEEP, conversion.double(given))
 
 
 def _speed(*, joint_only: bool) -> Write:
     def write(caller: ClientContext, given: Variant) -> None:
-        require("Speed", caller.state.arm, caller)
-        caller.state.arm.speeds.set_internal(conversion.double(given), joint_only=joint_only)
+        require("Speed", caller.robot.arm, caller)
+        caller.robot.arm.speeds.set_internal(conversion.double(given), joint_only=joint_only)
 
     return write
 
 
 def _accel(*, joint_only: bool) -> Write:
     def write(caller: ClientContext, given: Variant) -> None:
-        require("Accelerate", caller.state.arm, caller)
-        caller.state.arm.speeds.set_acceleration(conversion.double(given), KEEP, joint_only=joint_only)
+        require("Accelerate", caller.robot.arm, caller)
+        caller.robot.arm.speeds.set_acceleration(conversion.double(given), KEEP, joint_only=joint_only)
 
     return write
 
 
 def _decel(*, joint_only: bool) -> Write:
     def write(caller: ClientContext, given: Variant) -> None:
-        require("Accelerate", caller.state.arm, caller)
-        caller.state.arm.speeds.set_acceleration(KEEP, conversion.double(given), joint_only=joint_only)
+        require("Accelerate", caller.robot.arm, caller)
+        caller.robot.arm.speeds.set_acceleration(KEEP, conversion.double(given), joint_only=joint_only)
 
     return write
 
@@ -170,7 +170,7 @@ class RobotVariableObject(VariableObject):
         """Return the current value, with its exact type."""
         self._caller.require_read()
         self._read = self._caller.state.calendar.now()
-        return Variant(self._entry.vt, self._entry.read(self._caller.state.arm))
+        return Variant(self._entry.vt, self._entry.read(self._caller.robot.arm))
 
     def put_value(self, value: Variant) -> Deferred[None] | None:
         """Set the value.
@@ -224,7 +224,7 @@ def find_frame(name: str) -> RobotVariable | None:
 
 def _frame(number: int, *, tool: bool) -> RobotVariable:
     def write(caller: ClientContext, given: Variant) -> None:
-        arm = caller.state.arm
+        arm = caller.robot.arm
         require("SetToolDef" if tool else "SetWorkDef", arm, caller)
         elements = [conversion.double(each) for each in parameters.elements(given)]
         if not _FRAME_VALUES <= len(elements) <= _FRAME_VALUES + 1:
@@ -262,8 +262,8 @@ def find_area(name: str) -> RobotVariable | None:
     number = int(found[1])
 
     def write(caller: ClientContext, given: Variant) -> None:
-        hardware = caller.state.arm.hardware
-        require("SetAreaDef", caller.state.arm, caller)
+        hardware = caller.robot.arm.hardware
+        require("SetAreaDef", caller.robot.arm, caller)
         elements = [conversion.double(each) for each in parameters.elements(given)]
         hardware.define_area(number, Area.of_elements(elements, hardware.areas.area(number)))
 

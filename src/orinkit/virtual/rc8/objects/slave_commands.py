@@ -40,7 +40,7 @@ def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | N
         CallError: E_INVALIDARG if the mode is unknown; other codes if a condition is not met.
     """
     mode = mode_of(parameters.whole_numbers(parameter, None)[0])
-    arm = caller.state.arm
+    arm = caller.robot.arm
     require("slvChangeMode off" if mode is None else "slvChangeMode on", arm, caller)
     if mode is not None:
         arm.slave.begin(caller, mode, caller.when_input_processed)
@@ -49,7 +49,7 @@ def change_mode(caller: ClientContext, parameter: Variant) -> Deferred[None] | N
 
 def get_mode(caller: ClientContext, _: Variant) -> int:
     """Return the number of the mode, 0 for off."""
-    mode = caller.state.arm.slave.mode
+    mode = caller.robot.arm.slave.mode
     return OFF if mode is None else mode.number
 
 
@@ -60,7 +60,7 @@ def get_lateness(caller: ClientContext, parameter: Variant) -> Variant:
     For the layout of the result see :mod:`orinkit.rc8.slave_lateness`.
     """
     (skip_first,) = parameters.whole_numbers(parameter, 0)
-    return build_lateness(caller.state.arm.slave.lateness(skip_first))
+    return build_lateness(caller.robot.arm.slave.lateness(skip_first))
 
 
 def set_send_format(caller: ClientContext, parameter: Variant) -> None:
@@ -69,7 +69,7 @@ def set_send_format(caller: ClientContext, parameter: Variant) -> None:
     Raises:
         CallError: E_INVALIDARG if the format or an I/O point does not exist; other codes if a condition is not met.
     """
-    require("slvSendFormat", caller.state.arm, caller)
+    require("slvSendFormat", caller.robot.arm, caller)
     wanted = send_format(parameters.whole_numbers(parameter, None)[0])
     io.require_sent(caller.state.variables, wanted)
     caller.formats.send = wanted
@@ -82,7 +82,7 @@ def set_receive_format(caller: ClientContext, parameter: Variant) -> None:
         CallError: E_INVALIDARG if the format or an I/O point does not exist; E_NOTIMPL if a field is not simulated;
             other codes if a condition is not met.
     """
-    require("slvRecvFormat", caller.state.arm, caller)
+    require("slvRecvFormat", caller.robot.arm, caller)
     wanted = read_receive_parameter(parameter)
     require_supported(wanted)
     io.require_received(caller.state.variables, wanted)
@@ -100,7 +100,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
             mode.
     """
     state, formats = caller.state, caller.formats
-    arm, slave = state.arm, state.arm.slave
+    arm, slave = caller.robot.arm, caller.robot.arm.slave
     ended = slave.report_end(caller)
     if ended:
         raise error_for(ended)
@@ -116,7 +116,7 @@ def move(caller: ClientContext, parameter: Variant) -> Value | ResultWithCode | 
 
 
 def _joints(caller: ClientContext, mode: SlaveMode, point: SetPoint) -> Joints:
-    arm, slave = caller.state.arm, caller.state.arm.slave
+    arm, slave = caller.robot.arm, caller.robot.arm.slave
     try:
         return joints_of(arm.space, mode.kind, point, slave.newest)
     except CallError as error:

@@ -58,6 +58,9 @@ class RC8Arm:
         powering_off: True if the motor will be switched off at the end of the motions.
         slave: Slave mode, in which a client sends a set-point for each cycle.
         hardware: Hardware around the arm: force sensor, areas, buttons.
+        companions: The other arms of a cooperative motion, until standstill; a stop, a pause or its end concerns all.
+        interruptions: Number of stops, releases and power-offs so far. A motion that was planned earlier, but has not
+            begun, is no longer valid.
     """
 
     def __init__(
@@ -81,6 +84,8 @@ class RC8Arm:
         self.holder: Operator | None = None
         self.held = False
         self.powering_off = False
+        self.companions: tuple[RC8Arm, ...] = ()
+        self.interruptions = 0
         self._cycles = cycles
         self._objects: Counter[Operator] = Counter()
         self._pending: list[PendingMotions] = []
@@ -173,6 +178,7 @@ class RC8Arm:
     def give(self) -> None:
         """Release the arm semaphore; running motions are not affected, force control ends."""
         self.holder = None
+        self.interruptions += 1
         self.hardware.released()
 
     def give_at_end(self, operator: Operator) -> Deferred[None]:
@@ -288,7 +294,13 @@ class RC8Arm:
                 applies.
             as_set: True to decelerate as set for the motion, False to decelerate as fast as possible.
         """
+        for arm in (self, *self.companions):
+            arm.stop_alone(code, as_set=as_set)
+
+    def stop_alone(self, code: int, *, as_set: bool = False) -> None:
+        """Stop this arm without its companions; see :meth:`stop`."""
         self.held = False
+        self.interruptions += 1
         if self.slave.on:
             self.slave.end(code)
         self.hardware.stopped(code)
@@ -317,17 +329,19 @@ class RC8Arm:
 
     def hold(self) -> None:
         """Pause: stop the arm on its path without discarding its motions."""
-        self.held = True
-        if self.busy and not self.stopping:
-            self.queue.hold()
-            self._cycles.wake()
+        for arm in (self, *self.companions):
+            arm.held = True
+            if arm.busy and not arm.stopping:
+                arm.queue.hold()
+                self._cycles.wake()
 
     def unhold(self) -> None:
         """Continue after a pause."""
-        self.held = False
-        if self.busy and not self.stopping:
-            self.queue.unhold()
-            self._cycles.wake()
+        for arm in (self, *self.companions):
+            arm.held = False
+            if arm.busy and not arm.stopping:
+                arm.queue.unhold()
+                self._cycles.wake()
 
     def skip(self, *, as_set: bool = False) -> None:
         """Stop the arm and discard its motions, see :meth:`stop`; the calls that wait for these motions succeed."""
@@ -359,6 +373,7 @@ class RC8Arm:
             if check is None or self.switches.strict:
                 raise error_for(hresult.MOTOR_SWITCHING_OFF)
             return self._when_at_standstill(operator, lambda: self._switch_on_again(check), revocable=True)
+        self.interruptions += not on
         if not on and self.slave.on:
             self.slave.end(hresult.MOTOR_NOT_ON)
         if not on and self.busy:
@@ -487,6 +502,7 @@ class RC8Arm:
     def _come_to_rest(self) -> None:
         if not self._moving:
             self._stop_code = None
+            self.companions = ()
             if self._cut:
                 self._cut = False
                 self.motor.cut()

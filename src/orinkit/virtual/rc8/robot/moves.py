@@ -95,6 +95,8 @@ class Moves:
                 is a thread.
         """
         arm = self._arm
+        if arm.companions:
+            raise error_for(hresult.ROBOT_MOVING, tr("a cooperative motion is in progress. Try: wait for its end"))
         if arm.room < len(plans.makes):
             raise error_for(
                 hresult.ROBOT_MOVING,
@@ -128,12 +130,49 @@ class Moves:
             pending.done.add_done_callback(cycles.resume)
         return pending.done
 
+    def collect(
+        self, plans: Plans, plan: Callable[[], list[T] | Exception], then: Callable[[list[T]], None]
+    ) -> Deferred[None] | None:
+        """Plan motions that do not begin yet.
+
+        Args:
+            plans: The motions; everything that they depend on is read now.
+            plan: Function that plans them, without the lock.
+            then: Callback invoked inside the lock with the planned motions, unless a stop has discarded them.
+
+        Returns:
+            ``None``, or a Deferred (``brief``) if the motions are planned in a thread.
+
+        Raises:
+            CallError: Errors of planning, unless there is a thread.
+        """
+        plans.planner.capture()
+        if self._lane.immediate:
+            then(self._require_planned(plan()))
+            return None
+        arm, cycles = self._arm, self._cycles
+        pending = PendingMotions(len(plans.makes), Deferred(brief=True))
+
+        def job() -> None:
+            planned = plan()
+            with cycles:
+                if arm.forget_motions(pending):
+                    then(self._require_planned(planned))
+
+        self._lane.submit(job, pending.done)
+        arm.expect_motions(pending)
+        return pending.done
+
     def _queue(self, planned: list[Motion] | Exception) -> Sequence[Ticket]:
+        return [self._arm.enqueue(motion) for motion in self._require_planned(planned)]
+
+    def _require_planned(self, planned: list[T] | Exception) -> list[T]:
+        """Return what has been planned, or raise the error of planning."""
         if isinstance(planned, CallError):
             raise self._report_error(planned)
         if isinstance(planned, Exception):
             raise planned
-        return [self._arm.enqueue(motion) for motion in planned]
+        return planned
 
     def move(self, interpolation: int, targets: Sequence[Target], options: MotionOptions) -> Plans:
         """Move with an interpolation (RC8 3.3.4): 1 PTP, 2 linear, 3 arc, 4 free curve.

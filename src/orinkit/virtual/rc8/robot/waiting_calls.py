@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from orinkit.cao.provider import Deferred
+from orinkit.core.errors import CallError
 from orinkit.virtual.engine.motion.queue import Ticket
 
 
@@ -47,3 +48,25 @@ class PendingMotions:
 
     count: int
     done: Deferred[Any]
+
+
+def all_of(calls: Sequence[Deferred[None]]) -> Deferred[None]:
+    """Return a Deferred that resolves when all calls have completed; if some failed, it fails as the first of them."""
+    done, left = Deferred[None](), len(calls)
+
+    def one_completed() -> None:
+        nonlocal left
+        left -= 1
+        if left:
+            return
+        try:
+            for call in calls:
+                call.result()
+        except CallError as error:
+            done.set_exception(error)
+        else:
+            done.set_result()
+
+    for call in calls:
+        call.add_done_callback(one_completed)
+    return done
