@@ -67,7 +67,7 @@ def test_watched_values_and_messages_are_shown_as_text(page, tester):
     page.get_by_test_id("watch-add").click()
     page.get_by_test_id("watch-I1").get_by_test_id("value").filter(has_text="<script>window.okBroken=1").wait_for()
     page.get_by_test_id("event-log").get_by_text("<script>window.okBroken=1").first.wait_for()
-    page.get_by_text("GetErrorLogCount returned an unexpected value").wait_for()
+    page.get_by_text("GetCurErrorCount returned an unexpected value").wait_for()
 
 
 def test_files_and_tasks_are_shown_as_text(page, tester):
