@@ -35,9 +35,16 @@ def test_an_open_address_accepts_numeric_hosts_and_requires_a_token():
 @pytest.mark.parametrize(
     "origin",
     [
-        "http://evil.example", "null", "http://127.0.0.1:9999", "file://", "http://localhost:8450", "http://[::1",
-        "http://[evil]:8450", "http://127.0.0.1:8450/", "http://127.0.0.1:8450 http://evil.example",
-    ],  # fmt: skip
+        "http://evil.example",
+        "null",
+        "http://127.0.0.1:9999",
+        "file://",
+        "http://localhost:8450",
+        "http://[::1",
+        "http://[evil]:8450",
+        "http://127.0.0.1:8450/",
+        "http://127.0.0.1:8450 http://evil.example",
+    ],
 )
 def test_other_origins_are_refused(method, origin):
     assert LOCAL.refusal({"host": "127.0.0.1:8450", "origin": origin}, method)
