@@ -208,6 +208,7 @@ def test_the_stop_button_of_the_header_stops_the_arm(page, bench):
 
 @pytest.mark.soak
 def test_another_user_may_stop_the_arm(browser, page, bench):
+    opened(page, bench.tester.url)  # the first user holds the controls
     with user(browser) as other:
         other.goto(f"{bench.tester.url}/slave-move")
         with moving(page, bench):
