@@ -88,3 +88,8 @@ def test_invalid_parameters_are_refused(generate):
 def test_a_line_out_of_reach_is_refused():
     with pytest.raises(TrajectoryError, match="cannot follow"):
         generators.line(MODEL, HOME, (5000.0, 0.0, 0.0), 2.0)
+
+
+@pytest.mark.parametrize(("period", "cycles"), [(2.0, 375), (3.2, 600), (3.0, 563)])
+def test_the_duration_is_the_smallest_sufficient_number_of_cycles(period, cycles):
+    assert len(generators.sine(HOME, 1, 5.0, period)) == cycles + 1

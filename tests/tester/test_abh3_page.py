@@ -74,9 +74,14 @@ class DrivePage:
         until(lambda: self.driver.stopped)
 
     def disable(self) -> None:
-        if self.part("drive-enable").inner_text() == "Disable driving":
-            self.part("drive-enable").click()
-        self.stopped()
+        def disabled() -> bool:
+            """Disable driving if it is enabled, also if a stall has ended it just before the click, which then enables it."""
+            if self.part("drive-enable").inner_text() == "Disable driving":
+                self.part("drive-enable").click()
+            self.page.wait_for_timeout(200)
+            return self.driver.stopped
+
+        until(disabled)
 
     def open_tab(self, name: str, marker: str) -> None:
         self.part("abh3-tabs").get_by_text(name, exact=True).click()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orinkit.tester.access import AccessRules
+from orinkit.tester.access import AccessRules, read_cookies
 
 LOCAL = AccessRules.for_host("127.0.0.1", ["cell.local"])
 OPEN = AccessRules.for_host("0.0.0.0")
@@ -33,7 +33,18 @@ def test_an_open_address_accepts_numeric_hosts_and_requires_a_token():
 
 @pytest.mark.parametrize("method", ["GET", "POST", "WEBSOCKET"])
 @pytest.mark.parametrize(
-    "origin", ["http://evil.example", "null", "http://127.0.0.1:9999", "file://", "http://localhost:8450"]
+    "origin",
+    [
+        "http://evil.example",
+        "null",
+        "http://127.0.0.1:9999",
+        "file://",
+        "http://localhost:8450",
+        "http://[::1",
+        "http://[evil]:8450",
+        "http://127.0.0.1:8450/",
+        "http://127.0.0.1:8450 http://evil.example",
+    ],
 )
 def test_other_origins_are_refused(method, origin):
     assert LOCAL.refusal({"host": "127.0.0.1:8450", "origin": origin}, method)
@@ -49,3 +60,14 @@ def test_the_own_origin_is_accepted(method):
 ])  # fmt: skip
 def test_requests_without_origin(method, site, refused):
     assert bool(LOCAL.refusal({"host": "127.0.0.1:8450", "sec-fetch-site": site}, method)) is refused
+
+
+@pytest.mark.parametrize("other", ["Virtual RC8", '{"program": 1}', "\u00e4\u00f6", 'a"b', "", "="])
+def test_a_cookie_of_any_form_does_not_hide_the_others(other):
+    cookies = read_cookies(f"x={other}; flag; orinkit_user=abc_-1;other={other}; orinkit_dark=1")
+    assert (cookies["orinkit_user"], cookies["orinkit_dark"]) == ("abc_-1", "1")
+    assert read_cookies("") == {}
+
+
+def test_the_value_of_a_cookie_is_decoded():
+    assert read_cookies("orinkit_connection=%E4%BB%AE%E6%83%B3%20RC8%3B")["orinkit_connection"] == "仮想 RC8;"

@@ -76,8 +76,11 @@ def call_all(page: Any, functions: list[Function[..., Any]], received: ReceivedP
     return {each.id for each in functions}
 
 
-def row(page: Any, number: int) -> Any:
-    return page.get_by_test_id("tree").get_by_role("treeitem").nth(number)
+def select(page: Any, number: int) -> None:
+    """Select a row of the tree, and wait until the page shows its object."""
+    row = page.get_by_test_id("tree").get_by_role("treeitem").nth(number)
+    row.click()
+    row.and_(page.locator('[aria-selected="true"]')).wait_for()
 
 
 @pytest.mark.soak
@@ -92,15 +95,15 @@ def test_every_function_is_called_through_the_page(browser: Any, bench: Any, rec
         bench.rc8.emergency_stop(False)
         done: set[int] = set()
         for interface in ("Controller", *OBJECTS):
-            row(page, 1).click()
+            select(page, 1)
             if interface != "Controller":
                 add(page, interface, OBJECTS[interface])
             ordered = sorted(functions_of(interface), key=lambda each: (each.releases, each.id))
             done |= call_all(page, [each for each in ordered if each.name not in LAST], received)
-        row(page, 0).click()
+        select(page, 0)
         done |= call_all(page, [BY_NAME["Controller_Connect"]], received)
-        row(page, 1).click()
+        select(page, 1)
         done |= call_all(page, [BY_NAME["Controller_Disconnect"]], received)
-        row(page, 0).click()
+        select(page, 0)
         done |= call_all(page, [BY_NAME[name] for name in LAST[1:]], received)
         assert len(done) == 137

@@ -265,7 +265,7 @@ def test_a_udp_client(page: Any, bench: Any, received: ReceivedPackets) -> None:
         expect(page.get_by_test_id("raw-reply")).to_have_text("S_OK")
         assert received.wait_for(f.service_start).reserved == 1
         write(page, assemble("Controller_Execute", ["1", "Do", "8," + "x" * 400]))
-        expect(page.get_by_test_id("raw-problems")).to_contain_text("exceeds the limit of 504 bytes over udp")
+        expect(page.get_by_test_id("raw-problems")).to_contain_text("exceeds the limit of 503 bytes over udp")
         page.get_by_test_id("raw-disconnect").click()
 
 

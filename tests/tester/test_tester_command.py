@@ -46,6 +46,10 @@ def test_pages_and_refusals(tmp_path):
         assert get(tester.url, Origin="http://evil.example")[0] == 403
         code, text = get(f"{tester.url}/_nicegui_ws/socket.io/?EIO=4&transport=polling", Origin="http://evil.example")
         assert (code, "other web pages" in text) == (403, True)
+        assert get(tester.url, Origin="http://[::1")[0] == 403
+        with urllib.request.urlopen(f"{tester.url}/arm", timeout=PATIENCE) as reply:  # no page may show it in a frame
+            assert reply.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+            assert reply.headers["X-Frame-Options"] == "DENY"
         _status, page = get(tester.url)
         assert "http://" not in page.replace(tester.url, "").replace("http://www.w3.org/", "")
 

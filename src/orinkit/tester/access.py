@@ -10,9 +10,8 @@ import hmac
 import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from http.cookies import CookieError, SimpleCookie
 from typing import Final
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, unquote
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -23,6 +22,11 @@ USER_COOKIE: Final = "orinkit_user"
 TOKEN_COOKIE: Final = "orinkit_token"  # noqa: S105 - the name of the cookie
 _LOCAL_NAMES: Final = ("127.0.0.1", "localhost", "[::1]")
 _SAFE: Final = ("GET", "HEAD")
+# no other web page may show the Tester in a frame: it could guide a click onto a button that moves the arm
+_HEADERS: Final = (
+    (b"content-security-policy", b"frame-ancestors 'none'"), (b"x-frame-options", b"DENY"),
+    (b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +60,7 @@ class AccessRules:
             return tr("the host name {host} is not allowed. Try: orinkit tester --allow-host NAME", host=host[:100])
         origin = headers.get("origin", "")
         if origin:
-            parts = urlsplit(origin)
-            if parts.scheme not in ("http", "https") or parts.netloc.lower() != host.lower():
+            if origin.lower() not in (f"http://{host.lower()}", f"https://{host.lower()}"):
                 return tr("requests of other web pages are refused")
         elif method not in _SAFE and headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return tr("requests of other web pages are refused")
@@ -97,32 +100,39 @@ class AccessMiddleware:
         if reason:
             await _refuse(scope, send, reason)
             return
-        new = {} if USER_COOKIE in cookies else {USER_COOKIE: secrets.token_urlsafe(16)}
+        new = {} if cookies.get(USER_COOKIE) else {USER_COOKIE: secrets.token_urlsafe(16)}
         scope.setdefault("state", {})["user"] = cookies.get(USER_COOKIE) or new[USER_COOKIE]
         if fresh:
             new[TOKEN_COOKIE] = token
-        await self._app(scope, receive, _with_cookies(send, new) if new else send)
+        await self._app(scope, receive, _with_headers(send, new))
 
 
 def read_cookies(header: str) -> dict[str, str]:
-    """Return the cookies of a request; an invalid header has none."""
-    try:
-        return {name: each.value for name, each in SimpleCookie(header).items()}
-    except CookieError:
-        return {}
+    """Return the cookies of a request.
+
+    Other programs on this computer may have set cookies of any form, because cookies are not bound to a port. Therefore a
+    cookie that cannot be read must not hide the others. ``http.cookies`` would then return none.
+    """
+    pairs = (each.partition("=") for each in header.split(";"))
+    return {name.strip(): unquote(value.strip()) for name, equals, value in pairs if equals}
 
 
-def _with_cookies(send: Send, cookies: dict[str, str]) -> Send:
-    async def send_with_cookies(message: dict[str, object]) -> None:
+def _with_headers(send: Send, cookies: dict[str, str]) -> Send:
+    """Add the headers of every response, and cookies."""
+
+    async def send_with_headers(message: dict[str, object]) -> None:
         if message["type"] == "http.response.start":
             added = [
-                (b"set-cookie", f"{name}={value}; Path=/; HttpOnly; SameSite=Strict".encode())
-                for name, value in cookies.items()
+                *_HEADERS,
+                *(
+                    (b"set-cookie", f"{name}={value}; Path=/; HttpOnly; SameSite=Strict".encode())
+                    for name, value in cookies.items()
+                ),
             ]
             message = {**message, "headers": [*message.get("headers", ()), *added]}  # type: ignore[misc]  # a list of pairs
         await send(message)
 
-    return send_with_cookies  # type: ignore[return-value]  # Message is a MutableMapping
+    return send_with_headers  # type: ignore[return-value]  # Message is a MutableMapping
 
 
 async def _refuse(scope: Scope, send: Send, reason: str) -> None:

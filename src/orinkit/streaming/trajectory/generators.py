@@ -54,7 +54,7 @@ def phases(period: float, repetitions: int, cycle: float) -> list[float]:
                 most=MOST_SAMPLES,
             )
         )
-    count = math.ceil(duration / cycle)
+    count = math.ceil(round(duration / cycle, 6))  # 4.8 s of 8 ms are 600 cycles, although the quotient is above 600
     times = (number * duration / count for number in range(count + 1))
     return [_phase(time, duration, ramp, period, repetitions) for time in times]
 

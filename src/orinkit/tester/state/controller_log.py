@@ -9,9 +9,9 @@ from datetime import datetime
 from typing import Any, Final
 
 from orinkit.client._async.controller import AsyncController, AsyncMessage
-from orinkit.client._shared.common import ErrorInfo
+from orinkit.client._shared.common import ErrorInfo, unexpected_value
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, OrinError
+from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.hresult import CodeFamily
 from orinkit.tester.state.shared_poll import PollSource, SharedPoll
 
@@ -135,7 +135,7 @@ class ControllerLog(SharedPoll):
                 try:
                     await read(controller)
                     self._note(name, None)
-                except CallError as error:
+                except (CallError, ProtocolError) as error:
                     self._note(name, error)
         except (OrinError, OSError) as error:
             logger.debug("%s: reading the log: %s", self._source.name, error)
@@ -161,7 +161,10 @@ class ControllerLog(SharedPoll):
 
     async def _log(self, controller: AsyncController) -> None:
         """Read the records that are newer than the newest known one; all if that one is gone."""
-        count = min(int(await controller.execute("GetErrorLogCount")), MAX_LOGGED)
+        logged = await controller.execute("GetErrorLogCount")
+        if not isinstance(logged, int):
+            raise unexpected_value("GetErrorLogCount", logged)
+        count = min(logged, MAX_LOGGED)
         fresh: list[Any] = []
         while len(fresh) < count:
             record = await controller.execute("GetErrorLog", len(fresh))

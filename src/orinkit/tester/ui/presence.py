@@ -28,6 +28,9 @@ if (!window.okPresence) {{
 class Presence:
     """Heartbeats of a page. They cease if the page is closed, the browser ends, or the network fails.
 
+    A gap that exceeds the limit counts even if heartbeats follow: if the Tester itself was blocked, it receives the heartbeats
+    of that time at once, possibly before anything has checked the time. A motion must not continue by itself then.
+
     Args:
         session: The page.
         limit: Time in s without a heartbeat after which the user counts as gone.
@@ -38,11 +41,12 @@ class Presence:
         self._limit = limit
         self._latest = monotonic()
         self._hidden = False
+        self._missed = False
         ui.on(_EVENT, self._beat, ["hidden"])
 
     def begin(self) -> None:
         """Start the heartbeats; call this before :meth:`lost`."""
-        self._latest, self._hidden = monotonic(), False
+        self._latest, self._hidden, self._missed = monotonic(), False, False
         self._session.client.run_javascript(_SCRIPT)
 
     def end(self) -> None:
@@ -56,7 +60,7 @@ class Presence:
             return tr("the page was closed")
         if self._hidden:
             return tr("the page is hidden")
-        if monotonic() - self._latest > self._limit:
+        if self._missed or self._is_late:
             return tr("the browser has not been heard for {seconds:g} s", seconds=self._limit)
         return ""
 
@@ -66,6 +70,11 @@ class Presence:
             await asyncio.sleep(_CHECK)
         return self.reason
 
+    @property
+    def _is_late(self) -> bool:
+        return monotonic() - self._latest > self._limit
+
     def _beat(self, event: GenericEventArguments) -> None:
+        self._missed |= self._is_late
         self._latest = monotonic()
         self._hidden = bool(event.args["hidden"])

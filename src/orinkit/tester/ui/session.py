@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
+from urllib.parse import quote
 
 from nicegui import Client, context, ui
 from nicegui.slot import Slot, get_task_id
@@ -132,7 +134,8 @@ class PageSession:
 
     def set_cookie(self, name: str, value: str) -> None:
         """Store a preference in the browser."""
-        self.client.run_javascript(f"document.cookie = '{name}={value}; Path=/; Max-Age=31536000; SameSite=Strict'")
+        text = f"{name}={quote(value)}; Path=/; Max-Age=31536000; SameSite=Strict"
+        self.client.run_javascript(f"document.cookie = {json.dumps(text)}")
 
 
 def open_session(workspace: Workspace) -> PageSession:

@@ -63,7 +63,7 @@ class _JointRow:
             ui.label(unit).classes("ok-unit")
 
     def update(self, joint: float) -> None:
-        text = f"{joint + 0.0:.2f}"
+        text = f"{joint:z.2f}"
         if text == self._shown:
             return
         self._shown = text
@@ -98,7 +98,7 @@ class PositionReadout:
         position, status = self._monitor.position, self._monitor.status
         for index, label in enumerate(self._values):
             value = position[index] if index < len(position) else None
-            text = _UNKNOWN if value is None else f"{value:.0f}" if index == len(_COORDINATES) else f"{value + 0.0:.2f}"
+            text = _UNKNOWN if value is None else f"{value:.0f}" if index == len(_COORDINATES) else f"{value:z.2f}"
             if label.text != text:
                 label.text = text
         frame = "" if status.tool is None else tr("Tool {tool}, work {work}", tool=status.tool, work=status.work)

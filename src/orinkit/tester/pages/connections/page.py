@@ -97,7 +97,9 @@ def _row(session: PageSession, connection: Connection, errors: ErrorBox) -> None
     async def remove() -> None:
         await session.workspace.remove(connection)
 
-    with ui.element("div").classes("ok-connection").props(f'data-testid="connection-{connection.name}"'):
+    row = ui.element("div").classes("ok-connection")
+    row.props["data-testid"] = f"connection-{connection.name}"  # not a string of props: users choose the name
+    with row:
         with ui.element("div").classes("ok-row"):
             ui.element("span").classes(f"ok-lamp ok-{connection.state.value}").props("aria-hidden=true")
             ui.label(connection.name).style("font-weight: 600")

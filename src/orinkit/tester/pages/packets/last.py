@@ -44,7 +44,9 @@ class LastPackets:
             if not names:
                 ui.label(tr("No packets yet.")).classes("ok-empty")
             for name in names:
-                with ui.element("section").classes("ok-card").props(f'data-testid="last-{name}"'):
+                card = ui.element("section").classes("ok-card")
+                card.props["data-testid"] = f"last-{name}"  # not a string of props: users choose the name
+                with card:
                     ui.label(name).classes("ok-card-title")
                     with ui.element("div").classes("ok-last-pair"):
                         self._cards[name, ">"] = _LastPacket(tr("Last sent (SendData)"), "last-sent")

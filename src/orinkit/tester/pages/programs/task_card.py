@@ -149,8 +149,7 @@ class TaskCard:
 
     def _guard(self, running: RunningTask) -> None:
         """Stop a program when the user leaves, if the user has chosen this."""
-        if not self._started:
-            self._presence.begin()
+        self._presence.begin()  # the user is present
         self._started = {each for each in self._started if not each.finished.is_set()} | {running}
         running.stop_when(self._presence.lost, lambda: bool(self._leave.value))
 
