@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import IntEnum
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from orinkit.arms import ArmModel
 from orinkit.core import hresult
@@ -31,7 +31,6 @@ from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand.cobotta import CobottaHand
 from orinkit.virtual.rc8.hand.hands import Hands
 from orinkit.virtual.rc8.logs import ClientId, ErrorRecord, OperationLog, OperationRecord
-from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.profiles import Profile
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -45,6 +44,9 @@ from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.usage import Usage
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import VariableTable
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.compiler import Program
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
