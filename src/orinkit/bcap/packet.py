@@ -10,7 +10,6 @@ from __future__ import annotations
 import binascii
 import re
 import struct
-from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 from orinkit.core import hresult
@@ -35,7 +34,6 @@ _SHOWN: Final = 32  # bytes shown of data that is not a packet
 _HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
 
-@dataclass(slots=True)
 class Packet:
     """A b-CAP packet.
 
@@ -47,11 +45,29 @@ class Packet:
         trailer: the reserved area after the arguments (VE026A 3.1), nearly always empty.
     """
 
-    serial: int
-    code: int
-    arguments: list[Any] = field(default_factory=list)
-    reserved: int = 0
-    trailer: bytes = b""
+    __slots__ = ("arguments", "code", "reserved", "serial", "trailer")
+
+    def __init__(
+        self, serial: int, code: int, arguments: list[Any] | None = None, reserved: int = 0, trailer: bytes = b""
+    ) -> None:
+        self.serial = serial
+        self.code = code
+        self.arguments: list[Any] = [] if arguments is None else arguments
+        self.reserved = reserved
+        self.trailer = trailer
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Packet):
+            return NotImplemented
+        return self._fields() == other._fields()
+
+    __hash__ = None  # type: ignore[assignment]  # a packet can be changed
+
+    def __repr__(self) -> str:
+        return "Packet(serial={}, code={}, arguments={!r}, reserved={}, trailer={!r})".format(*self._fields())
+
+    def _fields(self) -> tuple[int, int, list[Any], int, bytes]:
+        return self.serial, self.code, self.arguments, self.reserved, self.trailer
 
 
 def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, crc: bool = False) -> bytes:

@@ -14,7 +14,6 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -28,6 +27,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.service_options import read_options
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
+from orinkit.core.record import replaced
 from orinkit.rc8.stopping import MAY_MOVE, MAY_STOP, begins_motion, is_stop
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -94,7 +94,7 @@ class ServerConversation:
 
     def set_limits(self, limits: PacketLimits) -> None:
         """Change the limits of a packet."""
-        self._limits = replace(self._profile.bound(limits), vt_error_size=self._dialect.vt_error_size)
+        self._limits = replaced(self._profile.bound(limits), vt_error_size=self._dialect.vt_error_size)
         self._framer.limits = self._limits
 
     @property

@@ -39,6 +39,7 @@ from orinkit.cao.user_functions import FIRST_BCAP
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import cut, printable, quoted, tr
+from orinkit.core.record import record
 from orinkit.values.types import ARRAY
 from orinkit.values.variant import Variant, VarType, variant
 
@@ -51,7 +52,7 @@ _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 _NAMES: Final = VarType.BSTR | ARRAY
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CallReply:
     """The reply to one call.
 
@@ -66,7 +67,7 @@ class CallReply:
     detail: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Pending:
     """A call without a result so far; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
 

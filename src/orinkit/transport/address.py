@@ -8,11 +8,11 @@ DENSO's connection strings are accepted too: ``tcp:192.168.0.1:5007``, ``udp:192
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief
 from orinkit.transport import registry
 from orinkit.transport.registry import AnyAddress, SplitAddress
@@ -105,7 +105,7 @@ CanOption: TypeAlias = str | int | float | bool
 """The value of an option of a CAN interface."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CanAddress:
     """The address of a CAN bus that python-can opens; ``str`` returns its URL.
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.type_row import TypeRow
 from orinkit.values.types import ARRAY, FORMATS, R8_ARRAY, ROWS, UI1_ARRAY, VARIANT_ARRAY, VarType, misfit, type_name
 from orinkit.values.variant import Value, Variant, nested_too_deep, trusted, variant
@@ -27,7 +27,7 @@ _ARGUMENT_AT: Final = _ARGUMENT.unpack_from
 _LENGTH: Final = struct.Struct("<I")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PacketLimits:
     """Limits of one packet; this project chose the defaults that the documents do not specify.
 

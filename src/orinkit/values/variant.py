@@ -25,13 +25,13 @@ With ``exact=True``, :func:`orinkit.values.codec.decode` is lossless: it returns
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from typing import Any, Final, Protocol, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.conversions import to_datetime
 from orinkit.values.type_row import no_type, shown
 from orinkit.values.types import (
@@ -86,7 +86,7 @@ Value: TypeAlias = (
 """Values that can be sent as a VARIANT; the table in this module's docstring lists the resulting types."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Variant:
     """A value with an explicit VARIANT type.
 

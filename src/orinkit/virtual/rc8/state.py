@@ -9,7 +9,6 @@ themselves, so they are thread-safe.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import IntEnum
 from pathlib import Path
@@ -20,6 +19,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.hresult import CodeFamily
 from orinkit.core.i18n import N_, Language, tr
+from orinkit.core.record import record
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.calendar import Calendar
 from orinkit.virtual.engine.control_loop import ControlLoop
@@ -77,7 +77,7 @@ class Operation(IntEnum):
     PROGRAM_OUTPUT = 12
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Identity:
     """The identity that the controller reports.
 
@@ -94,7 +94,7 @@ class Identity:
     type: str = "RC8 Controller"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Origin:
     """The client that has caused an operation; both attributes are empty if no client has caused it.
 

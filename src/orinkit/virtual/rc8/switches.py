@@ -8,6 +8,7 @@ from enum import Enum, IntEnum
 
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.rc8.user_io_unit import UserIoUnit
 
 
@@ -58,7 +59,7 @@ class TokenKind(Enum):
     ANY = "any"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Token:
     """The executable token.
 
