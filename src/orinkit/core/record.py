@@ -83,7 +83,8 @@ def _built(kind: type[R], eq: bool, kw_only: bool) -> type[R]:
     body: dict[str, Any] = {name: value for name, value in kind.__dict__.items() if name not in own}
     for name in _UNCOPIED & body.keys():
         del body[name]
-    methods = {"__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse, "__setstate__": _restore}
+    methods = {"__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse}
+    methods |= {"__getstate__": _state, "__setstate__": _restore}  # for pickle and copy
     if eq:
         methods |= {"__eq__": _equal, "__hash__": _hash}
     body = {**methods, **body, "__slots__": tuple(own), "__record_fields__": fields}
@@ -110,7 +111,8 @@ class _DataclassFields:
             (name, Any, field(default=MISSING if each.default is _REQUIRED else each.default, kw_only=each.named))
             for name, each in fields.items()
         ]
-        found: dict[str, Any] = make_dataclass(kind.__name__, columns).__dataclass_fields__
+        like: Any = make_dataclass(kind.__name__, columns)
+        found: dict[str, Any] = like.__dataclass_fields__
         return found
 
 
@@ -168,6 +170,11 @@ def _refuse(self: Any, name: str, _value: Any = None) -> None:
     raise AttributeError(f"{type(self).__name__} is immutable: {name!r} cannot be changed")
 
 
-def _restore(self: Any, state: tuple[None, dict[str, Any]]) -> None:
-    for name, value in state[1].items():
+def _state(self: Any) -> tuple[Any, ...]:
+    values: tuple[Any, ...] = self.__record_values__(self)
+    return values
+
+
+def _restore(self: Any, state: tuple[Any, ...]) -> None:
+    for name, value in zip(field_names(type(self)), state, strict=True):
         object.__setattr__(self, name, value)

@@ -33,7 +33,6 @@ from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
-ANYONE: Final = Token()
 _PC_NAME: Final = "CaoProv.DENSO.RC8"
 
 

@@ -105,6 +105,10 @@ class Token:
         return hresult.START_RIGHT_NOT_THIS_ADDRESS
 
 
+ANYONE: Final = Token()
+"""The token with which any device may start motions."""
+
+
 @dataclass(slots=True)
 class Switches:
     """The switches and inputs of the controller. Initially the mode is automatic (RC8 2.2) and no stop is active.
@@ -125,7 +129,7 @@ class Switches:
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
-    token: Token = Token()
+    token: Token = ANYONE
     emergency_stop: bool = False
     deadman: bool = False
     auto_enable: bool = True
