@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import Final
 
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
