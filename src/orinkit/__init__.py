@@ -71,7 +71,7 @@ from orinkit.core.errors import (
 from orinkit.core.i18n import use as set_language
 from orinkit.device import Device, Part, command, variable
 from orinkit.server.http.options import HttpOptions
-from orinkit.server.threaded import Server, serve
+from orinkit.server.threaded import Server, serve, serve_many
 from orinkit.values.poses import J, P, PassMark, T, V
 from orinkit.values.variant import Variant, VarType
 
@@ -173,6 +173,7 @@ __all__ = [
     "open_client",
     "serve",
     "serve_can",
+    "serve_many",
     "set_language",
     "variable",
 ]
