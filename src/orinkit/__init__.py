@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from orinkit.device import Device, Part, command, variable
     from orinkit.rc8.slave_lateness import Lateness
     from orinkit.server.http.options import HttpOptions
-    from orinkit.server.threaded import Server, serve
+    from orinkit.server.threaded import Server, serve, serve_many
     from orinkit.streaming.planning.limits import Limits, PathLimits
     from orinkit.streaming.process.realtime import RealTime
     from orinkit.streaming.recording.samples import Sample
@@ -176,6 +176,7 @@ __all__ = [
     "open_client",
     "serve",
     "serve_can",
+    "serve_many",
     "set_language",
     "variable",
 ]
@@ -221,6 +222,7 @@ _ON_FIRST_USE: Final = {
     "open_client": "client._sync.client:Client.open",
     "serve": "server.threaded:serve",
     "serve_can": "can.server:serve_can",
+    "serve_many": "server.threaded:serve_many",
     "variable": "device:variable",
 }
 """The names that are imported on first use, and their places.

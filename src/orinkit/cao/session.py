@@ -41,7 +41,7 @@ from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import cut, printable, quoted, tr
 from orinkit.core.record import record
 from orinkit.values.types import ARRAY
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.variant import Variant, VarType, trusted, variant
 
 logger = logging.getLogger("orinkit.session")
 
@@ -52,7 +52,7 @@ _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 _NAMES: Final = VarType.BSTR | ARRAY
 
 
-@record
+@dataclass(slots=True)
 class CallReply:
     """The reply to one call.
 
@@ -136,6 +136,7 @@ class Session:
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
+        self._unwraps = host.unwraps_variants and self.client.transport == "http"
         # fixed handles are unique only within an interface, so its number is added above the 32 bits of the handle
         self._spaces = _SPACES if host.fixed_handles else {}
 
@@ -156,12 +157,18 @@ class Session:
         if function is None or (self._functions is not None and function_id not in self._functions):
             return self._invoke_user_function(function_id, arguments)
         try:
-            values = self._values(function, arguments)
-            special = _SPECIAL.get(function.id)
-            if special is not None:
-                return special(self, function, values)
-            return self._call_method(function, values)
+            return self._call(function, self._values(function, arguments))
         except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
+            return self._failed(function, error)
+
+    def invoke_on_handle(self, function_id: int, handle: int) -> Outcome:
+        """Execute a call whose only argument is a handle; as :meth:`invoke`, which other calls use."""
+        function = _ON_HANDLE.get(function_id)
+        if function is None or self._functions is not None:
+            return self.invoke(function_id, [trusted(_I4, handle)])
+        try:
+            return self._call(function, [handle])
+        except BaseException as error:  # noqa: BLE001 - as in invoke
             return self._failed(function, error)
 
     def _invoke_user_function(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
@@ -187,7 +194,7 @@ class Session:
         Raises:
             CallError: If they are invalid, with a return code that the protocol permits to the server itself.
         """
-        if self.host.unwraps_variants and self.client.transport == "http" and function.method not in STORING_METHODS:
+        if self._unwraps and function.method not in STORING_METHODS:
             arguments = [unwrap(each) for each in arguments]
         try:
             return read_arguments(function, arguments)
@@ -221,7 +228,40 @@ class Session:
         user = self.host.user_functions.get(function_id)
         return self._failed(FUNCTIONS[function_id] if user is None else user[1].function, error)
 
-    def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+    def _call(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        """Call the method of the object that the first argument refers to.
+
+        Raises:
+            CallError: The error of the call; the method may raise any exception.
+        """
+        kind = _KINDS.get(function.id)
+        if kind is None:
+            return self._call_unusual(function, values)
+        handle = values[0]
+        entry = self._entries.get(handle)
+        if entry is None or entry.interface != function.interface or self._spaces:
+            entry = self._find(function, handle)
+        method = getattr(entry.served, function.method)
+        guard = entry.guard
+        if guard is _UNGUARDED:
+            result = method(*values[1:])
+        else:
+            with guard:
+                result = method(*values[1:])
+        if kind is _RETURNS_VARIANT:
+            if type(result) is Variant:
+                return CallReply(hresult.S_OK, result)
+            if type(result) is float:
+                return CallReply(hresult.S_OK, variant(result))
+        elif kind is _RETURNS_NOTHING and result is None:
+            return CallReply()
+        return self._outcome(function, entry.handle, "", result)
+
+    def _call_unusual(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        """Call a function that creates or releases an object, stores a value, or is executed by the session itself."""
+        special = _SPECIAL.get(function.id)
+        if special is not None:
+            return special(self, function, values)
         entry = self._find(function, values[0])
         handle = entry.handle
         label = ""
@@ -502,3 +542,25 @@ _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Out
     3: Session._controller_connect,  # noqa: SLF001
     **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001
 }
+
+_I4: Final = int(VarType.I4)
+_UNGUARDED: Final = Provider.guard  # does nothing
+_RETURNS_VARIANT, _RETURNS_NOTHING, _RETURNS_OTHER = object(), object(), object()
+
+
+def _kind(function: Function[..., Any]) -> object:
+    """Return what a function of an object returns; ``None`` for the functions of ``_call_unusual``."""
+    if function.id in _SPECIAL or function.creates or function.method in STORING_METHODS:
+        return None
+    if function.result is None:
+        return _RETURNS_NOTHING if function.method != "execute" else _RETURNS_OTHER
+    return _RETURNS_VARIANT if function.result is VarType.VARIANT else _RETURNS_OTHER
+
+
+_KINDS: Final = {number: kind for number, each in FUNCTIONS.items() if (kind := _kind(each)) is not None}
+_ON_HANDLE: Final = {
+    number: FUNCTIONS[number]
+    for number in _KINDS
+    if len(FUNCTIONS[number].arguments) == 1 and FUNCTIONS[number].arguments[0].is_handle
+}
+"""The usual functions whose only argument is a handle."""

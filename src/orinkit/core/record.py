@@ -42,7 +42,7 @@ def record(kind: type[R] | None = None, /, *, eq: bool = True, kw_only: bool = F
     """Make a class a record. Its fields are its annotated names, after those of a record that it derives from.
 
     If the class has a method ``__post_init__``, the constructor calls it last; it may replace a value with
-    ``object.__setattr__``.
+    ``object.__setattr__``. A constructor that the class defines itself must set each field in this way.
 
     Args:
         kind: The class.
@@ -94,7 +94,8 @@ def _built(kind: type[R], eq: bool, kw_only: bool) -> type[R]:
     body["__record_values__"] = staticmethod(_getter(tuple(fields)))
     make: Any = type(kind)
     made: Any = make(kind.__name__, kind.__bases__, body)
-    made.__init__ = _constructor(made, fields)
+    if "__init__" not in body:
+        made.__init__ = _constructor(made, fields)
     made.__replace__ = replaced  # copy.replace() of Python 3.13
     made.__dataclass_fields__ = _DataclassFields()
     return made  # type: ignore[no-any-return]

@@ -113,7 +113,7 @@ class AsyncServer:
             try:
                 listener = await _listen(address, self._context, self._http)
             except BaseException:
-                await self._stop()  # not close(), because another server may use the providers
+                await self.stop()  # not close(), because another server may use the providers
                 raise
             self._listeners.append(listener)
             self.urls.append(listener.url)
@@ -121,13 +121,14 @@ class AsyncServer:
 
     async def close(self) -> None:
         """Stop listening, disconnect all clients, and close the providers."""
-        await self._stop()
+        await self.stop()
         for provider in self._host.providers:
             ending = provider.close()
             if ending is not None:
                 await ending
 
-    async def _stop(self) -> None:
+    async def stop(self) -> None:
+        """Stop listening and disconnect all clients; the providers stay open."""
         self._context.closing = True
         for listener in self._listeners:
             await listener.close()
