@@ -108,10 +108,10 @@ class _DataclassFields:
         from dataclasses import MISSING, field, make_dataclass  # only if a program uses these functions
 
         fields: dict[str, _Field] = getattr(kind, "__record_fields__")  # noqa: B009 - no type has this attribute
-        columns = [
-            (name, Any, field(default=MISSING if each.default is _REQUIRED else each.default, kw_only=each.named))
-            for name, each in fields.items()
-        ]
+        columns = []
+        for name, each in fields.items():
+            plain = each.default is not _REQUIRED and each.default is not EMPTY  # the latter counts as mutable there
+            columns.append((name, Any, field(default=each.default if plain else MISSING, kw_only=True)))
         like: Any = make_dataclass(kind.__name__, columns)
         found: dict[str, Any] = like.__dataclass_fields__
         return found
