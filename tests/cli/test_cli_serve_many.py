@@ -90,7 +90,7 @@ def test_twenty_controllers_move_independently(start):
             robot.move(f"J({index}, 20, 80, 0, 60, 0)", wait=False)
         for index, robot in enumerate(robots):
             robot.move(f"J({index}, 25, 80, 0, 60, 0)")  # after the first motion
-            assert robot.execute("CurJnt")[:2] == pytest.approx([index, 25], abs=0.01)
+            assert robot.execute("CurJnt")[:2] == pytest.approx([index, 25], abs=0.1)  # the servo follows
     finally:
         for arm in arms:
             arm.close()

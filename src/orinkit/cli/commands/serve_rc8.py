@@ -250,7 +250,10 @@ def serve_rc8(
         raise usage_error(tr("--count must be at least 1, not {count}", count=count))
     secret = _read_control(control, control_secret_file)
     begin_log(listening)  # a warning about the state directory is logged
-    clock = SharedClock(time_scale) if count > 1 else Clock(time_scale)
+    try:
+        clock = SharedClock(time_scale) if count > 1 else Clock(time_scale)
+    except ValueError as error:
+        raise CommandError(str(error), 2) from None
 
     def made(number: int) -> VirtualRC8:
         return VirtualRC8(
