@@ -54,7 +54,7 @@ class Cell(VariableObject):
 class Kit(ControllerObject):
     """A controller whose command selects the form of the result."""
 
-    def get_variable(self, name: str, option: str) -> Cell:  # noqa: ARG002
+    def get_variable(self, name: str, option: str) -> Cell:
         return Cell(name)
 
     def execute(self, command: str, parameter: Variant) -> Any:
@@ -86,7 +86,7 @@ class KitProvider(Provider):
 
     provider_names = ("Kit",)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Kit:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Kit:
         return Kit(name)
 
 

@@ -16,7 +16,7 @@ from typing import Final
 
 from orinkit.virtual.clock import JOIN_TIMEOUT, SHORTEST_PAUSE, Clock, ClockDriver
 
-logger = logging.getLogger("orinkit.virtual")
+logger = logging.getLogger("orinkit.rc8")
 
 LONG: Final = 0.02
 """Seconds after which another thread takes over the other devices, if the call of one device has not ended."""
