@@ -99,7 +99,7 @@ def test_copies_with_other_values_are_checked():
 @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
 def test_pickling_and_copying(protocol):
     for each in (Place(1, 2), Doubled(3)):
-        assert pickle.loads(pickle.dumps(each, protocol)) == each  # noqa: S301
+        assert pickle.loads(pickle.dumps(each, protocol)) == each
         assert copy.copy(each) == copy.deepcopy(each) == each
 
 

@@ -47,7 +47,9 @@ def test_every_public_name_exists():
 
 def test_help_imports_no_command():
     found = loaded("import orinkit.cli.app as app\nassert app.main(['--help']) == 0")
-    assert not [name for name in found if name.startswith(("orinkit.cli.commands.", "orinkit.virtual", "orinkit.client."))]
+    assert not [
+        name for name in found if name.startswith(("orinkit.cli.commands.", "orinkit.virtual", "orinkit.client."))
+    ]
     assert not found & {"numpy", "lark", "asyncio"}
 
 

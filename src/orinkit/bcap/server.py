@@ -175,7 +175,7 @@ class ServerConversation:
         stream = self._stream
         if stream is None or not stream.has_whole(data) or self._calls.busy or not self._calls.idle:
             return None
-        call = packet.read_one_handle(data)
+        call: DirectCall | None = packet.read_one_handle(data)
         if call is None:
             if len(data) > _USUAL:
                 return None

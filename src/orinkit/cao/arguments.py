@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cache
 from typing import Any, Final
 
 from orinkit.cao import coerce
@@ -47,7 +47,7 @@ _ANY: Final = -1  # no VARIANT has this type
 _UNCHANGED: Final = frozenset((VarType.I4, VarType.BSTR))  # the types whose content is passed on without a check
 
 
-@lru_cache(maxsize=None)
+@cache
 def _expected(function: Function[..., Any]) -> tuple[tuple[int, int, Argument], ...]:
     """Return for each argument the type whose content needs no conversion, its limit on characters, and the argument."""
     return tuple(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,6 +22,7 @@ from orinkit.cao.arguments import read_arguments
 from orinkit.cao.coerce import unwrap
 from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.options import Options
 from orinkit.cao.provider import (
     BlockingCall,
@@ -45,8 +46,6 @@ from orinkit.values.variant import Variant, VarType, trusted, variant
 
 logger = logging.getLogger("orinkit.session")
 
-_FIRST_HANDLE: Final = 2  # as in the samples of the documents (RC8 3.1.2); 1 is the service itself
-_LAST_HANDLE: Final = 0x7FFF_FFFF
 _MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
 _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 _NAMES: Final = VarType.BSTR | ARRAY
@@ -79,21 +78,6 @@ class Pending:
 
 
 Outcome: TypeAlias = CallReply | Pending
-
-
-class HandleAllocator:
-    """Allocates handles from 2 to 2,147,483,647, then from 2 again; several sessions may share it."""
-
-    def __init__(self) -> None:
-        self._next = _FIRST_HANDLE
-
-    def take(self, used: Container[int]) -> int:
-        """Return the next unused handle."""
-        while self._next in used:
-            self._next = _following(self._next)
-        number = self._next
-        self._next = _following(number)
-        return number
 
 
 @dataclass(slots=True)
@@ -530,10 +514,6 @@ _ON_WIRE: Final = 0xFFFF_FFFF
 _SPACES: Final = {
     name: number << 32 for number, name in enumerate(dict.fromkeys(entry.interface for entry in FUNCTIONS.values()))
 }
-
-
-def _following(handle: int) -> int:
-    return handle + 1 if handle < _LAST_HANDLE else _FIRST_HANDLE
 
 
 _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Outcome]]] = {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Self, TypedDict, Unpack
+from typing import TypedDict, Unpack
 
 from orinkit.cao.provider import Provider
 from orinkit.core.i18n import tr
 from orinkit.server.aio_server import DEFAULT_URL, AsyncServer
 from orinkit.server.http.options import HttpOptions
+from orinkit.server.server_base import ServerBase
 from orinkit.transport.address import consecutive_addresses
 from orinkit.values.codec import PacketLimits
 
@@ -29,7 +29,7 @@ class ServerParameters(TypedDict, total=False):
     serial_packet: int
 
 
-class AsyncServerGroup:
+class AsyncServerGroup(ServerBase):
     """Serves each of several providers on its own port, all in one event loop.
 
     Each provider has an :class:`~orinkit.server.aio_server.AsyncServer` of its own, with its own limits on clients. The
@@ -104,12 +104,3 @@ class AsyncServerGroup:
     async def close(self) -> None:
         """Stop listening, disconnect all clients, and close the providers."""
         await asyncio.gather(*(server.close() for server in self.servers))
-
-    async def __aenter__(self) -> Self:
-        await self.start()
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()

@@ -11,8 +11,9 @@ from operator import attrgetter, itemgetter
 from typing import Final, Protocol
 
 from orinkit.bcap.profiles import LONGEST_ON_LINE, BcapProfile, line_profile
+from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import HandleAllocator, Session
+from orinkit.cao.session import Session
 from orinkit.cao.shared_secret import SecretAttempts
 from orinkit.core.record import replaced
 from orinkit.server import log_limiter

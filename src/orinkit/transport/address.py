@@ -312,7 +312,7 @@ def consecutive_addresses(text: str, count: int) -> list[str]:
     """
     address = parse_address(text)
     if not isinstance(address, Address | HttpAddress):
-        raise bad_address(text, tr("consecutive ports require an address with a port, such as tcp://127.0.0.1:5007"))
+        raise bad_address(text, tr("consecutive ports require an address with a port. Try: tcp://127.0.0.1:5007"))
     step = 1 if address.port else 0
     if address.port + step * (count - 1) > _LAST_PORT:
         raise bad_address(text, tr("{count} consecutive ports would exceed port {last}", count=count, last=_LAST_PORT))

@@ -307,12 +307,14 @@ _LENGTH_AT: Final = _LENGTH.unpack_from
 
 
 def _frequent(data: bytes, at: int, length: int, vt: int, count: int, budget: list[int]) -> Variant | None:
-    """Return a VT_I4, a VT_BSTR or a short array of VT_R8, the usual arguments of calls; ``None`` for anything else.
+    """Return a VT_I4, VT_BSTR, VT_EMPTY or short array of VT_R8, the usual arguments; ``None`` for anything else.
 
     The result is that of :class:`_ValueReader`; invalid data is not read here.
     """
     if vt == _I4:
         return trusted(vt, _I4_AT(data, at)[0]) if length == 10 and count == 1 else None  # counts as 0 elements
+    if vt == _EMPTY:
+        return trusted(vt, None) if length == _NO_DATA and count == 1 else None
     if vt == R8_ARRAY:
         cost = count // _REALS_PER_UNIT
         if length != 6 + 8 * count or count > _SHORT or budget[0] < cost:
@@ -327,6 +329,8 @@ def _frequent(data: bytes, at: int, length: int, vt: int, count: int, budget: li
     return None
 
 
+_EMPTY: Final = int(VarType.EMPTY)
+_NO_DATA: Final = 6
 _REALS_PER_UNIT: Final = ROWS[VarType.R8].elements_per_unit
 _FEW_BYTES: Final = 1024
 

@@ -23,6 +23,8 @@ _MIN_PATIENCE: Final = 0.05  # s; longer than the cycle of any device, so that a
 _MAX_PATIENCE: Final = 20.0  # s; a device with a fast clock can catch up this delay in a short time
 SHORTEST_PAUSE: Final = 0.0002
 """Seconds between two calls of a device, so that other threads can access it."""
+IDLE_TIME: Final = 0.1
+"""Seconds without work after which a thread ends; a client that streams set-points to a resting arm keeps the thread."""
 JOIN_TIMEOUT: Final = 5.0
 """Limit on the seconds to wait for the end of the call in progress when a device is closed."""
 
@@ -144,6 +146,8 @@ class _Thread(ClockDriver):
         with self._changed:
             if pause is not None and not self._woken and not self._closed:
                 self._changed.wait(min(max(pause / self._scale, SHORTEST_PAUSE), threading.TIMEOUT_MAX))
+            elif pause is None:
+                self._changed.wait_for(lambda: self._woken or self._closed, IDLE_TIME)
             if self._closed or (pause is None and not self._woken):
                 self._thread = None
                 return False

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from heapq import heapify, heappop, heappush
 from typing import Final
 
-from orinkit.virtual.clock import JOIN_TIMEOUT, SHORTEST_PAUSE, Clock, ClockDriver
+from orinkit.virtual.clock import IDLE_TIME, JOIN_TIMEOUT, SHORTEST_PAUSE, Clock, ClockDriver
 
-logger = logging.getLogger("orinkit.virtual")
+logger = logging.getLogger("orinkit.rc8")
 
 LONG: Final = 0.02
 """Seconds after which another thread takes over the other devices, if the call of one device has not ended."""
@@ -159,8 +159,9 @@ class _Scheduler:
             while self._runner is thread:
                 when = self._first_due()
                 if when is None:
-                    self._runner = None
-                    break
+                    if not self._changed.wait(IDLE_TIME) and self._first_due() is None and self._runner is thread:
+                        self._runner = None
+                    continue
                 now = time.monotonic()
                 if when <= now:
                     device = heappop(self._due)[2]

@@ -83,7 +83,7 @@ def test_an_exception_of_one_device_does_not_affect_the_others(caplog: pytest.Lo
     def fail() -> float | None:
         raise RuntimeError("broken")
 
-    with caplog.at_level(logging.ERROR, "orinkit.virtual"):
+    with caplog.at_level(logging.ERROR, "orinkit.rc8"):
         driver = clock.drive(fail)
         driver.wake()
         other.driver.wake()
