@@ -1,4 +1,4 @@
-"""What imports bring along: a program loads only the modules that it uses, so that it starts quickly."""
+"""Check which modules imports load: a program loads only what it uses, so that it starts quickly."""
 
 from __future__ import annotations
 

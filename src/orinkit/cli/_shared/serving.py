@@ -199,7 +199,8 @@ async def _serve(
     install_exception_handler(asyncio.get_running_loop())
     with _set_by_signals(stop):
         async with AsyncExitStack() as servers:
-            server = await servers.enter_async_context(_server(hosts, listening))
+            server = _server(hosts, listening)
+            await servers.enter_async_context(server)
             for warning in _warnings(listening):  # not earlier: an address that cannot be used is not reachable
                 print(warning, file=sys.stderr)
             ready = [*before, *(f"ready {url}" for url in server.urls)]
