@@ -7,21 +7,12 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from importlib import import_module
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final
 
-from orinkit.can.server import serve_can
-from orinkit.cao import functions
-from orinkit.cao.provider import Provider
-from orinkit.client._shared.common import ErrorInfo
-from orinkit.client._shared.connection_string import ConnectionString
-from orinkit.client._sync.client import Client
-from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
-from orinkit.client._sync.file import File
-from orinkit.client._sync.motion import Motion
-from orinkit.client._sync.objects import Variable
-from orinkit.client._sync.robot import Robot
-from orinkit.client._sync.task import Task
 from orinkit.core import hresult
 from orinkit.core.errors import (
     AccessDenied,
@@ -69,22 +60,34 @@ from orinkit.core.errors import (
     error_for,
 )
 from orinkit.core.i18n import use as set_language
-from orinkit.device import Device, Part, command, variable
-from orinkit.server.http.options import HttpOptions
-from orinkit.server.threaded import Server, serve
-from orinkit.values.poses import J, P, PassMark, T, V
-from orinkit.values.variant import Variant, VarType
 
 if TYPE_CHECKING:
+    from orinkit.can.server import serve_can
+    from orinkit.cao import functions
+    from orinkit.cao.provider import Provider
+    from orinkit.client._shared.common import ErrorInfo
+    from orinkit.client._shared.connection_string import ConnectionString
     from orinkit.client._shared.stream import Progress, StreamResult, Timing
+    from orinkit.client._sync.client import Client
+    from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
+    from orinkit.client._sync.file import File
+    from orinkit.client._sync.motion import Motion
+    from orinkit.client._sync.objects import Variable
+    from orinkit.client._sync.robot import Robot
     from orinkit.client._sync.stream import Stream
+    from orinkit.client._sync.task import Task
+    from orinkit.device import Device, Part, command, variable
     from orinkit.rc8.slave_lateness import Lateness
+    from orinkit.server.http.options import HttpOptions
+    from orinkit.server.threaded import Server, serve, serve_many
     from orinkit.streaming.planning.limits import Limits, PathLimits
     from orinkit.streaming.process.realtime import RealTime
     from orinkit.streaming.recording.samples import Sample
     from orinkit.streaming.trajectory.limit_violations import TrajectoryError
+    from orinkit.values.poses import J, P, PassMark, T, V
+    from orinkit.values.variant import Variant, VarType
 
-open_client = Client.open
+    open_client = Client.open
 
 __version__ = "0.1.0"
 
@@ -173,32 +176,83 @@ __all__ = [
     "open_client",
     "serve",
     "serve_can",
+    "serve_many",
     "set_language",
     "variable",
 ]
 
 _ON_FIRST_USE: Final = {
-    "Lateness": "rc8.slave_lateness",
-    "Limits": "streaming.planning.limits",
-    "PathLimits": "streaming.planning.limits",
-    "Progress": "client._shared.stream",
-    "RealTime": "streaming.process.realtime",
-    "Sample": "streaming.recording.samples",
-    "Stream": "client._sync.stream",
-    "StreamResult": "client._shared.stream",
-    "Timing": "client._shared.stream",
-    "TrajectoryError": "streaming.trajectory.limit_violations",
+    "Client": "client._sync.client:Client",
+    "Command": "client._sync.controller:Command",
+    "ConnectionString": "client._shared.connection_string:ConnectionString",
+    "Controller": "client._sync.controller:Controller",
+    "Device": "device:Device",
+    "ErrorInfo": "client._shared.common:ErrorInfo",
+    "Extension": "client._sync.controller:Extension",
+    "File": "client._sync.file:File",
+    "HttpOptions": "server.http.options:HttpOptions",
+    "J": "values.poses:J",
+    "Lateness": "rc8.slave_lateness:Lateness",
+    "Limits": "streaming.planning.limits:Limits",
+    "Message": "client._sync.controller:Message",
+    "Motion": "client._sync.motion:Motion",
+    "P": "values.poses:P",
+    "Part": "device:Part",
+    "PassMark": "values.poses:PassMark",
+    "PathLimits": "streaming.planning.limits:PathLimits",
+    "Progress": "client._shared.stream:Progress",
+    "Provider": "cao.provider:Provider",
+    "RealTime": "streaming.process.realtime:RealTime",
+    "Robot": "client._sync.robot:Robot",
+    "Sample": "streaming.recording.samples:Sample",
+    "Server": "server.threaded:Server",
+    "Stream": "client._sync.stream:Stream",
+    "StreamResult": "client._shared.stream:StreamResult",
+    "T": "values.poses:T",
+    "Task": "client._sync.task:Task",
+    "Timing": "client._shared.stream:Timing",
+    "TrajectoryError": "streaming.trajectory.limit_violations:TrajectoryError",
+    "V": "values.poses:V",
+    "VarType": "values.variant:VarType",
+    "Variable": "client._sync.objects:Variable",
+    "Variant": "values.variant:Variant",
+    "command": "device:command",
+    "connect": "client._sync.controller:connect",
+    "functions": "cao.functions:",
+    "open_client": "client._sync.client:Client.open",
+    "serve": "server.threaded:serve",
+    "serve_can": "can.server:serve_can",
+    "serve_many": "server.threaded:serve_many",
+    "variable": "device:variable",
 }
-"""Names of streaming and their modules; most programs do not stream, and importing these modules takes 30 ms."""
+"""The names that are imported on first use, and their places.
+
+Exceptions are imported with the package. All other names together take three times as long, and no program uses them
+all: a client needs no server, a server no client, and most programs do not stream.
+"""
+
+
+def _publish(name: str, public: object) -> None:
+    """Make help() and tracebacks show orinkit as the module of a public name."""
+    if isinstance(public, type) or getattr(public, "__name__", "") == name:
+        public.__module__ = __name__
 
 
 if not TYPE_CHECKING:  # or type checkers would accept any name
 
     def __getattr__(name: str) -> object:
-        """Import a name of streaming on first use (PEP 562)."""
+        """Import a name on first use (PEP 562)."""
         if name not in _ON_FIRST_USE:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+        import_module(f"{__name__}.{_ON_FIRST_USE[name].partition(':')[0]}")
+        for each, place in _ON_FIRST_USE.items():  # connect() also imports Robot, which is to be shown as orinkit.Robot
+            module, _, path = place.partition(":")
+            found = sys.modules.get(f"{__name__}.{module}")
+            if found is None:
+                continue
+            with suppress(AttributeError):  # another thread is importing the module
+                globals()[each] = attrgetter(path)(found) if path else found
+                _publish(each, globals()[each])
         return globals()[name]
 
 
@@ -206,8 +260,5 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_ON_FIRST_USE})
 
 
-# help() and tracebacks show orinkit as the module of the public names
 for _name in globals().keys() & set(__all__):
-    _public = globals()[_name]
-    if isinstance(_public, type) or getattr(_public, "__name__", "") == _name:
-        _public.__module__ = __name__
+    _publish(_name, globals()[_name])

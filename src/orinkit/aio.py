@@ -28,6 +28,7 @@ from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.stream import AsyncStream
 from orinkit.client._async.task import AsyncTask
 from orinkit.core.awaitable import AwaitableContext
+from orinkit.server.aio_group import AsyncServerGroup
 from orinkit.server.aio_server import AsyncServer
 
 __all__ = [
@@ -40,12 +41,14 @@ __all__ = [
     "AsyncMotion",
     "AsyncRobot",
     "AsyncServer",
+    "AsyncServerGroup",
     "AsyncStream",
     "AsyncTask",
     "AsyncVariable",
     "connect",
     "open_client",
     "serve",
+    "serve_many",
 ]
 
 P = ParamSpec("P")
@@ -63,6 +66,7 @@ def _opening(function: Callable[P, Coroutine[Any, Any, C]]) -> Callable[P, Await
 connect = _opening(controller.connect)
 open_client = _opening(AsyncClient.open)
 serve = AsyncServer
+serve_many = AsyncServerGroup
 
 for _name in __all__:  # so that help() and tracebacks show orinkit.aio as the module of the public names
     _public = globals()[_name]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import FrozenInstanceError
 from typing import Any
 
 import pytest
@@ -73,7 +72,7 @@ def test_types_of_options_survive() -> None:
     again = parse_address(str(address))
     assert isinstance(again, CanAddress)
     assert [type(value) for _, value in again.options] == [int, float, bool]
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         address.channel = "z"
 
 

@@ -98,7 +98,7 @@ def test_every_kind_of_listener(serve, tmp_path):
 
 
 def test_options_of_the_controller(serve):
-    _, url = serve("--count", "I=7", "--count", "s=3", "--io-points", "256", "--clients", "1", "--objects", "3")
+    _, url = serve("--variables", "I=7", "--variables", "s=3", "--io-points", "256", "--clients", "1", "--objects", "3")
     with orinkit.connect(url) as controller:
         assert controller.variable("@VAR_I_LEN").value == 7
         assert controller.variable("@VAR_S_LEN").value == 3
@@ -210,9 +210,9 @@ def test_is_loopback(host, expected):
         (["--serial", "com:1:fast"], "baudrate cannot be 'fast'"),
         (["--control", "udp://127.0.0.1:0"], "--control udp://127.0.0.1:0: only loopback addresses are allowed"),
         (["--permission", "me=rw"], "'me' is not an IP address or network"),
-        (["--count", "I"], "--count I: not CLASS=NUMBER. Try: I=200"),
-        (["--count", "I=-1"], "--count I=-1: not CLASS=NUMBER"),
-        (["--count", "Q=1"], "unknown variable class Q"),
+        (["--variables", "I"], "--variables I: not CLASS=NUMBER. Try: I=200"),
+        (["--variables", "I=-1"], "--variables I=-1: not CLASS=NUMBER"),
+        (["--variables", "Q=1"], "unknown variable class Q"),
         (["--io-points", "-1"], "IO"),
         (["--clients", "0"], "--clients must be 1 or more, not 0"),
         (["--objects", "0"], "--objects must be 1 or more, not 0"),

@@ -38,6 +38,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import IO
 
@@ -111,19 +112,17 @@ class Addresses:
             return written
         key = VIRTUAL if port is None else written
         if key not in self._real:
-            self._real[key] = f"127.0.0.1:{self._free_port()}"
+            before = self._real.get(f"127.0.0.1:{int(port) - 1}") if port else None
+            number = int(before.rpartition(":")[2]) + 1 if before else self._free_port()  # serve rc8 --count
+            self._real[key] = f"127.0.0.1:{number}"
         return self._real[key]
 
     def _free_port(self) -> int:
-        """Return a port on which nothing listens, outside the range of ephemeral ports."""
-        for port in random.sample(PORTS, len(PORTS)):
-            with (
-                socket.socket() as stream,
-                socket.socket(type=socket.SOCK_DGRAM) as datagrams,
-                contextlib.suppress(OSError),
-            ):
-                stream.bind(("127.0.0.1", port))
-                datagrams.bind(("127.0.0.1", port))
+        """Return a port on which nothing listens, nor on the next two, outside the range of ephemeral ports."""
+        for port in random.sample(PORTS[:-2], len(PORTS) - 2):
+            with contextlib.ExitStack() as sockets, contextlib.suppress(OSError):
+                for number, kind in product(range(port, port + 3), (socket.SOCK_STREAM, socket.SOCK_DGRAM)):
+                    sockets.enter_context(socket.socket(type=kind)).bind(("127.0.0.1", number))
                 return port
         raise AssertionError("no port is free")
 
@@ -140,6 +139,7 @@ class Terminal:
         """Execute the commands of a block; return the resulting text of the terminal."""
         pieces = re.split(r"^\$ (.*)\n", f"{block.text}\n", flags=re.MULTILINE)
         assert not pieces[0].strip(), "a console block begins with a command"
+        self.addresses.real(block.text)  # also those that only occur in the output
         return "".join(
             f"$ {command}\n{self.addresses.written(self._command(self.addresses.real(command), shown))}"
             for command, shown in zip(pieces[1::2], pieces[2::2], strict=True)

@@ -8,7 +8,8 @@ from typing import Any
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, compile_program
+from orinkit.virtual.rc8.pacscript.compiler import compile_program
+from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState
 
 COUNT = 100
 POINTS = 512

@@ -13,12 +13,12 @@ import math
 import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Final, Literal, NoReturn, TypeAlias
 
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 _PACKAGE: Final = "orinkit.arms"
 _NAME: Final = re.compile(r'^name = "([^"]+)"$', re.MULTILINE)
@@ -67,7 +67,7 @@ _KEYS: Final = frozenset(
 _AXIS_KEYS: Final = frozenset({"lower", "upper", "velocity", "acceleration", "slave_acceleration", "linear"})
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class AxisModel:
     """One axis, in deg, or in mm if it is linear.
 
@@ -96,7 +96,7 @@ class AxisModel:
             object.__setattr__(self, "slave_acceleration", assumed)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ArmModel:
     """The model of one arm.
 

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from orinkit.core.errors import ProtocolError
+from orinkit.core.record import record
 from orinkit.values.variant import Variant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Send:
     """Send bytes."""
 
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Close:
     """Close the link after pending data has been sent; ``reason`` is for the log."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class EndSession:
     """Release the client's objects and cancel its call, as if the client had disconnected; the link stays open.
 
@@ -37,12 +37,12 @@ class EndSession:
     keeps_replies: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Continue:
     """Do nothing; request the next action after serving other clients. The search for a packet in noise takes longer."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Execute:
     """Execute a call, then pass this object and the result to :meth:`ServerConversation.finish`."""
 
@@ -51,7 +51,7 @@ class Execute:
     arguments: list[Variant]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class Decode:
     """Call ``read``, which decodes a large packet, in a worker thread, so that other clients are served meanwhile.
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Generator
-from dataclasses import replace
 from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
@@ -29,6 +28,7 @@ from orinkit.cao.user_functions import MOST_ARGUMENTS, is_user_function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import replaced
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import Variant, VarType, variant
@@ -91,7 +91,7 @@ class BcapConversation:
     def dialect(self, dialect: Dialect) -> None:
         self._dialect = dialect
         if dialect.vt_error_size != self._limits.vt_error_size:
-            self._limits = replace(self._limits, vt_error_size=dialect.vt_error_size)
+            self._limits = replaced(self._limits, vt_error_size=dialect.vt_error_size)
 
     @property
     def serial(self) -> int:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final, Literal, TypeAlias
 
@@ -24,6 +23,7 @@ from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
 from orinkit.core.i18n import printable, tr
+from orinkit.core.record import record
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.notation import format_variant
@@ -46,7 +46,7 @@ _HEAD: Final = struct.Struct("<HI")  # type, count
 _ARGUMENT: Final = struct.Struct("<IHI")  # length of the rest, type, count
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PacketField:
     """A field of a packet and its meaning. The concatenated bytes of all fields are the packet.
 

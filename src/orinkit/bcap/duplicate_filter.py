@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Final
 
 from orinkit.core import hresult
+from orinkit.core.record import record
 
 MEMORY: Final = 10.0
 """Seconds for which requests are stored; a silent UDP client is disconnected after the same time."""
@@ -37,7 +38,7 @@ class Decision(Enum):
     STALE = "drop it: its client has given it up"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CachedReply:
     """A stored reply, without its serial, which differs for each attempt."""
 

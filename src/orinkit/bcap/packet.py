@@ -10,7 +10,7 @@ from __future__ import annotations
 import binascii
 import re
 import struct
-from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final, cast
 
 from orinkit.core import hresult
@@ -18,6 +18,7 @@ from orinkit.core.errors import LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
+from orinkit.values.variant import R8_ARRAY, Variant, VarType
 
 SOH: Final = 0x01
 EOT: Final = 0x04
@@ -35,7 +36,6 @@ _SHOWN: Final = 32  # bytes shown of data that is not a packet
 _HTTP: Final = re.compile(rb"HTTP/\d|[A-Z]{3,7} [/*]")
 
 
-@dataclass(slots=True)
 class Packet:
     """A b-CAP packet.
 
@@ -47,11 +47,29 @@ class Packet:
         trailer: the reserved area after the arguments (VE026A 3.1), nearly always empty.
     """
 
-    serial: int
-    code: int
-    arguments: list[Any] = field(default_factory=list)
-    reserved: int = 0
-    trailer: bytes = b""
+    __slots__ = ("arguments", "code", "reserved", "serial", "trailer")
+
+    def __init__(
+        self, serial: int, code: int, arguments: list[Any] | None = None, reserved: int = 0, trailer: bytes = b""
+    ) -> None:
+        self.serial = serial
+        self.code = code
+        self.arguments: list[Any] = [] if arguments is None else arguments
+        self.reserved = reserved
+        self.trailer = trailer
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Packet):
+            return NotImplemented
+        return self._fields() == other._fields()
+
+    __hash__ = None  # type: ignore[assignment]  # a packet can be changed
+
+    def __repr__(self) -> str:
+        return "Packet(serial={}, code={}, arguments={!r}, reserved={}, trailer={!r})".format(*self._fields())
+
+    def _fields(self) -> tuple[int, int, list[Any], int, bytes]:
+        return self.serial, self.code, self.arguments, self.reserved, self.trailer
 
 
 def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, crc: bool = False) -> bytes:
@@ -60,6 +78,71 @@ def pack(serial: int, code: int, count: int, body: bytes, reserved: int = 0, *, 
         return b"%b%b\x04" % (HEADER.pack(SOH, len(body) + OVERHEAD, serial, reserved, code, count), body)
     head = HEADER.pack(SOH, len(body) + OVERHEAD + 2, serial, reserved, code, count)
     return b"%b%b%b\x04" % (head, body, _CRC.pack(checksum(head[1:] + body)))
+
+
+_NO_RESULT: Final = struct.Struct("<BIHHIHB").pack
+_SCALARS: Final = {
+    int(vt): struct.Struct(f"<BIHHIHIHI{layout}B")
+    for vt, layout in ((VarType.I4, "i"), (VarType.R8, "d"), (VarType.R4, "f"), (VarType.I2, "h"))
+}
+_BOOL: Final = int(VarType.BOOL)
+_BSTR: Final = int(VarType.BSTR)
+_I2: Final = int(VarType.I2)
+_MOST_REALS: Final = 64
+_LONGEST_TEXT: Final = 1000
+
+
+@lru_cache(maxsize=_MOST_REALS + 1)
+def _reals(count: int) -> struct.Struct:
+    return struct.Struct(f"<BIHHIHIHI{count}dB")
+
+
+def pack_reply(serial: int, code: int, result: Variant | None, reserved: int = 0) -> bytes | None:
+    """Return the packet of a reply over TCP, packed in one step, or ``None`` if the result is not a simple one.
+
+    Simple results are: none, VT_I2, VT_I4, VT_R4, VT_R8, VT_BOOL, a short VT_BSTR, and a short array of VT_R8. The bytes
+    are those of :func:`pack` and :func:`orinkit.values.codec.encode_variant`.
+
+    Raises:
+        struct.error: If the value does not fit the type, which a :class:`Variant` never contains.
+    """
+    if result is None:
+        return _NO_RESULT(SOH, OVERHEAD, serial, reserved, code, 0, EOT)
+    vt, value = result.type, result.value
+    layout = _SCALARS.get(vt)
+    if layout is not None:
+        size = layout.size
+        return layout.pack(SOH, size, serial, reserved, code, 1, size - OVERHEAD - 4, vt, 1, value, EOT)
+    if vt == R8_ARRAY and len(value) <= _MOST_REALS:
+        count = len(value)
+        layout = _reals(count)
+        return layout.pack(SOH, layout.size, serial, reserved, code, 1, 6 + 8 * count, vt, count, *value, EOT)
+    if vt == _BOOL:
+        layout = _SCALARS[_I2]
+        number = -1 if value else 0
+        return layout.pack(SOH, layout.size, serial, reserved, code, 1, 8, vt, 1, number, EOT)
+    if vt == _BSTR and len(value) <= _LONGEST_TEXT:
+        return pack(serial, code, 1, codec.encode_string(value), reserved)
+    return None
+
+
+_ONE_HANDLE: Final = struct.Struct("<BIHHIHIHIiB")
+
+
+def read_one_handle(data: bytes) -> tuple[int, int, int, int] | None:
+    """Return serial, reserved field, function id and handle of a request whose only argument is a VT_I4.
+
+    Return ``None`` for every other packet, complete or not.
+    """
+    if len(data) != _ONE_HANDLE.size:
+        return None
+    soh, length, serial, reserved, function_id, count, size, vt, elements, handle, eot = _ONE_HANDLE.unpack(data)
+    if (soh, length, count, size, vt, elements, eot) != _HANDLE_FRAME:
+        return None
+    return serial, reserved, function_id, handle
+
+
+_HANDLE_FRAME: Final = (SOH, _ONE_HANDLE.size, 1, 10, int(VarType.I4), 1, EOT)
 
 
 def with_room(body: bytes) -> bytearray:
@@ -223,6 +306,16 @@ class Framer(FramerBase):
         super().__init__(limits)
         self._error: ProtocolError | None = None
 
+    def has_whole(self, data: bytes) -> bool:
+        """Return True if the next bytes of the stream are exactly one packet within the limits; do not add them.
+
+        In this case, :meth:`feed` would return ``data`` itself, and would not change anything.
+        """
+        if self._buffer or self._error is not None or len(data) < OVERHEAD:
+            return False
+        soh, length = _START(data)
+        return soh == SOH and length == len(data) and data[-1] == EOT and length <= self.limits.packet
+
     @property
     def partial_serial(self) -> int:
         """Always 0: not used for a byte stream."""
@@ -242,10 +335,8 @@ class Framer(FramerBase):
         Raises:
             ProtocolError: See :meth:`next_frame`.
         """
-        if not self._buffer and self._error is None and len(data) >= OVERHEAD:
-            soh, length = _START(data)
-            if soh == SOH and length == len(data) and data[-1] == EOT and length <= self.limits.packet:
-                return data  # the usual case: exactly one packet, without buffering or copying
+        if self.has_whole(data):
+            return data  # the usual case: exactly one packet, without buffering or copying
         if self._error is None:
             self._buffer += data
         return self.next_frame()

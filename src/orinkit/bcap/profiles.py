@@ -9,13 +9,13 @@ recognizes the request (:mod:`orinkit.bcap.duplicate_filter`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, Protocol
 
 from orinkit.bcap import packet
 from orinkit.bcap.serial_framer import LineFramer
 from orinkit.cao.transport_profile import TransportProfile
+from orinkit.core.record import record, replaced
 from orinkit.core.validation import check_whole
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
@@ -95,7 +95,7 @@ class DatagramFramer:
         return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class BcapProfile(TransportProfile):
     """A transport profile of b-CAP.
 
@@ -116,7 +116,7 @@ class BcapProfile(TransportProfile):
 
     def bound(self, limits: PacketLimits) -> PacketLimits:
         """Return limits with the packet size reduced to the limit of the transport; the other limits are unchanged."""
-        return limits if limits.packet <= self.packet else replace(limits, packet=self.packet)
+        return limits if limits.packet <= self.packet else replaced(limits, packet=self.packet)
 
 
 LONGEST_DATAGRAM: Final = 503
@@ -149,4 +149,4 @@ def line_profile(longest: int) -> BcapProfile:
         InvalidValue: If the limit is not from 128 to 65,536.
     """
     check_whole("serial_packet", longest, LONGEST_ON_LINE, LEAST_ON_LINE)
-    return LINE if longest == LINE.packet else replace(LINE, packet=longest)
+    return LINE if longest == LINE.packet else replaced(LINE, packet=longest)

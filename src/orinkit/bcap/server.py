@@ -14,9 +14,8 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Final, TypeAlias
 
 from orinkit.bcap import packet
 from orinkit.bcap.actions import Action, Close, Continue, Decode, Encoded, EndSession, Execute, Send
@@ -28,6 +27,7 @@ from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.service_options import read_options
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, ProtocolError
+from orinkit.core.record import replaced
 from orinkit.rc8.stopping import MAY_MOVE, MAY_STOP, begins_motion, is_stop
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
@@ -42,6 +42,12 @@ _OVERDUE: Final = 0.5  # s; if a packet on a serial line is incomplete for longe
 _NEVER: Final = float("inf")
 LARGE: Final = 16 * 1024
 """Size in bytes above which packets are decoded, and results encoded, outside the event loop."""
+
+_USUAL: Final = 4000  # bytes of the longest packet of the direct path; longer ones are rare, and slow in any case
+_OF_SERVICE: Final = frozenset((_SERVICE_START, _SERVICE_STOP))  # they change the conversation
+
+DirectCall: TypeAlias = tuple[int, int, int, list[Variant] | int]
+"""Serial, reserved field, function id, and arguments of a call; if the only argument is a handle, the handle."""
 
 logger = logging.getLogger("orinkit.bcap.server")
 _CONTINUE: Final = Continue()
@@ -82,6 +88,7 @@ class ServerConversation:
         self._profile = profile
         self._dialect = dialect
         self._framer = profile.server_framer(limits)
+        self._stream = self._framer if isinstance(self._framer, packet.Framer) else None
         self.set_limits(limits)
         self._requests = DuplicateFilter(shared=profile.shared) if profile.lossy else None
         self._calls = CallQueue(queues=dialect.queues_calls)
@@ -94,7 +101,7 @@ class ServerConversation:
 
     def set_limits(self, limits: PacketLimits) -> None:
         """Change the limits of a packet."""
-        self._limits = replace(self._profile.bound(limits), vt_error_size=self._dialect.vt_error_size)
+        self._limits = replaced(self._profile.bound(limits), vt_error_size=self._dialect.vt_error_size)
         self._framer.limits = self._limits
 
     @property
@@ -152,6 +159,68 @@ class ServerConversation:
         """
         self._now = now
         return self._actions(partial(self._framer.feed, data), self._framer.next_frame)
+
+    # --- the direct path ----------------------------------------------------------------------------------------
+
+    def take_directly(self, data: bytes, now: float) -> DirectCall | None:
+        """Return the call in received bytes, if these are exactly one usual packet, and no call is in progress.
+
+        Otherwise return ``None``, and change nothing: the caller then passes the bytes to :meth:`receive`, which
+        processes everything. The caller executes the call at once, and passes the result to :meth:`reply_directly`.
+
+        Args:
+            data: the bytes received.
+            now: the time on a monotonic clock, s.
+        """
+        stream = self._stream
+        if stream is None or not stream.has_whole(data) or self._calls.busy or not self._calls.idle:
+            return None
+        call: DirectCall | None = packet.read_one_handle(data)
+        if call is None:
+            if len(data) > _USUAL:
+                return None
+            _, _, serial, reserved, function_id, count = packet.HEADER.unpack_from(data)
+            if count > _MAX_ARGUMENTS or function_id in _OF_SERVICE:
+                return None
+            arguments = self._decode(data, count, len(data) - 1)
+            if isinstance(arguments, ProtocolError):
+                return None
+            call = serial, reserved, function_id, arguments
+        elif call[2] in _OF_SERVICE:
+            return None
+        self._now = self.last_request_at = now
+        self.packets += 1
+        self.calls += 1
+        self.stopped = False
+        return call
+
+    def reply_directly(self, call: DirectCall, code: int, result: Variant | None) -> bytes | None:
+        """Return the reply to a call of :meth:`take_directly`; ``None`` if the result is not a simple one.
+
+        In this case, the caller continues with :meth:`continue_call` and :meth:`finish`.
+        """
+        dialect = self._dialect
+        serial, reserved, _, _ = call
+        reserved = reserved if dialect.echoes_reserved else 0
+        if code:
+            if result is not None:
+                return None
+            data: bytes | None = self._pack(serial, reserved, code)
+        else:
+            data = packet.pack_reply(serial, code, result, reserved)
+        if data is None or len(data) > self._limits.packet:
+            return None
+        self.last_reply_at = self._now
+        return data
+
+    def continue_call(self, call: DirectCall) -> Execute:
+        """Record that a call of :meth:`take_directly` is in progress, as :meth:`receive` does before it yields a call."""
+        serial, reserved, function_id, arguments = call
+        request = Request(b"", serial, reserved, function_id, 0, 0)
+        self._start_timers(request)
+        execute = Execute(serial, function_id, arguments if isinstance(arguments, list) else [])
+        self._calls.begin(request, execute)
+        return execute
 
     def discard_incomplete(self, now: float) -> Iterator[Action]:
         """Abandon an incomplete packet on a serial line; yield the actions for the packets that follow its first byte.

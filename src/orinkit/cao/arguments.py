@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, Final
 
 from orinkit.cao import coerce
@@ -30,9 +31,33 @@ def read_arguments(function: Function[..., Any], given: Sequence[Variant]) -> li
                 wanted=len(expected),
             ),
         )
-    values = [_read(function, *pair) for pair in zip(expected, given, strict=False)]
-    values += [_default(argument) for argument in expected[len(given) :]]
+    values = []
+    for (vt, longest, argument), value in zip(_expected(function), given, strict=False):
+        content = value.value
+        if value.type == vt and (not longest or len(content) <= longest):
+            values.append(content)  # it has the type of the table already
+        else:
+            values.append(_read(function, argument, value))
+    if len(given) < len(expected):
+        values += [_default(argument) for argument in expected[len(given) :]]
     return values
+
+
+_ANY: Final = -1  # no VARIANT has this type
+_UNCHANGED: Final = frozenset((VarType.I4, VarType.BSTR))  # the types whose content is passed on without a check
+
+
+@cache
+def _expected(function: Function[..., Any]) -> tuple[tuple[int, int, Argument], ...]:
+    """Return for each argument the type whose content needs no conversion, its limit on characters, and the argument."""
+    return tuple(
+        (
+            int(argument.vt) if argument.vt in _UNCHANGED else _ANY,
+            argument.longest if argument.vt is VarType.BSTR else 0,
+            argument,
+        )
+        for argument in function.arguments
+    )
 
 
 def _read(function: Function[..., Any], argument: Argument, value: Variant) -> Any:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from typing import Final
 
 from orinkit.core import hresult
+from orinkit.core.record import EMPTY, record, replaced
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Dialect:
     """A dialect of b-CAP.
 
@@ -45,20 +45,20 @@ class Dialect:
     takes_start_options: bool = True
     strict: bool = False
     queues_calls: bool = True
-    code_replacements: Mapping[int, int] = field(default_factory=dict)
+    code_replacements: Mapping[int, int] = EMPTY
     takes_arm: bool = True
     short_numbers: bool = False
     slave_formats: bool = True
     slave_mode: int = 2
     busy_code: int = 0
-    command_timeouts: Mapping[str, float] = field(default_factory=dict)
-    command_variables: Mapping[str, str] = field(default_factory=dict)
+    command_timeouts: Mapping[str, float] = EMPTY
+    command_variables: Mapping[str, str] = EMPTY
 
 
 RC8: Final = Dialect("rc8")
 """RC8, RC8A, RC9, COBOTTA."""
 
-RC8_STRICT: Final = replace(RC8, strict=True)
+RC8_STRICT: Final = replaced(RC8, strict=True)
 """The same, of a server that follows the documents where they are narrower."""
 
 VE026A: Final = Dialect(

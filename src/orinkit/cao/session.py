@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,6 +22,7 @@ from orinkit.cao.arguments import read_arguments
 from orinkit.cao.coerce import unwrap
 from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.options import Options
 from orinkit.cao.provider import (
     BlockingCall,
@@ -39,19 +40,18 @@ from orinkit.cao.user_functions import FIRST_BCAP
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import cut, printable, quoted, tr
+from orinkit.core.record import record
 from orinkit.values.types import ARRAY
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.variant import Variant, VarType, trusted, variant
 
 logger = logging.getLogger("orinkit.session")
 
-_FIRST_HANDLE: Final = 2  # as in the samples of the documents (RC8 3.1.2); 1 is the service itself
-_LAST_HANDLE: Final = 0x7FFF_FFFF
 _MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
 _MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 _NAMES: Final = VarType.BSTR | ARRAY
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CallReply:
     """The reply to one call.
 
@@ -66,7 +66,7 @@ class CallReply:
     detail: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Pending:
     """A call without a result so far; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
 
@@ -78,21 +78,6 @@ class Pending:
 
 
 Outcome: TypeAlias = CallReply | Pending
-
-
-class HandleAllocator:
-    """Allocates handles from 2 to 2,147,483,647, then from 2 again; several sessions may share it."""
-
-    def __init__(self) -> None:
-        self._next = _FIRST_HANDLE
-
-    def take(self, used: Container[int]) -> int:
-        """Return the next unused handle."""
-        while self._next in used:
-            self._next = _following(self._next)
-        number = self._next
-        self._next = _following(number)
-        return number
 
 
 @dataclass(slots=True)
@@ -135,6 +120,7 @@ class Session:
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
+        self._unwraps = host.unwraps_variants and self.client.transport == "http"
         # fixed handles are unique only within an interface, so its number is added above the 32 bits of the handle
         self._spaces = _SPACES if host.fixed_handles else {}
 
@@ -155,12 +141,18 @@ class Session:
         if function is None or (self._functions is not None and function_id not in self._functions):
             return self._invoke_user_function(function_id, arguments)
         try:
-            values = self._values(function, arguments)
-            special = _SPECIAL.get(function.id)
-            if special is not None:
-                return special(self, function, values)
-            return self._call_method(function, values)
+            return self._call(function, self._values(function, arguments))
         except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
+            return self._failed(function, error)
+
+    def invoke_on_handle(self, function_id: int, handle: int) -> Outcome:
+        """Execute a call whose only argument is a handle; as :meth:`invoke`, which other calls use."""
+        function = _ON_HANDLE.get(function_id)
+        if function is None or self._functions is not None:
+            return self.invoke(function_id, [trusted(_I4, handle)])
+        try:
+            return self._call(function, [handle])
+        except BaseException as error:  # noqa: BLE001 - as in invoke
             return self._failed(function, error)
 
     def _invoke_user_function(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
@@ -186,7 +178,7 @@ class Session:
         Raises:
             CallError: If they are invalid, with a return code that the protocol permits to the server itself.
         """
-        if self.host.unwraps_variants and self.client.transport == "http" and function.method not in STORING_METHODS:
+        if self._unwraps and function.method not in STORING_METHODS:
             arguments = [unwrap(each) for each in arguments]
         try:
             return read_arguments(function, arguments)
@@ -220,7 +212,40 @@ class Session:
         user = self.host.user_functions.get(function_id)
         return self._failed(FUNCTIONS[function_id] if user is None else user[1].function, error)
 
-    def _call_method(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+    def _call(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        """Call the method of the object that the first argument refers to.
+
+        Raises:
+            CallError: The error of the call; the method may raise any exception.
+        """
+        kind = _KINDS.get(function.id)
+        if kind is None:
+            return self._call_unusual(function, values)
+        handle = values[0]
+        entry = self._entries.get(handle)
+        if entry is None or entry.interface != function.interface or self._spaces:
+            entry = self._find(function, handle)
+        method = getattr(entry.served, function.method)
+        guard = entry.guard
+        if guard is _UNGUARDED:
+            result = method(*values[1:])
+        else:
+            with guard:
+                result = method(*values[1:])
+        if kind is _RETURNS_VARIANT:
+            if type(result) is Variant:
+                return CallReply(hresult.S_OK, result)
+            if type(result) is float:
+                return CallReply(hresult.S_OK, variant(result))
+        elif kind is _RETURNS_NOTHING and result is None:
+            return CallReply()
+        return self._outcome(function, entry.handle, "", result)
+
+    def _call_unusual(self, function: Function[..., Any], values: list[Any]) -> Outcome:
+        """Call a function that creates or releases an object, stores a value, or is executed by the session itself."""
+        special = _SPECIAL.get(function.id)
+        if special is not None:
+            return special(self, function, values)
         entry = self._find(function, values[0])
         handle = entry.handle
         label = ""
@@ -491,13 +516,31 @@ _SPACES: Final = {
 }
 
 
-def _following(handle: int) -> int:
-    return handle + 1 if handle < _LAST_HANDLE else _FIRST_HANDLE
-
-
 _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Outcome]]] = {
     1: Session._service_start,  # noqa: SLF001 - the class's own table
     2: Session._service_stop,  # noqa: SLF001
     3: Session._controller_connect,  # noqa: SLF001
     **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001
 }
+
+_I4: Final = int(VarType.I4)
+_UNGUARDED: Final = Provider.guard  # does nothing
+_RETURNS_VARIANT, _RETURNS_NOTHING, _RETURNS_OTHER = object(), object(), object()
+
+
+def _kind(function: Function[..., Any]) -> object:
+    """Return what a function of an object returns; ``None`` for the functions of ``_call_unusual``."""
+    if function.id in _SPECIAL or function.creates or function.method in STORING_METHODS:
+        return None
+    if function.result is None:
+        return _RETURNS_NOTHING if function.method != "execute" else _RETURNS_OTHER
+    return _RETURNS_VARIANT if function.result is VarType.VARIANT else _RETURNS_OTHER
+
+
+_KINDS: Final = {number: kind for number, each in FUNCTIONS.items() if (kind := _kind(each)) is not None}
+_ON_HANDLE: Final = {
+    number: FUNCTIONS[number]
+    for number in _KINDS
+    if len(FUNCTIONS[number].arguments) == 1 and FUNCTIONS[number].arguments[0].is_handle
+}
+"""The usual functions whose only argument is a handle."""

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Final, Generic, NamedTuple, ParamSpec, TypeVar
 
 from orinkit.core.i18n import choose, tr
+from orinkit.core.record import record
 from orinkit.values.variant import Value, VarType
 
 P = ParamSpec("P")
@@ -56,7 +56,7 @@ class Argument(NamedTuple):
         return self.optional and self.default is None and self.vt is not VarType.VARIANT
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class Function(Generic[P, R]):
     """An entry of the table; ``P`` are the types of the arguments, ``R`` is the type of the result.
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from orinkit.core.record import record
 from orinkit.values.codec import DEFAULT_LIMITS
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TransportProfile:
     """Properties of a transport.
 

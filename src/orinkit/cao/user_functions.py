@@ -7,12 +7,12 @@ to an object, so it has no handle.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.cao.table import Argument, Function
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.variant import VarType
 
 FIRST: Final = 255
@@ -24,7 +24,7 @@ MOST_ARGUMENTS: Final = 5
 """Limit on the arguments of a user-defined function: a request of e-CAP has five."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class UserFunction:
     """A user-defined function of a device.
 

@@ -12,7 +12,6 @@ from typing import Final
 from cyclopts import App, CycloptsError, Group, Parameter
 
 import orinkit
-from orinkit.cao.functions import FUNCTIONS
 from orinkit.cli._shared.errors import CommandError, usage_text
 from orinkit.cli._shared.help import HelpFormatter
 from orinkit.cli._shared.terminal import screened
@@ -67,11 +66,11 @@ def build() -> App:
     app.command(serve)
     app.command(_command_of("get"), name="get", sort_key=3, help=tr("Read a variable of a controller."))  # fmt: skip
     app.command(_command_of("put"), name="put", sort_key=4, help=tr("Write a variable of a controller."))  # fmt: skip
-    app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any of the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
+    app.command(_command_of("call"), name="call", sort_key=5, help=tr("Call any CAO function."))  # fmt: skip
     app.command(_command_of("info"), name="info", sort_key=6, help=tr("Show information about a controller and its state."))  # fmt: skip
     app.command(_command_of("decode"), name="decode", sort_key=7, help=tr("Explain b-CAP packets in hex, field by field."))  # fmt: skip
     app.command(_command_of("dissector"), name="dissector", sort_key=8, help=tr("Write a dissector of b-CAP for Wireshark."))  # fmt: skip
-    app.command(_command_of("functions"), name="functions", sort_key=9, usage="orinkit functions [OPTIONS] [FILTER]", help=tr("List the {count} CAO functions.", count=len(FUNCTIONS)))  # fmt: skip
+    app.command(_command_of("functions"), name="functions", sort_key=9, usage="orinkit functions [OPTIONS] [FILTER]", help=tr("List the CAO functions."))  # fmt: skip
     app.command(_command_of("pendant"), name="pendant", sort_key=10, usage="orinkit pendant [OPTIONS] URL ACTION [VALUE...]", help=tr("Operate the pendant of a virtual RC8."))  # fmt: skip
     app.command(_command_of("move"), name="move", sort_key=11, help=tr("Move a robot to a pose."))  # fmt: skip
     app.command(_command_of("stream"), name="stream", sort_key=12, help=tr("Execute a trajectory in slave mode."))  # fmt: skip

@@ -22,12 +22,12 @@ later ones end in ``_2``, ``_3`` ...
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from orinkit.core import _hresult_controller, _hresult_orin
 from orinkit.core.i18n import choose, tr
+from orinkit.core.record import record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -256,7 +256,7 @@ _SUBSYSTEMS: Final = {
 _MAX_LEVEL: Final = 5
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ReturnCode:
     """A return code with its name, meaning and hint.
 

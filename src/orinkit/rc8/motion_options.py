@@ -21,12 +21,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, NotationError, error_for
 from orinkit.core.i18n import quoted, tr
+from orinkit.core.record import record
 from orinkit.values.poses import PassMark
 
 MAX_PERCENT: Final = 100.0
@@ -47,7 +47,7 @@ VariableKind: TypeAlias = Literal["I", "F", "D"]
 """The classes of variables that hold one number."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class VariableRef:
     """A global variable that replaces the number of an option: ``F2``.
 
@@ -69,7 +69,7 @@ Amount: TypeAlias = float | VariableRef
 """A number, or a variable that holds the number."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MotionOptions:
     """The options of one motion; an option that was not given is ``None`` or False.
 

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 from orinkit.cao import coerce
 from orinkit.core.errors import InvalidValue, ProtocolError
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief
 from orinkit.rc8.slave_fields import (
     ON_WIRE,
@@ -31,7 +32,7 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Varian
 # --- slvRecvFormat (table 4-1) -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ReceiveFormat:
     """A format of slvRecvFormat; :func:`receive_format` creates one from its numbers.
 

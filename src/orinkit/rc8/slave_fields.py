@@ -29,12 +29,12 @@ values: ``rc8/slave_values.py``, ``rc8/slave_feedback.py``, ``streaming/process/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, IntFlag
 from itertools import combinations
 from typing import Final, Literal, TypeAlias
 
 from orinkit.core.i18n import N_
+from orinkit.core.record import record
 
 PoseKind: TypeAlias = Literal["P", "J", "T"]
 """The pose type of a set-point: P (position), J (joints), T (homogeneous transformation)."""
@@ -83,7 +83,7 @@ class SendBits(IntFlag):
     USER = 0x200
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class SlaveField:
     """One row of the table.
 

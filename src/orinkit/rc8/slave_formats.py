@@ -14,7 +14,6 @@ If a result has two poses (P and J, or T and J), they are in one array.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from operator import attrgetter
@@ -22,6 +21,7 @@ from typing import Final
 
 from orinkit.core.errors import CallError, InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief
 from orinkit.rc8.slave_feedback import ReceiveFormat as ReceiveFormat
 from orinkit.rc8.slave_feedback import SlaveReply as SlaveReply
@@ -58,7 +58,7 @@ from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Value, Varian
 # --- modes and formats (table 4-1) ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SlaveMode:
     """A mode of slvChangeMode (RC8 4.3).
 
@@ -130,7 +130,7 @@ _WINDOW_BITS: Final = sum(int(row.receive) for row in PARAMETERS if row.form is 
 # --- slvMove's parameter (tables 4-2 and 4-5) -------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SetPoint:
     """The parameter of one slvMove. A part that is ``None`` is not sent.
 

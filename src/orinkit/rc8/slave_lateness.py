@@ -7,11 +7,11 @@ real controller would have stopped the arm.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.i18n import tr
 from orinkit.core.public_name import public
+from orinkit.core.record import record
 from orinkit.values.variant import R8_ARRAY, Value, Variant
 
 COMMAND: Final = "slvGetLateness"
@@ -21,7 +21,7 @@ _NUMBERS: Final = 3
 
 
 @public("orinkit")
-@dataclass(frozen=True, slots=True)
+@record
 class Lateness:
     """Statistics of the late set-points.
 

@@ -19,13 +19,13 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from orinkit.cao import coerce
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import N_, tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief
 from orinkit.rc8.slave_fields import FIELDS as TABLE
 from orinkit.rc8.slave_fields import MOST_USER_BYTES, PARAMETERS, POSE_SIZES, FieldType, PoseKind, SlaveField
@@ -211,7 +211,7 @@ USER_STEP: Final = 8
 """I/O points per byte. User I/O is sent and requested in bytes that begin at a multiple of this number."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class UserWindow:
     """The user I/O requested for a result.
 
@@ -302,7 +302,7 @@ def _window_fault(part: str, offset: int, size: int) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PartCodec:
     """The converter of a part that follows the pose in slvMove's parameter (table 4-2).
 

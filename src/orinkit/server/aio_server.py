@@ -7,8 +7,7 @@ import logging
 from collections.abc import Iterable
 from errno import EADDRNOTAVAIL
 from socket import gaierror
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from orinkit.bcap.profiles import LONGEST_ON_LINE
 from orinkit.cao.provider import Provider
@@ -21,6 +20,7 @@ from orinkit.server.context import Listener, ServerContext
 from orinkit.server.fair_queue import queue_of
 from orinkit.server.http.options import DEFAULT_HTTP, HttpOptions
 from orinkit.server.log_limiter import LOG_LIMITER
+from orinkit.server.server_base import ServerBase
 from orinkit.transport.address import parse_address
 from orinkit.transport.links import refused
 from orinkit.transport.registry import AnyAddress, resolve, row_of
@@ -34,7 +34,7 @@ DEFAULT_URL: Final = "tcp://127.0.0.1:5007"
 _GRACE: Final = 1.0  # s; time for clients to read their last replies, and for handlers to end
 
 
-class AsyncServer:
+class AsyncServer(ServerBase):
     """Serves providers on one or several addresses.
 
     Args:
@@ -113,7 +113,7 @@ class AsyncServer:
             try:
                 listener = await _listen(address, self._context, self._http)
             except BaseException:
-                await self._stop()  # not close(), because another server may use the providers
+                await self.stop()  # not close(), because another server may use the providers
                 raise
             self._listeners.append(listener)
             self.urls.append(listener.url)
@@ -121,28 +121,20 @@ class AsyncServer:
 
     async def close(self) -> None:
         """Stop listening, disconnect all clients, and close the providers."""
-        await self._stop()
+        await self.stop()
         for provider in self._host.providers:
             ending = provider.close()
             if ending is not None:
                 await ending
 
-    async def _stop(self) -> None:
+    async def stop(self) -> None:
+        """Stop listening and disconnect all clients; the providers stay open."""
         self._context.closing = True
         for listener in self._listeners:
             await listener.close()
         self._listeners.clear()
         await self._context.close(_GRACE)
         LOG_LIMITER.report()
-
-    async def __aenter__(self) -> Self:
-        await self.start()
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
 
 
 def _parse_listen_address(url: str) -> AnyAddress:

@@ -7,14 +7,15 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import replace
 from operator import attrgetter, itemgetter
 from typing import Final, Protocol
 
 from orinkit.bcap.profiles import LONGEST_ON_LINE, BcapProfile, line_profile
+from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import HandleAllocator, Session
+from orinkit.cao.session import Session
 from orinkit.cao.shared_secret import SecretAttempts
+from orinkit.core.record import replaced
 from orinkit.server import log_limiter
 from orinkit.server.alive_option import ALIVE, check_alive
 from orinkit.server.capacity import (
@@ -160,7 +161,7 @@ class ServerContext:
         self.limits = self.first_limits = limits
         self.requires_secret = host.requires_secret
         if self.requires_secret:
-            self.first_limits = replace(limits, packet=min(limits.packet, UNAUTHENTICATED_PACKET))
+            self.first_limits = replaced(limits, packet=min(limits.packet, UNAUTHENTICATED_PACKET))
         self.clients = clients
         self.invoke_timeout = invoke_timeout
         self.dead_after = check_dead_after(dead_after)

@@ -16,7 +16,7 @@ from orinkit.bcap.profiles import BcapProfile
 from orinkit.bcap.server import ServerConversation
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import CallReply, Outcome, Pending, Session
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
 from orinkit.server.call_runner import abandon, is_cancellable, result_of
@@ -32,8 +32,10 @@ from orinkit.values.variant import Variant
 logger = logging.getLogger("orinkit.server")
 
 _DRAIN_TURNS: Final = 3
-_BYTE: Final = 3e-7  # s to decode a byte of the slowest values (dates)
-_LONG: Final = 4000  # bytes of received data for the estimate of its time: more usually consists of many packets
+BYTE: Final = 3e-7
+"""Seconds to decode a byte of the slowest values (dates)."""
+LONG: Final = 4000
+"""Limit on the bytes of received data for the estimate of its time: more bytes usually consist of many packets."""
 
 
 class Peer(QueuedClient):
@@ -259,7 +261,7 @@ class Peer(QueuedClient):
         self._heard = now
         self._waiting.append(self._conversation.receive(data, now))
         if not (self._slow or self._held):
-            self._queue.serve(self, _BYTE * len(data) if len(data) <= _LONG else _BYTE * _LONG)
+            self._queue.serve(self, BYTE * len(data) if len(data) <= LONG else BYTE * LONG)
 
     def _continue(self) -> None:
         """Perform the waiting actions, unless the client must wait."""
@@ -386,6 +388,10 @@ class Peer(QueuedClient):
             self._needs_secret = False
             self.has_precedence = True
             self._conversation.set_limits(self._context.limits)
+        self._complete(session, call, outcome)
+
+    def _complete(self, session: Session, call: Execute, outcome: Outcome) -> None:
+        """Send the reply to a call, or wait for its result."""
         if type(outcome) is CallReply:
             self._answer(call, outcome)
         elif type(outcome) is Pending:

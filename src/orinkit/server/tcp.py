@@ -10,14 +10,17 @@ from typing import Final, Self, cast
 from orinkit.bcap.actions import Execute
 from orinkit.bcap.profiles import STREAM, BcapProfile
 from orinkit.cao.provider import ClientInfo
+from orinkit.cao.session import CallReply
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext
 from orinkit.server.end_watch import EndWatch
-from orinkit.server.peer import Peer
+from orinkit.server.log_limiter import CLIENT
+from orinkit.server.peer import BYTE, LONG, Peer
 from orinkit.transport.address import Address
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.tcp_keepalive import prepare
+from orinkit.values.variant import Variant
 
 logger = logging.getLogger("orinkit.server")
 
@@ -51,6 +54,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         self._unread = 0  # bytes of unsent replies at the time from which PATIENCE is measured
         self._reading_timer: asyncio.TimerHandle | None = None
         self._paused = False  # reading
+        self._fresh: bytes | None = None  # received data that step() processes next, if nothing is waiting
         self._end_watch: EndWatch | None = None
         self._seen = 0, 0  # at that time: the number of complete packets, and the bytes of the incomplete packet
 
@@ -86,9 +90,64 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """Process received data: now, or when it is the client's turn; until then, stop reading."""
-        self._process(bytes(self._context.view[:nbytes]), self._loop.time())
+        data = bytes(self._context.view[:nbytes])
+        now = self._loop.time()
+        if self._waiting or self._paused or self._begun:
+            self._process(data, now)
+        else:
+            self._process_directly(data, now)
         if self._waiting:
             self._pause_reading()
+
+    def _process_directly(self, data: bytes, now: float) -> None:
+        """As :meth:`_process`, for a client whose earlier data has been processed; :meth:`step` tries the direct path."""
+        self._heard = now
+        self._fresh = data
+        self._queue.serve(self, BYTE * len(data) if len(data) <= LONG else BYTE * LONG)
+        if self._fresh is not None:  # other clients are served first
+            self._fresh = None
+            self._waiting.append(self._conversation.receive(data, now))
+
+    def step(self) -> bool:
+        """Process the next packet: on the direct path if that is possible, otherwise on the path of all transports."""
+        data = self._fresh
+        if data is not None:
+            self._fresh = None
+            if self._serve_directly(data):
+                return False
+            self._waiting.append(self._conversation.receive(data, self._heard))
+        return super().step()
+
+    def _serve_directly(self, data: bytes) -> bool:
+        """Execute the call in received data, and send the reply, if the data is exactly one packet with a usual call.
+
+        Return False, and change nothing, if the data is anything else, or if the client is in an unusual state. If the
+        call has no result yet, or a large one, it continues on the usual path.
+        """
+        session = self._session
+        if session is None or self._needs_secret or self._is_closing():
+            return False
+        conversation = self._conversation
+        call = conversation.take_directly(data, self._heard)
+        if call is None:
+            return False
+        CLIENT.set(self._host)  # requires no reset, because every entry point of a connection sets it
+        if conversation.max_silence is not None:
+            self._mark_alive()
+        function_id, arguments = call[2], call[3]
+        if type(arguments) is int:
+            outcome = session.invoke_on_handle(function_id, arguments)
+        else:
+            outcome = session.invoke(function_id, cast("list[Variant]", arguments))
+        if type(outcome) is CallReply:
+            reply = conversation.reply_directly(call, outcome.code, outcome.result)
+            if reply is not None:
+                self._send(reply)
+                if self._slow:
+                    self._on_reply_sent()
+                return True
+        self._complete(session, conversation.continue_call(call), outcome)
+        return True
 
     def _pause_reading(self) -> None:
         self._paused = True
@@ -160,6 +219,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
             self._idle_timer.cancel()
             self._idle_timer = None
         self._waiting.clear()
+        self._fresh = None
         self._context.partial.change(self._partial, 0)
         self._partial = 0
         self._stop_waiting_for_reader()

@@ -16,13 +16,16 @@ from orinkit.transport.tcp_keepalive import DEAD_AFTER
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
+    from orinkit.server.aio_group import AsyncServerGroup, ServerParameters
     from orinkit.server.aio_server import AsyncServer
 
 
 class Server(ThreadServer):
-    """A server that runs in a background thread; created by :func:`serve`."""
+    """A server that runs in a background thread; created by :func:`serve` or :func:`serve_many`."""
 
-    def __init__(self, server: AsyncServer) -> None:
+    def __init__(self, server: AsyncServer | AsyncServerGroup) -> None:
         import asyncio
 
         from orinkit.server.accepting import install_exception_handler
@@ -112,3 +115,22 @@ def serve(
             serial_packet=serial_packet,
         )
     )
+
+
+def serve_many(
+    providers: Iterable[Provider | Iterable[Provider]], *urls: str, **parameters: Unpack[ServerParameters]
+) -> Server:
+    """Serve each provider on its own port, in one background thread; use it in a ``with`` statement.
+
+    The arguments are those of :class:`~orinkit.server.aio_group.AsyncServerGroup`: ``urls`` are the addresses of the
+    first provider, and each further provider listens on the next port. ``urls`` of the server contains all addresses.
+
+    Raises:
+        InvalidAddress: If a URL cannot be used, has no port, or if the ports exceed 65,535.
+        ConnectFailed: If an address cannot be opened; the addresses already opened are closed again.
+        MissingExtra: If a package that HTTP requires is not installed.
+        ValueError: If there is no provider.
+    """
+    from orinkit.server.aio_group import AsyncServerGroup
+
+    return Server(AsyncServerGroup(providers, *urls, **parameters))

@@ -8,11 +8,11 @@ DENSO's connection strings are accepted too: ``tcp:192.168.0.1:5007``, ``udp:192
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from orinkit.core.errors import InvalidAddress
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief
 from orinkit.transport import registry
 from orinkit.transport.registry import AnyAddress, SplitAddress
@@ -105,7 +105,7 @@ CanOption: TypeAlias = str | int | float | bool
 """The value of an option of a CAN interface."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CanAddress:
     """The address of a CAN bus that python-can opens; ``str`` returns its URL.
 
@@ -297,3 +297,23 @@ def invalid_value_message(name: str, value: str, known: str) -> str:
 def whole_number(text: str) -> int:
     """Return the non-negative integer that a text consists of, or -1 if the text is not a number of up to 8 digits."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) < 9 else -1
+
+
+_LAST_PORT: Final = 65535
+
+
+def consecutive_addresses(text: str, count: int) -> list[str]:
+    """Return the URLs of ``count`` addresses on consecutive ports; the first one is ``text``.
+
+    If its port is 0, all URLs are equal, and servers select free ports.
+
+    Raises:
+        InvalidAddress: If the address is invalid, has no port, or if the last port would exceed 65,535.
+    """
+    address = parse_address(text)
+    if not isinstance(address, Address | HttpAddress):
+        raise bad_address(text, tr("consecutive ports require an address with a port. Try: tcp://127.0.0.1:5007"))
+    step = 1 if address.port else 0
+    if address.port + step * (count - 1) > _LAST_PORT:
+        raise bad_address(text, tr("{count} consecutive ports would exceed port {last}", count=count, last=_LAST_PORT))
+    return [str(address._replace(port=address.port + step * number)) for number in range(count)]

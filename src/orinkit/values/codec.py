@@ -10,13 +10,13 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.type_row import TypeRow
 from orinkit.values.types import ARRAY, FORMATS, R8_ARRAY, ROWS, UI1_ARRAY, VARIANT_ARRAY, VarType, misfit, type_name
 from orinkit.values.variant import Value, Variant, nested_too_deep, trusted, variant
@@ -27,7 +27,7 @@ _ARGUMENT_AT: Final = _ARGUMENT.unpack_from
 _LENGTH: Final = struct.Struct("<I")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PacketLimits:
     """Limits of one packet; this project chose the defaults that the documents do not specify.
 
@@ -267,6 +267,10 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     stop = position + 4 + length
     if vt == R8_ARRAY and not exact and length == 6 + 8 * count and stop <= end and length <= limits.packet:
         return list(_real_unpacker(count)(data, position + 10)), stop  # the most frequent case: set-points
+    if exact and stop <= end and length <= limits.packet:
+        frequent = _frequent(data, position + 10, length, vt, count, [limits.variants] if budget is None else budget)
+        if frequent is not None:
+            return frequent, stop
     if length > limits.packet:
         raise LimitExceeded(
             tr(
@@ -295,6 +299,40 @@ def decode(data: bytes, position: int = 0, end: int | None = None, limits: Packe
     if after != stop:
         raise _count_mismatch(vt, count, position, length - 6)
     return (trusted(vt, value) if exact else value), stop
+
+
+_I4: Final = int(VarType.I4)
+_I4_AT: Final = struct.Struct("<i").unpack_from
+_LENGTH_AT: Final = _LENGTH.unpack_from
+
+
+def _frequent(data: bytes, at: int, length: int, vt: int, count: int, budget: list[int]) -> Variant | None:
+    """Return a VT_I4, VT_BSTR, VT_EMPTY or short array of VT_R8, the usual arguments; ``None`` for anything else.
+
+    The result is that of :class:`_ValueReader`; invalid data is not read here.
+    """
+    if vt == _I4:
+        return trusted(vt, _I4_AT(data, at)[0]) if length == 10 and count == 1 else None  # counts as 0 elements
+    if vt == _EMPTY:
+        return trusted(vt, None) if length == _NO_DATA and count == 1 else None
+    if vt == R8_ARRAY:
+        cost = count // _REALS_PER_UNIT
+        if length != 6 + 8 * count or count > _SHORT or budget[0] < cost:
+            return None
+        budget[0] -= cost
+        return trusted(vt, list(_real_unpacker(count)(data, at)))
+    if vt == _BSTR and count == 1 and 10 <= length <= _FEW_BYTES and budget[0] > 0:
+        (size,) = _LENGTH_AT(data, at)
+        if size + 10 == length and not size % 2:
+            budget[0] -= 1
+            return trusted(vt, data[at + 4 : at + 4 + size].decode("utf-16-le", "surrogatepass"))
+    return None
+
+
+_EMPTY: Final = int(VarType.EMPTY)
+_NO_DATA: Final = 6
+_REALS_PER_UNIT: Final = ROWS[VarType.R8].elements_per_unit
+_FEW_BYTES: Final = 1024
 
 
 def _count_mismatch(vt: int, count: int, position: int, present: int) -> ProtocolError:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from decimal import Context, Decimal
 from functools import partial
@@ -12,13 +11,14 @@ from math import isinf, isnan
 from typing import Any, Final
 
 from orinkit.core.i18n import N_, tr
+from orinkit.core.record import EMPTY, record
 from orinkit.core.validation import rounded_to_single
 
 LONGEST: Final = 1100
 """Largest number of characters of a number; the longest exact decimal form of a double has 1,077."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ElementFormat:
     """The text form of one element of a type.
 
@@ -32,7 +32,7 @@ class ElementFormat:
     read: Callable[[str], Any]
     write: Callable[[Any], str]
     description: str
-    bounds: dict[str, int] = field(default_factory=dict)
+    bounds: Mapping[str, int] = EMPTY
 
     @property
     def wanted(self) -> str:

@@ -25,11 +25,11 @@ decimals and an exponent.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Literal, Self, TypeAlias
 
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import brief, check_finite
 from orinkit.values import pose_numbers as checks
 from orinkit.values.pose_numbers import FIG_AUTO as FIG_AUTO
@@ -247,7 +247,7 @@ PoseLike: TypeAlias = "P | T | J | V | Target | str"
 # --- targets ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PassMark:
     """Pass mark: the condition under which a motion counts as complete, so that the next one may begin.
 
@@ -305,7 +305,7 @@ PASSING: Final = PassMark("P")
 """The pass mark ``@P``: the arm is near the target."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Extra:
     """Motion of extended joints during a motion of the arm.
 
@@ -333,7 +333,7 @@ class Extra:
         return f"{'EXA' if self.absolute else 'EX'}({joints})"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Target:
     """The target of a motion. ``str()`` returns a text that :func:`parse_target` parses to an equal target.
 

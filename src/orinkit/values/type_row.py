@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final, Literal, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.notation_numbers import ElementFormat
 
 NumberKind: TypeAlias = Literal["", "integer", "real", "decimal", "code"]
@@ -37,7 +37,7 @@ def shown(value: object) -> str:
         return f"<{type(value).__name__}>"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TypeRow:
     """One VARIANT type: its code, its content in Python, its encoding as bytes and as text.
 
@@ -60,8 +60,8 @@ class TypeRow:
         elements_per_unit: Number of array elements of this type that together count as one value towards the limit
             :attr:`~orinkit.values.codec.PacketLimits.variants`. The number is larger for types that are faster to read.
         text: Form of an element in :mod:`orinkit.values.notation`; ``None`` if it has a special rule for the type.
-        size: Size of one element in bytes; 0 if it is not fixed.
-        bounds: The smallest and the largest value of a whole-number type; ``None`` for other types.
+        size: Size of one element in bytes; 0 if it is not fixed. It follows from ``format``.
+        bounds: The smallest and the largest value of a whole-number type; ``None`` for other types. They follow from ``format``.
     """
 
     code: IntEnum
@@ -76,8 +76,8 @@ class TypeRow:
     from_wire_exact: Callable[[Any], Any] | None = None
     elements_per_unit: int = 16
     text: ElementFormat | None = None
-    size: int = field(init=False)
-    bounds: tuple[int, int] | None = field(init=False)
+    size: int = 0
+    bounds: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", struct.calcsize(f"<{self.format}") if self.format else 0)

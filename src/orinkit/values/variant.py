@@ -25,13 +25,13 @@ With ``exact=True``, :func:`orinkit.values.codec.decode` is lossless: it returns
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from typing import Any, Final, Protocol, TypeAlias
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.conversions import to_datetime
 from orinkit.values.type_row import no_type, shown
 from orinkit.values.types import (
@@ -56,6 +56,7 @@ __all__ = [
     "Value",
     "VarType",
     "Variant",
+    "is_floats",
     "nested_too_deep",
     "plain",
     "trusted",
@@ -86,7 +87,7 @@ Value: TypeAlias = (
 """Values that can be sent as a VARIANT; the table in this module's docstring lists the resulting types."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Variant:
     """A value with an explicit VARIANT type.
 
@@ -101,9 +102,10 @@ class Variant:
     type: int
     value: Any = None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "type", int(self.type))
-        object.__setattr__(self, "value", _conform(self.type, self.value))
+    def __init__(self, type: int, value: Any = None) -> None:  # noqa: A002 - the name of the attribute
+        code = int(type)
+        object.__setattr__(self, "type", code)
+        object.__setattr__(self, "value", _conform(code, value))
 
     def __repr__(self) -> str:
         return f"Variant({type_name(self.type)}, {self.value!r})"
@@ -125,6 +127,9 @@ class Variant:
         return self.value
 
 
+_R8: Final = int(VarType.R8)
+
+
 def variant(value: Value) -> Variant:
     """Convert a value to a :class:`Variant`, by the rules of this module's docstring.
 
@@ -133,6 +138,8 @@ def variant(value: Value) -> Variant:
     """
     if isinstance(value, Variant):
         return value
+    if type(value) is float:
+        return trusted(_R8, value)
     try:
         vt, content = _infer(value)
         return trusted(vt, _conform(vt, content))
@@ -167,10 +174,14 @@ def _unwrapped(item: Variant) -> Variant:
 
 def trusted(vt: int, value: Any) -> Variant:
     """Return a :class:`Variant` without checking that the value fits its type."""
-    new = Variant.__new__(Variant)
-    object.__setattr__(new, "type", vt)
-    object.__setattr__(new, "value", value)
+    new = _NEW(Variant)
+    _SET(new, "type", vt)
+    _SET(new, "value", value)
     return new
+
+
+_NEW: Final = object.__new__
+_SET: Final = object.__setattr__
 
 
 # --- Python value -> type and content ---------------------------------------------------------------------------------
@@ -245,6 +256,8 @@ def _infer_numpy(value: Any) -> tuple[int, Any]:
 
 def _conform(vt: int, value: Any) -> Any:
     """Return a value in the form that a Variant of the type stores; raise InvalidValue if the value does not fit."""
+    if vt == R8_ARRAY and is_floats(value):  # poses and set-points
+        return list(value)
     row = ROWS.get(vt & ~ARRAY)
     if row is None or (row.empty and vt & ARRAY):
         raise no_type(type_name(vt), vt)
@@ -263,6 +276,15 @@ def _conform(vt: int, value: Any) -> Any:
     conform = row.conform
     items = [conform(row, plain(item)) for item in value]
     return bytes(items) if vt == UI1_ARRAY else items
+
+
+def is_floats(value: object) -> bool:
+    """Return True if a value is a list or a tuple of plain ``float`` objects; all elements are checked in one call."""
+    kind = type(value)
+    if kind is not list and kind is not tuple:
+        return False
+    items: Sequence[Any] = value  # type: ignore[assignment]
+    return list(map(type, items)).count(float) == len(items)
 
 
 def nested_too_deep() -> InvalidValue:

@@ -21,8 +21,12 @@ _SCALES: Final = (1e-6, 1e6)  # outside this range a clock cannot represent the 
 _PATIENCE: Final = 0.25  # s with real time; multiplied by the scale
 _MIN_PATIENCE: Final = 0.05  # s; longer than the cycle of any device, so that a device with a slow clock makes progress
 _MAX_PATIENCE: Final = 20.0  # s; a device with a fast clock can catch up this delay in a short time
-_SHORTEST_PAUSE: Final = 0.0002  # s; lets other threads access the device
-_JOIN_TIMEOUT: Final = 5.0  # s
+SHORTEST_PAUSE: Final = 0.0002
+"""Seconds between two calls of a device, so that other threads can access it."""
+IDLE_TIME: Final = 0.1
+"""Seconds without work after which a thread ends; a client that streams set-points to a resting arm keeps the thread."""
+JOIN_TIMEOUT: Final = 5.0
+"""Limit on the seconds to wait for the end of the call in progress when a device is closed."""
 
 
 class ClockDriver(ABC):
@@ -122,7 +126,7 @@ class _Thread(ClockDriver):
             self._changed.notify()
             thread = self._thread
         if thread is not None and thread is not threading.current_thread():
-            thread.join(_JOIN_TIMEOUT)
+            thread.join(JOIN_TIMEOUT)
 
     def _run(self) -> None:
         pause: float | None = 0.0
@@ -141,7 +145,9 @@ class _Thread(ClockDriver):
         """
         with self._changed:
             if pause is not None and not self._woken and not self._closed:
-                self._changed.wait(min(max(pause / self._scale, _SHORTEST_PAUSE), threading.TIMEOUT_MAX))
+                self._changed.wait(min(max(pause / self._scale, SHORTEST_PAUSE), threading.TIMEOUT_MAX))
+            elif pause is None:
+                self._changed.wait_for(lambda: self._woken or self._closed, IDLE_TIME)
             if self._closed or (pause is None and not self._woken):
                 self._thread = None
                 return False

@@ -5,8 +5,9 @@ import pickle
 import pytest
 
 from orinkit.core import hresult, i18n
+from orinkit.virtual.rc8.pacscript.compiler import compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, ProgramLoadError
-from orinkit.virtual.rc8.pacscript.machine import MachineState, compile_program
+from orinkit.virtual.rc8.pacscript.machine import MachineState
 from support.pacscript_world import FakeWorld, body, run
 
 LONG_LINE = "I1 = 1 ' " + "x" * 1020

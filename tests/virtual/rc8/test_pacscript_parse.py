@@ -7,10 +7,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from orinkit.virtual.rc8.pacscript import tree
+from orinkit.virtual.rc8.pacscript.compiler import compile_program
 from orinkit.virtual.rc8.pacscript.errors import ProgramLoadError
 from orinkit.virtual.rc8.pacscript.functions import FUNCTIONS
 from orinkit.virtual.rc8.pacscript.keywords import KEYWORDS, REFUSED, STARTERS
-from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, compile_program
+from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState
 from orinkit.virtual.rc8.pacscript.parser import parse
 from orinkit.virtual.rc8.samples import sample_programs
 from support.pacscript_world import FakeWorld, after, body, run

@@ -5,7 +5,8 @@ import pytest
 from orinkit.core import hresult
 from orinkit.rc8.motion_options import MotionOptions
 from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, PassMark, Target
-from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, compile_program
+from orinkit.virtual.rc8.pacscript.compiler import compile_program
+from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState
 from orinkit.virtual.rc8.samples import sample_programs
 from support.pacscript_world import FakeWorld, after, body, run
 

@@ -8,7 +8,6 @@ whose last three axes intersect at one point. All functions accept any number of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from orinkit.arms import ArmModel
 from orinkit.arms.kinematics.chain import RADIAN, Array, Chain
 from orinkit.arms.kinematics.figures import BELOW, LEFTY, NONFLIP, figure_of, normalize_around, turn_centres
+from orinkit.core.record import record
 
 Mask = NDArray[np.bool_]
 
@@ -28,7 +28,7 @@ _SHOULDER_SINGULAR: Final = 1e-7  # mm from the axis of joint 1 below which join
 _STEP_NOISE: Final = 1e-6  # deg
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ArmGeometry:
     """Lengths and angles of the arm up to the wrist centre; its methods compute joints 1 to 3 from the wrist centre.
 

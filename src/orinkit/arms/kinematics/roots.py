@@ -8,13 +8,13 @@ which it has a value.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orinkit.arms.kinematics.chain import Array
+from orinkit.core.record import record
 
 Lines = NDArray[np.int_]
 Function = Callable[[Lines, Array], tuple[Array, Array]]
@@ -45,7 +45,7 @@ _SHALLOW: Final = (
 _EPSILON: Final = 2.0**-52
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Samples:
     """Samples of functions.
 
@@ -62,7 +62,7 @@ class Samples:
     domain_margins: Array
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Brackets:
     """Intervals that contain a root: the values at ``first`` and at ``last``, (M,), have different signs."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-import secrets
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from typing import Final, TextIO, cast
 from orinkit.core.i18n import visible
 
 _LAID_OUT: Final = "\n\t"  # control characters that keep their effect
-_KEY: Final = secrets.token_hex(8)  # random, so that no received text can contain the markers below
+_KEY: Final = os.urandom(8).hex()  # random, so that no received text can contain the markers below
 _BOLD: Final = f"<{_KEY}"
 _PLAIN: Final = f"{_KEY}>"
 

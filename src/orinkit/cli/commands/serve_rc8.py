@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -13,17 +14,19 @@ from orinkit.arms import MODEL_NAMES
 from orinkit.cli._shared.control_secret import OPTION, read_secret, stored_secret
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.listen_addresses import LISTENING
-from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run
+from orinkit.cli._shared.serving import PendantListener, ServerOptions, begin_log, check, check_control, run_many
 from orinkit.cli.commands.pendant import read_mode
 from orinkit.cli.commands.serve_device import load_targets, name_and_log_providers
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.core.i18n import tr
 from orinkit.device.discovery import load_installed
+from orinkit.transport.address import consecutive_addresses
 from orinkit.values.poses import J, parse_target
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import Permission, VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.variables.table import DEFAULT_IO_POINTS
+from orinkit.virtual.shared_clock import SharedClock
 
 _CONTROLLER: Final = Group(tr("Controller"), sort_key=5)
 ROBOT: Final = Group(tr("Robot"), sort_key=6)
@@ -35,12 +38,22 @@ _LISTENING: Final = ServerOptions()
 
 def serve_rc8(
     *,
+    count: Annotated[
+        int,
+        Parameter(
+            group=_CONTROLLER,
+            converter=whole_number,
+            help=tr(
+"Number of controllers, all in this process. Each further one listens on the next port of each address; --control "
+"likewise."),
+        ),
+    ] = 1,
     state: Annotated[
         str | None,
         Parameter(
             group=_CONTROLLER,
             help=tr("Directory in which to save the variables and files; without this option they are lost when the "
-                "server ends."),
+                "server ends. With --count, each controller uses a subdirectory: 1, 2, ..."),
         ),
     ] = None,
     permission: Annotated[
@@ -50,7 +63,7 @@ def serve_rc8(
             help=tr("Clients that may read (r) or read and write (rw): \"192.168.0.7=r,10.0.0.0/8=none,*=rw\"."),
         ),
     ] = "*=rw",
-    count: Annotated[
+    variables: Annotated[
         tuple[str, ...],
         Parameter(
             group=_CONTROLLER,
@@ -246,15 +259,22 @@ def serve_rc8(
     ] = None,
     listening: ServerOptions = _LISTENING,
 ) -> int:  # fmt: skip
-    """Serve a virtual RC8; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
+    """Serve virtual RC8 controllers; print "ready URL" for each listener. Stop on SIGINT, SIGTERM or SIGHUP."""
     check(listening)
+    if count < 1:
+        raise usage_error(tr("--count must be at least 1, not {count}", count=count))
     secret = _read_control(control, control_secret_file)
     begin_log(listening)  # a warning about the state directory is logged
     try:
-        rc8 = VirtualRC8(
-            counts=read_counts(count),
+        clock = SharedClock(time_scale) if count > 1 else Clock(time_scale)
+    except ValueError as error:
+        raise CommandError(str(error), 2) from None
+
+    def made(number: int) -> VirtualRC8:
+        return VirtualRC8(
+            counts=read_counts(variables),
             io_points=io_points,
-            state=state,
+            state=_state_of(state, number, count),
             permission=Permission.parse(permission),
             accept_pc_provider=accept_pc_provider,
             controller=controller,
@@ -276,18 +296,27 @@ def serve_rc8(
             hands=read_boards(hand),
             create_files=create_files,
             user_io_unit=user_io_unit,
-            clock=Clock(time_scale),
+            clock=clock,
         )
-    except ValueError as error:
-        raise CommandError(str(error), 2) from None
-    try:
-        served = load_targets(provider, [rc8])
+
+    with ExitStack() as closing:
+        arms: list[VirtualRC8] = []
+        try:
+            for number in range(1, count + 1):
+                arms.append(made(number))
+                closing.callback(arms[-1].close)
+        except ValueError as error:
+            raise CommandError(str(error), 2) from None
+        served = load_targets(provider, arms[:1])
         if not no_providers:
             served += load_installed(served, exclude=provider)
-        name_and_log_providers(served, rc8)
-        return run(served, listening, _control(rc8, control, secret, control_secret_file))
-    finally:
-        rc8.close()
+        name_and_log_providers(served, arms[0])
+        controls = _controls(arms, control, secret, control_secret_file)
+        return run_many([served, *([arm] for arm in arms[1:])], listening, controls)
+
+
+def _state_of(directory: str | None, number: int, count: int) -> str | None:
+    return directory if directory is None or count == 1 else str(Path(directory) / str(number))
 
 
 def _read_control(url: str | None, path: str | None) -> str:
@@ -305,20 +334,31 @@ def _read_control(url: str | None, path: str | None) -> str:
     return ""
 
 
-def _control(rc8: VirtualRC8, url: str | None, secret: str, path: str | None) -> PendantListener | None:
+def _controls(arms: Sequence[VirtualRC8], url: str | None, secret: str, path: str | None) -> Sequence[PendantListener]:
+    """Return a control port for each controller; all have the same secret, which is printed after the last one."""
     if url is None:
-        return None
-    provider = ControlProvider(rc8, secret=secret)
+        return ()
+    first = ControlProvider(arms[0], secret=secret)
+    providers = [first, *(ControlProvider(arm, secret=first.secret) for arm in arms[1:])]
 
     @contextmanager
-    def publish_secret(port: int) -> Iterator[Sequence[str]]:
+    def publish_secret(number: int, port: int) -> Iterator[Sequence[str]]:
         if secret:  # from a file of the user, so it need not be printed or stored
             yield ()
-        else:
-            with stored_secret(provider.secret, port, path):
-                yield (f"control secret {provider.secret}",)
+            return
+        printed = [f"control secret {first.secret}"] if number == len(arms) else []
+        if path is not None and number > 1:  # the first control port has stored it
+            yield printed
+            return
+        with stored_secret(first.secret, port, path):
+            yield printed
 
-    return PendantListener(provider, url, publish_secret)
+    return [
+        PendantListener(provider, own, partial(publish_secret, number))
+        for number, (provider, own) in enumerate(
+            zip(providers, consecutive_addresses(url, len(arms)), strict=True), start=1
+        )
+    ]
 
 
 def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
@@ -331,7 +371,7 @@ def read_counts(texts: tuple[str, ...]) -> dict[str, int]:
     for text in texts:
         name, equals, number = text.partition("=")
         if not equals or not number.isdecimal():
-            raise usage_error(tr("--count {text}: not CLASS=NUMBER. Try: I=200", text=text))
+            raise usage_error(tr("--variables {text}: not CLASS=NUMBER. Try: I=200", text=text))
         counts[name.strip().upper()] = int(number)
     return counts
 

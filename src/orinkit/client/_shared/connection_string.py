@@ -8,7 +8,6 @@ quotation mark means one. No I/O.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields
 from typing import Any, Final, NamedTuple
 
 from orinkit.bcap.profiles import DEFAULT_TRIES, LEAST_TRIES, MOST_TRIES
@@ -17,6 +16,7 @@ from orinkit.cao.table import LONGEST_OPTION
 from orinkit.client._shared.common import LOCALHOST, RC8
 from orinkit.core.errors import InvalidAddress, InvalidValue
 from orinkit.core.i18n import N_, tr
+from orinkit.core.record import field_names, record
 from orinkit.core.validation import brief, whole
 from orinkit.transport.address import Address, invalid_value_message, parse_address
 from orinkit.transport.registry import AnyAddress
@@ -126,7 +126,7 @@ BY_NAME: Final = {option.name.lower(): option for option in OPTIONS}
 _BY_PARAMETER: Final = {option.parameter: option for option in OPTIONS}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(kw_only=True)
 class ConnectionString:
     """The options of a connection string; ``str`` returns the string with all options.
 
@@ -158,9 +158,8 @@ class ConnectionString:
     debug: bool = False
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = _BY_PARAMETER[field.name].check(getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
+        for name in field_names(ConnectionString):
+            object.__setattr__(self, name, _BY_PARAMETER[name].check(getattr(self, name)))
         self._address()
 
     @classmethod

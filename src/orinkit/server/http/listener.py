@@ -8,13 +8,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 from orinkit.core import optional_deps
 from orinkit.core.errors import ConnectFailed
 from orinkit.core.i18n import tr
+from orinkit.core.record import replaced
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.context import ServerContext
 from orinkit.server.http.options import HttpOptions
@@ -54,7 +54,7 @@ class HttpListener(StreamListener):
 
         tls_context = _context(address, options) if address.scheme == "https" else None
         if ":" not in address.host:  # an IPv6 address requires no entry, because the Host header may be any address
-            options = replace(options, hosts=(*options.hosts, address.host))
+            options = replaced(options, hosts=(*options.hosts, address.host))
         app = App(context, options, secure=tls_context is not None)
         config = _config(app)
         state = ServerState()

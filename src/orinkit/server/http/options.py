@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.errors import InvalidValue
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.core.validation import check_range
 from orinkit.ecap.fields import UTF_8, find_charset
 
@@ -19,7 +19,7 @@ MOST_IDLE: Final = 86_400.0
 """Largest idle time in s after which a session ends."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class HttpOptions:
     """Options for ``http://`` and ``https://``.
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from orinkit.arms import ArmModel
 from orinkit.arms.models import DEFAULT_MASS, DEFAULT_PAYLOAD
+from orinkit.core.record import record
 
 Vector: TypeAlias = tuple[float, float, float]
 Joints: TypeAlias = tuple[float, ...]
@@ -38,7 +38,7 @@ _SQUARE_METRE: Final = 1e4  # cm^2
 _REST: Final = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Payload:
     """A load at the flange.
 
@@ -53,7 +53,7 @@ class Payload:
     inertia: Vector = _REST
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Wrench:
     """A force and a moment at a point of the tool, in the base frame.
 
@@ -68,7 +68,7 @@ class Wrench:
     point: Vector = _REST
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Posture:
     """Axes (unit vectors), origins of the joints and centres of the links, m, in the base frame; payload last."""
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import chain
 from time import monotonic
 from typing import Any, Final, TypeVar
@@ -18,6 +17,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.clock import Clock
 
 T = TypeVar("T")
@@ -26,7 +26,7 @@ _IDLE_TIME: Final = 5.0  # s without a job after which the thread ends; starting
 _CLOSING_TIME: Final = 5.0  # s to wait for the job in progress when the controller is switched off
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LaneLimits:
     """Limits on the jobs that wait for the thread of a lane.
 
@@ -41,7 +41,7 @@ class LaneLimits:
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Job:
     run: Callable[[], Any]
     done: Deferred[Any]

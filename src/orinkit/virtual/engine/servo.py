@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.arms import ArmModel
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.motor_loads import RATED_SPEED, MotorLoads
@@ -40,7 +40,7 @@ _SPACING: Final = 62  # cycles between the samples of the load factor: about 0.5
 _SAMPLES: Final = 20  # of the load factor: 10 s
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ServoSample:
     """State of the arm in one cycle.
 

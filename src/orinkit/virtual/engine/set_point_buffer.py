@@ -10,11 +10,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
+from orinkit.core.record import record
 from orinkit.rc8.slave_lateness import Lateness
 from orinkit.values.variant import Value
 from orinkit.virtual.engine.catch_up import gentlest_path
@@ -41,7 +41,7 @@ class SlaveFault(NamedTuple):
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PlannedSetPoint:
     """A set-point converted for execution.
 
@@ -55,7 +55,7 @@ class PlannedSetPoint:
     set_outputs: Callable[[], None] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Waiting:
     """A slvMove whose reply waits until the buffer has room for its set-point."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
 from typing import Final
+
+from orinkit.core.record import record
 
 QUEUE_LENGTH: Final = 256
 _LAST_SERIAL: Final = 0x7FFF_FFFF
@@ -21,7 +22,7 @@ class EventKind(IntEnum):
     MESSAGE = 4  #: a program executed PrintMsg; the description is the printed text
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Event:
     """One event.
 

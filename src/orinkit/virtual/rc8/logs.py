@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum
 from typing import Final, Generic, TypeVar
@@ -20,6 +19,7 @@ from typing import Final, Generic, TypeVar
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.variant import Value
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class ClientId(IntEnum):
     PAC = 4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ErrorRecord:
     """One error or notice.
 
@@ -90,7 +90,7 @@ class ErrorRecord:
         return [hresult.signed(self.code), *_stamp(self.moment), *place, self.message, *origin]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OperationRecord:
     """One operation, such as a connection of a client or a change of mode.
 

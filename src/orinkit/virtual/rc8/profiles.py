@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Profile:
     """A controller of the RC8 family.
 

@@ -24,7 +24,7 @@ from orinkit.virtual.rc8.profiles import find_profile
 from orinkit.virtual.rc8.robot.motor import MotorState
 from orinkit.virtual.rc8.samples import sample_programs
 from orinkit.virtual.rc8.state import Identity, Origin, RC8State, read_mode
-from orinkit.virtual.rc8.switches import ModeSwitch, SlaveLimit, Switches, Token
+from orinkit.virtual.rc8.switches import ANYONE, ModeSwitch, SlaveLimit, Switches, Token
 from orinkit.virtual.rc8.temporary_directory import TemporaryDirectory
 from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.variables.database import VariableDatabase
@@ -33,7 +33,6 @@ from orinkit.virtual.rc8.workspace import Workspace
 
 _NAMES: Final = ("CaoProv.DENSO.VRC", "CaoProv.DENSO.VRC9")
 _FILES: Final = "files"
-ANYONE: Final = Token()
 _PC_NAME: Final = "CaoProv.DENSO.RC8"
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
+from orinkit.core.record import record
 from orinkit.virtual.engine.lane import LaneLimits
 
 START_LIMITS: Final = LaneLimits(jobs=64, of_client=8, seconds=10.0)
 """Limits on the starts that wait; a program must not start long after the call."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class _Start:
     client: object
     program: str

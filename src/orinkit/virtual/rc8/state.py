@@ -9,17 +9,17 @@ themselves, so they are thread-safe.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from enum import IntEnum
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from orinkit.arms import ArmModel
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.hresult import CodeFamily
 from orinkit.core.i18n import N_, Language, tr
+from orinkit.core.record import record
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.engine.calendar import Calendar
 from orinkit.virtual.engine.control_loop import ControlLoop
@@ -31,7 +31,6 @@ from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.hand.cobotta import CobottaHand
 from orinkit.virtual.rc8.hand.hands import Hands
 from orinkit.virtual.rc8.logs import ClientId, ErrorRecord, OperationLog, OperationRecord
-from orinkit.virtual.rc8.pacscript.machine import Program
 from orinkit.virtual.rc8.permission import Permission
 from orinkit.virtual.rc8.profiles import Profile
 from orinkit.virtual.rc8.robot.arm import RC8Arm
@@ -46,6 +45,9 @@ from orinkit.virtual.rc8.translations import translator
 from orinkit.virtual.rc8.usage import Usage
 from orinkit.virtual.rc8.variables.database import VariableDatabase
 from orinkit.virtual.rc8.variables.table import VariableTable
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.compiler import Program
 
 _STOPPING_LEVEL: Final = 2
 _CUTTING_MOTION_LEVEL: Final = 3
@@ -76,7 +78,7 @@ class Operation(IntEnum):
     PROGRAM_OUTPUT = 12
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Identity:
     """The identity that the controller reports.
 
@@ -93,7 +95,7 @@ class Identity:
     type: str = "RC8 Controller"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Origin:
     """The client that has caused an operation; both attributes are empty if no client has caused it.
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from typing import Final
 
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.rc8.user_io_unit import UserIoUnit
 
 
@@ -58,7 +60,7 @@ class TokenKind(Enum):
     ANY = "any"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Token:
     """The executable token.
 
@@ -104,6 +106,10 @@ class Token:
         return hresult.START_RIGHT_NOT_THIS_ADDRESS
 
 
+ANYONE: Final = Token()
+"""The token with which any device may start motions."""
+
+
 @dataclass(slots=True)
 class Switches:
     """The switches and inputs of the controller. Initially the mode is automatic (RC8 2.2) and no stop is active.
@@ -124,7 +130,7 @@ class Switches:
     """
 
     mode: ModeSwitch = ModeSwitch.AUTOMATIC
-    token: Token = Token()
+    token: Token = ANYONE
     emergency_stop: bool = False
     deadman: bool = False
     auto_enable: bool = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
@@ -13,11 +13,14 @@ from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.virtual.rc8.pacscript.code import BuiltCode
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault
 from orinkit.virtual.rc8.pacscript.host_interface import Wait
-from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Program, Snapshot
-from orinkit.virtual.rc8.pacscript.scope import PublicVariable
+from orinkit.virtual.rc8.pacscript.machine import Machine, MachineState, Snapshot
 from orinkit.virtual.rc8.pacscript.values import AnyValue
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.switches import Switches
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.compiler import Program
+    from orinkit.virtual.rc8.pacscript.scope import PublicVariable
 
 _SUPERVISORY: Final = "tsr"  # beginning of the file names of supervisory tasks
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from orinkit.cao.provider import Deferred, not_found
 from orinkit.core import hresult
@@ -17,13 +17,15 @@ from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.files import FileStore
 from orinkit.virtual.rc8.pacscript.code import BuiltCode
 from orinkit.virtual.rc8.pacscript.errors import ProgramLoadError
-from orinkit.virtual.rc8.pacscript.machine import Program, compile_program
 from orinkit.virtual.rc8.program import TaskHost
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.moves import Moves
 from orinkit.virtual.rc8.starts import WaitingStarts
 from orinkit.virtual.rc8.task import Task
 from orinkit.virtual.rc8.variables.table import VariableTable
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.compiler import Program
 
 STATEMENTS: Final = 200
 """Maximum number of statements of one task in a cycle; this is 25,000 per second."""
@@ -309,6 +311,10 @@ class Tasks:
 
 
 def _compiled(source: bytes, file: str) -> Program | CallError:
+    from orinkit.virtual.rc8.pacscript.compiler import (
+        compile_program,  # with lark, a quarter of all imports; many controllers run no program
+    )
+
     try:
         return compile_program(_text(source), file)
     except ProgramLoadError as error:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,6 +17,7 @@ from orinkit.arms.geometry import matrix_of
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.engine.motion.profile import Array
 
 LONGEST_CURVE: Final = 5001
@@ -30,7 +30,7 @@ _MAX_DEGREES: Final = 36_000  # of a rotation
 _MAX_PARTS: Final = 20_000  # largest number of parts into which a curve is divided to measure it
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CartesianPath:
     """A path of the TCP with the parameter u from 0 to 1.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,6 +18,7 @@ from orinkit.arms.kinematics import Kinematics
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.poses import PassMark
 from orinkit.virtual.engine.motion import cartesian_path as courses
 from orinkit.virtual.engine.motion.cartesian_path import CartesianPath
@@ -40,7 +40,7 @@ _STILL: Final = 1e-9  # deg or mm; a shorter distance counts as zero
 _SAMPLES: Final = 1024  # of a motion, for the velocities of its joints and its distance from the end
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rates:
     """Velocity and acceleration of a motion, as fractions of the limits of the arm model.
 
@@ -308,7 +308,7 @@ def plan_carried(
     return Motion(path, profile, rates, carrier.mark, course.length)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Limits:
     """Largest velocity and acceleration of the path parameter, in 1/s and 1/s^2."""
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
 
+from orinkit.core.record import record
 from orinkit.virtual.rc8.files import disk, errors
 from orinkit.virtual.rc8.files.errors import map_os_errors
 from orinkit.virtual.rc8.files.names import MOST_CHARACTERS, MOST_PARTS, FileName, join
@@ -22,7 +22,7 @@ Parts: TypeAlias = tuple[str, ...]
 """The parts of a name: folders, then the file or folder itself."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Location:
     """The path of a name on the disk; ``status`` describes the file or folder, or is ``None`` if it does not exist."""
 

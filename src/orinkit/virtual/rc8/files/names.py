@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 SEPARATOR: Final = "\\"
 """Separator of the parts in names that the controller returns; in names from clients, ``/`` is accepted as well."""
@@ -42,7 +42,7 @@ _DEVICES: Final = frozenset(
 _SHOWN: Final = 60
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FileName:
     """A checked name.
 

@@ -29,12 +29,12 @@ import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.rc8.files import disk, errors, location
 from orinkit.virtual.rc8.files.errors import map_os_errors
 from orinkit.virtual.rc8.files.location import MOST_BYTES, Location, Parts
@@ -57,7 +57,7 @@ PROGRAM: Final = "pcs"
 _ROOT: Final = FileName((), folder=True)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FileDates:
     """The dates of a file, in the controller's local time.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
@@ -11,11 +10,12 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.engine.control_loop import PERIOD, ControlLoop
 from orinkit.virtual.rc8.switches import Switches
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FingerModel:
     """The mechanical data of a hand.
 
@@ -32,7 +32,7 @@ class FingerModel:
     force: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Workpiece:
     """A workpiece between the fingers or around them.
 
@@ -53,7 +53,7 @@ class Contact(Enum):
     BLOCKED = "blocked"  #: the movement fails, because it does not control the force
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Move:
     """A movement: target (mm), speed (mm/s), gripping force (N), and the Deferred that resolves when it ends."""
 

@@ -11,7 +11,6 @@ and of the errors, the origin, nor the points that are stored initially; they ar
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
@@ -19,6 +18,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.hand.fingers import Contact, FingerModel, Fingers, within
 from orinkit.virtual.rc8.switches import Switches
@@ -61,7 +61,7 @@ class GripperError(IntEnum):
     OVERLOAD = 2
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Point:
     """The data of a point.
 

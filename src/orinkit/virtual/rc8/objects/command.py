@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -17,6 +16,7 @@ from orinkit.cao.provider import CommandObject, Deferred, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.engine.timers import Timer
 from orinkit.virtual.rc8.client_context import ClientContext
@@ -43,7 +43,7 @@ class CommandState(IntEnum):
     CANCELLED = 4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CommandRoute:
     """The functions that execute and stop a command.
 

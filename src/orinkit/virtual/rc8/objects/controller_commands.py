@@ -7,12 +7,12 @@ ignores it, because clients send VT_EMPTY, 0 or "". A command without a result r
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.rc8.task_modes import StopMode
 from orinkit.values.variant import Value, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
@@ -26,7 +26,7 @@ from orinkit.virtual.rc8.switches import ModeSwitch, TokenKind
 from orinkit.virtual.rc8.variables import conversion
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ControllerCommand:
     """An extended command.
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.poses import Target
 from orinkit.values.variant import VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.servo import ControlLog
@@ -34,7 +34,7 @@ _JOINTS: Final = 8
 _ENCODING: Final = "utf-8"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeviceCommand:
     """A command; the attributes are those of :class:`orinkit.virtual.rc8.robot.shared_command.SharedCommand`."""
 

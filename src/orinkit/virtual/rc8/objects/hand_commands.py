@@ -10,13 +10,13 @@ source defines those of the VGC10, nor the parameters of HandMoveZH; here, their
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.variant import Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.hand.onrobot import EXTERNAL, INTERNAL, TwoFinger
@@ -31,7 +31,7 @@ _MAX_PARAMETERS: Final = 8
 _PRO: Final = "PRO"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class HandCommand(Generic[T]):
     """A command of a hand.
 

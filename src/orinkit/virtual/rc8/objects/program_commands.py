@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from orinkit.cao.provider import Deferred, not_found
 from orinkit.core import hresult
@@ -19,14 +19,16 @@ from orinkit.values.types import ARRAY, VarType
 from orinkit.values.variant import Value, Variant, variant
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.files.names import SEPARATOR
-from orinkit.virtual.rc8.pacscript.machine import Program
-from orinkit.virtual.rc8.pacscript.scope import PublicVariable, TypeOf
 from orinkit.virtual.rc8.pacscript.values import LENGTHS
 from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.waiting_calls import all_of
 from orinkit.virtual.rc8.task import Task, is_supervisory
 from orinkit.virtual.rc8.variables import conversion
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8.pacscript.compiler import Program
+    from orinkit.virtual.rc8.pacscript.scope import PublicVariable, TypeOf
 
 T = TypeVar("T")
 

@@ -8,13 +8,13 @@ controllers have.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.rc8.slave_lateness import COMMAND as LATENESS
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
@@ -40,7 +40,7 @@ _R8_ARRAY: Final = int(VarType.R8) | ARRAY
 _OWN_GROUP: Final = -1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RobotCommand:
     """An extended command.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from orinkit.cao.provider import Deferred, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, Translate, tr
+from orinkit.core.record import record
 from orinkit.values.variant import ARRAY, Value, Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
@@ -33,7 +33,7 @@ Write: TypeAlias = "Callable[[ClientContext, Variant], Deferred[None] | None]"
 """Sets a variable for a client."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RobotVariable:
     """A row of the table.
 

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, Translate, tr
+from orinkit.core.record import EMPTY, record
 from orinkit.values.variant import Variant, VarType, type_name
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.state import RC8State
 from orinkit.virtual.rc8.variables import conversion, types
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SystemVariable:
     """A row of the table.
 
@@ -33,7 +33,7 @@ class SystemVariable:
     read: Callable[[RC8State], Any]
     text: str
     write: Callable[[ClientContext, Variant], None] | None = None
-    text_values: Mapping[str, str] = field(default_factory=dict)
+    text_values: Mapping[str, str] = EMPTY
 
     def help(self, say: Translate) -> str:
         """Return a description and the type, in the controller's language."""

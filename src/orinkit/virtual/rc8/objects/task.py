@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, TypeVar
 
@@ -11,6 +10,7 @@ from orinkit.cao.provider import Deferred, TaskObject, VariableObject, not_found
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import N_, tr
+from orinkit.core.record import record
 from orinkit.rc8.task_modes import StopMode, TaskMode, TaskStatus
 from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
@@ -182,7 +182,7 @@ TASK_COMMANDS: Final[dict[str, Callable[[RC8Task, Variant], Value | Deferred[Val
 """The commands of Task_Execute, by name in lower case."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TaskVariable:
     """A row of the table of a task's variables.
 

@@ -49,6 +49,8 @@ FIRST_SLOT: Final = 3
 
 MAX_STATEMENTS: Final = 20_000
 """Maximum number of statements of a program."""
+MAX_ELEMENTS: Final = 100_000
+"""Maximum number of elements of the arrays of all running Subs and Functions together."""
 MOST_BUILT: Final = 256 * 1024
 """Maximum size in bytes of the recipes whose functions exist at the same time, in all programs of a controller."""
 

@@ -11,7 +11,7 @@ from orinkit.core.errors import CallError
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import tree
 from orinkit.virtual.rc8.pacscript.blocks import SelectBlock
-from orinkit.virtual.rc8.pacscript.code import Code, Evaluate, Frame, Linked, Op, RoutineCode, maker
+from orinkit.virtual.rc8.pacscript.code import MAX_ELEMENTS, Code, Evaluate, Frame, Linked, Op, RoutineCode, maker
 from orinkit.virtual.rc8.pacscript.commands import (
     compile_command,
     compile_let_part,
@@ -26,7 +26,6 @@ from orinkit.virtual.rc8.pacscript.motions import compile_motion
 from orinkit.virtual.rc8.pacscript.parser import parse_lines
 from orinkit.virtual.rc8.pacscript.scope import (
     MAX_DIMENSIONS,
-    MAX_ELEMENTS,
     PublicVariable,
     Routine,
     Scope,

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import tr
-from orinkit.virtual.rc8.pacscript.code import DONE, WAIT, BuiltCode, Frame, Op
-from orinkit.virtual.rc8.pacscript.compiler import Program, compile_program
+from orinkit.virtual.rc8.pacscript.code import DONE, MAX_ELEMENTS, WAIT, BuiltCode, Frame, Op
 from orinkit.virtual.rc8.pacscript.errors import ProgramFault, out_of_range
 from orinkit.virtual.rc8.pacscript.host_interface import DelayWait, HostInterface, Wait
-from orinkit.virtual.rc8.pacscript.scope import MAX_ELEMENTS
 
-__all__ = ["MAX_CALLS", "Machine", "MachineState", "Program", "compile_program"]
+if TYPE_CHECKING:  # the compiler is imported for the first program
+    from orinkit.virtual.rc8.pacscript.compiler import Program
 
 MAX_CALLS: Final = 64
 """Maximum nesting depth of calls of Subs and Functions."""

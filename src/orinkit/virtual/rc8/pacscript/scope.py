@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from orinkit.core.i18n import tr
 from orinkit.virtual.rc8.pacscript import functions, values
-from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, Frame, RoutineCode, Spot
+from orinkit.virtual.rc8.pacscript.code import FIRST_SLOT, MAX_ELEMENTS, Frame, RoutineCode, Spot
 from orinkit.virtual.rc8.pacscript.errors import CompileError, not_supported
 from orinkit.virtual.rc8.pacscript.keywords import (
     CONSTANTS,
@@ -26,8 +26,6 @@ from orinkit.virtual.rc8.pacscript.values import AnyValue
 
 MAX_DIMENSIONS: Final = 3
 """Maximum number of dimensions of an array."""
-MAX_ELEMENTS: Final = 100_000
-"""Maximum number of elements of the arrays of all running Subs and Functions together."""
 MAX_ROUTINES: Final = 1_000
 """Maximum number of Subs and Functions of a program."""
 

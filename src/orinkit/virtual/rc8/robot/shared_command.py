@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.values.types import EMPTIES
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8.robot import parameters
@@ -19,7 +19,7 @@ from orinkit.virtual.rc8.variables import conversion
 R8_ARRAY = int(VarType.R8) | ARRAY
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SharedCommand:
     """A command of the robot.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from orinkit.cao.provider import Deferred
 from orinkit.core.errors import CallError
+from orinkit.core.record import record
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class _Action:
     """The arguments of :meth:`StandstillActions.add`, and the Deferred that it returned."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from orinkit.core.record import record
 from orinkit.virtual.engine.servo import AXES
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.target import Joints
@@ -13,7 +13,7 @@ Numbers = list[float]
 _MILLISECONDS: Final = 1000
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ArmPosition:
     """A joint position of the arm as P, J or T, in the current tool and work frames."""
 

@@ -22,7 +22,6 @@ import stat
 import tempfile
 from collections.abc import Mapping
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +29,7 @@ from typing import Any, Final
 from orinkit.core import hresult
 from orinkit.core.errors import OrinError, error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 logger = logging.getLogger("orinkit.virtual.rc8")
 
@@ -59,7 +59,7 @@ class StateError(OrinError):
     """
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class StoredVariable:
     """One stored variable.
 

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from orinkit.core.i18n import N_
+from orinkit.core.record import record
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.rc8.variables import conversion
 
 R4_ARRAY: Final = int(VarType.R4) | ARRAY
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class VariableClass:
     """A class of variables.
 
@@ -106,7 +106,7 @@ _DIGITS: Final = 10
 _BEYOND: Final = 10**_DIGITS
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class VariableName:
     """The parsed name of a user variable: its class and index; the index of a name such as ``P*`` is ``None``."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,6 +17,7 @@ from orinkit.arms import frames
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.engine.control_loop import PERIOD
 
 Matrix = NDArray[np.float64]
@@ -35,7 +35,7 @@ _PAIRS: Final = 8
 _AT_IO, _AT_VARIABLE, _AT_ERROR, _AT_TIME, _AT_TURN, _AT_MARGIN, _AT_PAIRS = 9, 10, 11, 12, 13, 16, 17
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Box:
     """A cuboid in the base frame.
 
@@ -56,7 +56,7 @@ class Box:
         return all(abs(value) <= edge / 2 + margin for value, edge in zip(local, self.size, strict=False))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Area:
     """The definition of an area.
 
@@ -229,7 +229,7 @@ class Areas:
             self._set_io(watch.area.io, False)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fence:
     """A virtual fence.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from orinkit.arms import frames
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.engine.dynamics import Vector, Wrench
 
 Matrix = NDArray[np.float64]
@@ -32,7 +32,7 @@ _METRE: Final = 1000.0  # mm
 _RIM: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CompliantSurface:
     """A rectangular plate that yields when the tool presses on it.
 

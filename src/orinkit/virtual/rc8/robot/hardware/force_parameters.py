@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 """Values for X, Y, Z and for the rotations about X, Y, Z."""
@@ -22,7 +23,7 @@ _LARGEST_RATE: Final = 100.0
 _LEAST_RESISTANCE: Final = 1e-4  # N s/mm, N m s/deg: without any, a force would cause an infinite velocity
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ForceParameters:
     """One parameter table.
 

@@ -10,6 +10,7 @@ from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 
 CONTINUE, HALT, END = 0, 1, 2
@@ -21,7 +22,7 @@ _MILLISECONDS: Final = 1000
 _WITHOUT: Final = (_IGNORED,) * 6
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ForceCondition:
     """A condition; all of its parts must hold. -1 means that a part is not looked at.
 

@@ -6,19 +6,19 @@ scene has a name, and optionally a tool, a work and an external speed that becom
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 
 MOST: Final = 255
 FIRST: Final = (1, 1)
 _UNCHANGED: Final = -1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Scene:
     """A set of settings.
 

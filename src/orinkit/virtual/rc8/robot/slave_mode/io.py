@@ -7,12 +7,12 @@ specifies. The result contains inputs as well.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
+from orinkit.core.record import record
 from orinkit.rc8.slave_fields import OUTPUTS, PARAMETERS, RECEIVED, FieldType
 from orinkit.rc8.slave_formats import ReceiveFormat, SendBits, SetPoint, UserWindow
 from orinkit.virtual.rc8.variables.table import VariableTable
@@ -26,7 +26,7 @@ _OUT: Final = {"mini": _MINI_OUT, "hand": _HAND_OUT}  # keys: the names of the f
 _BACK: Final = {"mini": _MINI, "hand": _HAND_OUT}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OutputRange:
     """A range of points set by a set-point.
 
