@@ -1,0 +1,118 @@
+"""bench/: every piece runs with tiny counts and yields plausible results; files of results can be compared."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.paths import ROOT
+from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
+
+
+@pytest.fixture(autouse=True)
+def _path(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "bench"))
+
+
+PIECES = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import native
+from arms import arms
+from natural import natural
+from results import Results
+from server_load import server_load
+from start_up import start_up
+
+if __name__ == "__main__":
+    native.BUILD = Path(sys.argv[2]).parent
+    if sys.argv[3] == "without a compiler":
+        native.shutil.which = lambda name: None
+    results = Results()
+    natural(1, 5, 2, results)
+    if sys.argv[3] == "with a compiler":
+        server_load(0.05, results)
+        arms(2, 0.2, results)
+        start_up(1, results)
+    results.write(Path(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("how", ["with a compiler", "without a compiler"])
+def test_each_piece_measures(tmp_path: Path, how: str) -> None:
+    script, file = tmp_path / "pieces.py", tmp_path / "results.csv"
+    script.write_text(PIECES)
+    command = [sys.executable, str(script), str(ROOT / "bench"), str(file), how]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE * 4, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = {row.what: row for row in import_module("results").read(file)}
+    for kind in ("sync", "asyncio"):
+        for pace in ("back to back", "every 1 ms", "every 8 ms"):
+            row = rows[f'robot.execute("slvMove", pose) ({kind}, pure), {pace}']
+            assert row.value > 0
+            assert row.reference
+            assert row.ratio == pytest.approx(row.value / row.reference)
+    if how == "without a compiler":
+        assert "No C compiler" in done.stdout
+        assert not any("client (C)" in what for what in rows)
+        return
+    assert rows["server, requests/s, connections: 50"].value > 0
+    assert rows["2 moving arms in one process, polled at 25 Hz: CPU"].value >= 0
+    assert rows["orinkit --help (bare: python -c pass)"].value > 0
+
+
+def row(what: str, value: float, **more: Any) -> Any:
+    return import_module("results").Row(what, value, "us", **more)
+
+
+def test_results_are_the_same_after_writing_and_reading(tmp_path: Path) -> None:
+    results = import_module("results")
+    rows = [row("a, b", 1.5, p99=2.0, reference=1.0, ratio=1.5, added=0.5, goal="<= 2 x", met="met"), row("c", 0.25)]
+    results.Results(rows).write(tmp_path / "x.csv")
+    assert results.read(tmp_path / "x.csv") == rows
+
+
+def test_two_runs_are_compared_by_name() -> None:
+    before = [row("kept", 10.0, ratio=2.0), row("old", 1.0)]
+    after = [row("kept", 5.0, ratio=1.0), row("new", 3.0)]
+    _, kept, new, old = import_module("compare").compare(before, after)
+    assert kept.split() == ["kept", "10.00", "us", "5.00", "us", "-50", "%", "2.00", "1.00"]
+    assert new.split() == ["new", "-", "3.00", "us"]
+    assert old.split() == ["old", "1.00", "us", "-"]
+
+
+@pytest.mark.parametrize(
+    ("label", "extension", "pace", "mine", "met"),
+    [
+        ("sync, pure", "off", "back to back", 14.4, True),  # less than 4.5 us are added
+        ("sync, pure", "off", "back to back", 14.6, False),
+        ("sync, pure", "off", "every 8 ms", 15.1, False),
+        ("sync, extension", "in use", "back to back", 10.4, True),
+        ("sync, extension", "in use", "back to back", 10.6, False),
+        ("sync, extension", "in use", "every 8 ms", 10.9, True),
+        ("asyncio, pure", "off", "back to back", 14.1, False),
+        ("asyncio, extension", "in use", "back to back", 11.4, True),
+        ("sync, pure", "off", "every 1 ms", 99.0, None),
+    ],
+)
+def test_goals_are_those_of_the_kind_of_client(label: str, extension: str, pace: str, mine: float, met: Any) -> None:
+    natural: Any = import_module("natural")
+    client = natural.Client(label, None, extension)
+    assert natural.judged(client, "execute", pace, mine, 10.0)[1] is met
+
+
+def test_an_underflow_near_a_stall_is_explained() -> None:
+    stream: Any = import_module("stream")
+    stalls = import_module("stalls").Stalls()
+    stalls.read(iter(["10.0 10.006", "20.0 20.001"]))
+    outcome = stream.Outcome(dry=[10.1, 20.1, 30.0])
+    assert outcome.unexplained(stalls, 0.004) == 2
+    assert outcome.unexplained(stalls, 0.0005) == 1
