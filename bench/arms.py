@@ -22,7 +22,7 @@ from results import Results
 from server_load import opened, poll
 
 FREQUENCY = 25.0
-ANGLES = (-160, 160) * 6  # deg of J1: the motions at 5 % take longer than the measurement
+ANGLES = (-160, 160)  # deg of J1: at 5 % of the speed, the second motion alone takes longer than the measurement
 REQUESTS = (
     (functions.service_start, ()),
     (functions.controller_connect, ("", "CaoProv.DENSO.VRC", "localhost", "")),

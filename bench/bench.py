@@ -108,7 +108,9 @@ def noise(seconds: float, results: Results) -> None:
         found = stalls.between(begin, time.monotonic(), 0.0)
     priority = "" if stalls.real_time else "without real-time priority, so other programs count, too"
     longest = max((stall.end - stall.begin for stall in found), default=0.0)
-    results.limited("the machine: longest stall", longest * 1e3, "ms", None, f"{len(found)} in {seconds:.0f} s {priority}")
+    results.limited(
+        "the machine: longest stall", longest * 1e3, "ms", None, f"{len(found)} in {seconds:.0f} s {priority}"
+    )
 
 
 def users(scale: float, results: Results) -> None:
@@ -135,7 +137,9 @@ def main() -> None:
     """Run all measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="do less: what users call, in about a minute")
-    parser.add_argument("--check", action="store_true", help="do a tenth of the work of everything, to check that it runs")
+    parser.add_argument(
+        "--check", action="store_true", help="do a tenth of the work of everything, to check that it runs"
+    )
     parser.add_argument("--csv", type=Path, default=BUILD / "bench.csv", help="file for the results")
     parser.add_argument("--plot", type=Path, help="picture of the round trips (requires the extra plot)")
     arguments = parser.parse_args()

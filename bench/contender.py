@@ -23,7 +23,7 @@ from measuring import on_core
 from orinkit import aio, functions
 from orinkit.bcap import packet
 from orinkit.values import codec
-from packets import ARGUMENTS, POSE, REPLY, REQUEST, SERIAL, VALUE, encode_request
+from packets import ARGUMENTS, POSE, REPLY, REQUEST, VALUE, encode_request
 
 PREPARE = "prepare"
 BATCH = 200  # number of encodings or decodings that one sample contains

@@ -16,7 +16,9 @@ from packets import DONE, FUNCTION, REPLIES, SERIAL
 
 HERE = Path(__file__).parent
 BUILD = HERE.parent / "build" / "bench"
-NO_COMPILER = "No C compiler: the responder is in Python, so its time is included in every round trip. Try: apt-get install gcc"
+NO_COMPILER = (
+    "No C compiler: the responder is in Python, so its time is included in every round trip. Try: apt-get install gcc"
+)
 
 
 def compiled(name: str) -> Path | None:

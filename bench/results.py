@@ -79,7 +79,9 @@ class Results:
             return
         print("\nGoals")
         for row in aimed:
-            shown = " or ".join(filter(None, (number(row.value, row.unit), "" if row.ratio is None else f"{row.ratio:.2f} x")))
+            shown = " or ".join(
+                filter(None, (number(row.value, row.unit), "" if row.ratio is None else f"{row.ratio:.2f} x"))
+            )
             print(f"  {padded(row.what, 52)} {padded(row.goal, 34)} {shown:<22} {row.met}")
         print(f"{sum(row.met == 'met' for row in aimed)} of {len(aimed)} goals are met.")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import socket
 import subprocess
 import sys
 from importlib import import_module
@@ -10,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from orinkit import functions
+from orinkit.bcap import packet
 from support.paths import ROOT
 from support.waiting import PATIENCE
 
@@ -34,23 +38,19 @@ from start_up import start_up
 
 if __name__ == "__main__":
     native.BUILD = Path(sys.argv[2]).parent
-    if sys.argv[3] == "without a compiler":
-        native.shutil.which = lambda name: None
     results = Results()
     natural(1, 5, 2, results)
-    if sys.argv[3] == "with a compiler":
-        server_load(0.05, results)
-        arms(2, 0.2, results)
-        start_up(1, results)
+    server_load(0.05, results)
+    arms(2, 0.2, results)
+    start_up(1, results)
     results.write(Path(sys.argv[2]))
 """
 
 
-@pytest.mark.parametrize("how", ["with a compiler", "without a compiler"])
-def test_each_piece_measures(tmp_path: Path, how: str) -> None:
+def test_each_piece_measures(tmp_path: Path) -> None:
     script, file = tmp_path / "pieces.py", tmp_path / "results.csv"
     script.write_text(PIECES)
-    command = [sys.executable, str(script), str(ROOT / "bench"), str(file), how]
+    command = [sys.executable, str(script), str(ROOT / "bench"), str(file)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE * 4, check=False)
     assert done.returncode == 0, done.stderr
     rows = {row.what: row for row in import_module("results").read(file)}
@@ -60,13 +60,36 @@ def test_each_piece_measures(tmp_path: Path, how: str) -> None:
             assert row.value > 0
             assert row.reference
             assert row.ratio == pytest.approx(row.value / row.reference)
-    if how == "without a compiler":
-        assert "No C compiler" in done.stdout
-        assert not any("client (C)" in what for what in rows)
-        return
     assert rows["server, requests/s, connections: 50"].value > 0
     assert rows["2 moving arms in one process, polled at 25 Hz: CPU"].value >= 0
     assert rows["orinkit --help (bare: python -c pass)"].value > 0
+
+
+@pytest.mark.parametrize("compiler", [True, False])
+def test_the_responder_copies_the_serial_and_replies_to_each_function(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], compiler: bool
+) -> None:
+    native: Any = import_module("native")
+    packets: Any = import_module("packets")
+    monkeypatch.setattr(native, "BUILD", tmp_path)
+    if compiler:
+        if not shutil.which("cc"):
+            pytest.skip("requires a C compiler")
+    else:
+        monkeypatch.setattr(native.shutil, "which", lambda name: None)
+    requests = {
+        packets.encode_request(functions.robot_execute, packets.ARGUMENTS, 0x1234): packets.POSE,
+        packets.encode_request(functions.variable_get_value, (4,), 0x4321): packets.VALUE,
+        packets.encode_request(functions.variable_release, (4,), 7): None,
+    }
+    with native.responder() as (port, language), socket.create_connection(("127.0.0.1", port), PATIENCE) as peer:
+        for request, value in requests.items():
+            peer.sendall(request)
+            reply = packet.decode(peer.recv(65536))
+            assert reply.serial == packet.decode(request).serial
+            assert reply.arguments == (() if value is None else (value,))
+    assert language == ("C" if compiler else "Python")
+    assert ("No C compiler" in capsys.readouterr().out) is not compiler
 
 
 def row(what: str, value: float, **more: Any) -> Any:
