@@ -53,7 +53,7 @@ def responder() -> Iterator[tuple[int, str]]:
             yield int(port), "Python"
         return
     replies = (f"{function}:{reply.hex()}" for function, reply in REPLIES.items())
-    command = [program, core(-1), DONE.hex(), *replies]
+    command: list[str | Path] = [program, core(-1), DONE.hex(), *replies]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         try:

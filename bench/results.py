@@ -95,14 +95,11 @@ def read(path: Path) -> list[Row]:
     with path.open(newline="", encoding="utf-8") as file:
         return [
             Row(
-                row["what"], float(row["value"]), row["unit"], *(optional(row[name]) for name in NUMBERS),
-                row["goal"], row["met"], row["note"],
+                row["what"], float(row["value"]), row["unit"], optional(row["p99"]), optional(row["reference"]),
+                optional(row["ratio"]), optional(row["added"]), row["goal"], row["met"], row["note"],
             )
             for row in csv.DictReader(file)
         ]  # fmt: skip
-
-
-NUMBERS = ("p99", "reference", "ratio", "added")
 
 
 def judged(met: bool | None) -> str:

@@ -149,7 +149,7 @@ def poll(peers: list[socket.socket], pid: int, frequency: float, seconds: float,
     skipped = 0
     with selectors.DefaultSelector() as selector:
         for peer in peers:
-            selector.register(peer, selectors.EVENT_READ)
+            selector.register(peer, selectors.EVENT_READ, peer)
         before, begin, number = cpu_seconds(pid), clock(), 0
         total = round(frequency * seconds * count)
         while number < total or (waiting and clock() < begin + seconds + 1):
@@ -163,8 +163,8 @@ def poll(peers: list[socket.socket], pid: int, frequency: float, seconds: float,
                     waiting[peer] = clock()
                     peer.send(request)
             for key, _ in selector.select(0):
-                key.fileobj.recv(65536)  # type: ignore[union-attr]
-                delays.append(clock() - waiting.pop(key.fileobj))  # type: ignore[arg-type]
+                key.data.recv(65536)
+                delays.append(clock() - waiting.pop(key.data))
         share = (cpu_seconds(pid) - before) / (clock() - begin) * 100
     return Polled(delays, share, skipped + len(waiting))
 

@@ -87,7 +87,7 @@ def test_the_responder_copies_the_serial_and_replies_to_each_function(
             peer.sendall(request)
             reply = packet.decode(peer.recv(65536))
             assert reply.serial == packet.decode(request).serial
-            assert reply.arguments == (() if value is None else (value,))
+            assert list(reply.arguments) == ([] if value is None else [value])
     assert language == ("C" if compiler else "Python")
     assert ("No C compiler" in capsys.readouterr().out) is not compiler
 
