@@ -97,7 +97,7 @@ def virtual(count: int) -> None:
         line(f"{what}, VS-050", *in_turn(action, bench_virtual.sines, count), "us")
 
 
-def noise(seconds: float, results: Results) -> None:
+def noise(when: str, seconds: float, results: Results) -> None:
     """State how often the machine stalls while nothing else runs."""
     if not hasattr(os, "sched_getaffinity"):
         print("Stalls of the machine are not measured on this system.")
@@ -109,18 +109,18 @@ def noise(seconds: float, results: Results) -> None:
     priority = "" if stalls.real_time else "without real-time priority, so other programs count, too"
     longest = max((stall.end - stall.begin for stall in found), default=0.0)
     results.limited(
-        "the machine: longest stall", longest * 1e3, "ms", None, f"{len(found)} in {seconds:.0f} s {priority}"
+        f"the machine, {when}: longest stall", longest * 1e3, "ms", None, f"{len(found)} in {seconds:.0f} s {priority}"
     )
 
 
 def users(scale: float, results: Results) -> None:
     """Measure what users call: round trips, the server, many arms, start-up."""
-    noise(10.0 * scale, results)
+    noise("before", 10.0 * scale, results)
     natural(max(2, round(12 * scale)), 300, 25, results)
     server_load(2.0 * scale, results)
     arms(100, 10.0 * scale, results)
     start_up(max(3, round(15 * scale)), results)
-    noise(10.0 * scale, results)
+    noise("after", 10.0 * scale, results)
 
 
 def others(scale: int) -> None:

@@ -139,3 +139,12 @@ def test_an_underflow_near_a_stall_is_explained() -> None:
     outcome = stream.Outcome(dry=[10.1, 20.1, 30.0])
     assert outcome.unexplained(stalls, 0.004) == 2
     assert outcome.unexplained(stalls, 0.0005) == 1
+
+
+def test_the_cpu_time_of_a_server_counts_only_if_it_answered() -> None:
+    load: Any = import_module("server_load")
+    assert load.Polled([0.001] * 100, 5.0, 2).complete
+    unanswered = load.Polled([0.001] * 100, 5.0, 3)
+    assert not unanswered.complete
+    assert "3 requests were not sent or answered" in unanswered.note()
+    assert load.Polled([0.001, 0.009], 5.0, 3).late == 4
