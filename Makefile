@@ -1,7 +1,7 @@
 # make demo, make test: everything they need is set up in .venv first. PYTHON=... names the Python to make it with.
 
 .DEFAULT_GOAL := help
-.PHONY: help demo tester test lint types bench soak collect coverage sync messages release-check test-lowest pictures clean setup-all setup-dev
+.PHONY: help demo tester test lint types bench bench-quick soak collect coverage sync messages release-check test-lowest pictures clean setup-all setup-dev
 export PYTHON
 # The tests start hundreds of programs: none of them is to compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -43,6 +43,10 @@ bench: setup-dev ## measurements, as ratios in one run / 性能測定 (同一実
 	@.venv/bin/python bench/bench.py
 	@.venv/bin/python bench/stream.py
 	@.venv/bin/python bench/tester.py
+
+bench-quick: setup-dev ## what users call, in two minutes / 主な呼び出しの性能測定 (2 分)
+	@.venv/bin/python bench/bench.py --quick --csv build/bench/quick.csv
+	@.venv/bin/python bench/stream.py --cycles
 
 soak: setup-dev ## the long tests / 長時間テスト
 	$(RUN) pytest -m soak

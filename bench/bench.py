@@ -8,24 +8,30 @@ packet.
 from __future__ import annotations
 
 import argparse
-import socket
+import os
 import struct
-import subprocess
-import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import virtual as bench_virtual
 from abh3 import abh3
+from arms import arms
 from ecap import ecap
 from gateway import gateway
-from measuring import alternate, each_us, in_turn, line, on_core, process
+from measuring import RECORDED, alternate, each_us, in_turn, line, on_core
+from natural import natural
 from orinkit import functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import BcapConversation, encode_request
+from orinkit.bcap.client import BcapConversation
 from orinkit.values import codec as variant_bytes
-from round_trips import ARGUMENTS, POSE, REPLY, round_trips, tcp_exchange, tcp_peer
-from served import PROVIDER, tcp_server
+from packets import ARGUMENTS, POSE, REPLY, encode_request
+from plot import plot
+from results import BUILD, Results
+from round_trips import round_trips
+from server_load import server_load
+from stalls import watched
+from start_up import start_up
 
 
 def codec(count: int) -> None:
@@ -81,50 +87,6 @@ def codec(count: int) -> None:
     line("a whole conversation: encode, match, decode", *alternate(turn(both), turn(both_bare)), "us")
 
 
-def server(seconds: float) -> None:
-    """Measure requests per second of the server: Variable_GetValue on one and on 50 connections."""
-    get = encode_request(functions.variable_get_value, (3,), 1)
-
-    def open_variable(url: str) -> socket.socket:
-        host, port = url.removeprefix("tcp://").split(":")
-        peer = socket.create_connection((host, int(port)))
-        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        for function, arguments in (
-            (functions.service_start, ()),
-            (functions.controller_connect, ("", PROVIDER, "localhost", "")),
-            (functions.controller_get_variable, (2, "D1", "")),
-        ):
-            peer.sendall(encode_request(function, arguments, 1))
-            peer.recv(65536)
-        return peer
-
-    def rate(url: str, connections: int) -> float:
-        """Keep one request in progress on each connection; return the replies per second."""
-        peers = [open_variable(url) for _ in range(connections)]
-        done = 0
-        stop = time.perf_counter() + seconds
-        while time.perf_counter() < stop:
-            for peer in peers:
-                peer.sendall(get)
-            for peer in peers:
-                peer.recv(65536)
-            done += connections
-        elapsed = seconds + time.perf_counter() - stop
-        for peer in peers:
-            peer.close()
-        return done / elapsed
-
-    def bare_rate() -> float:
-        with process(tcp_peer) as url, tcp_exchange(url, get) as exchange:
-            return 1e6 / each_us(exchange, int(seconds * 10_000))
-
-    with process(tcp_server) as url:
-        one, echo, ratio = alternate(lambda: rate(url, 1), bare_rate, 3)
-        line("server, requests/s on one connection", one, echo, ratio, "/s", "aim >= 10,000 /s")
-        many, echo, ratio = alternate(lambda: rate(url, 50), bare_rate, 3)
-        line("server, requests/s on 50 connections", many, echo, ratio, "/s")
-
-
 def virtual(count: int) -> None:
     """Measure the virtual RC8: the cost of a cycle, and the speed of programs."""
     run = bench_virtual.statements()
@@ -135,47 +97,64 @@ def virtual(count: int) -> None:
         line(f"{what}, VS-050", *in_turn(action, bench_virtual.sines, count), "us")
 
 
-def start_up(runs: int) -> None:
-    """Measure importing the package and showing the help of the command line; the reference is a bare interpreter."""
-
-    def milliseconds(*arguments: str) -> Callable[[], float]:
-        def run() -> float:
-            begin = time.perf_counter()
-            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL)
-            return (time.perf_counter() - begin) * 1e3
-
-        return run
-
-    bare = milliseconds("-c", "pass")
-    line(
-        "import orinkit, whole process",
-        *alternate(milliseconds("-c", "import orinkit"), bare, runs),
-        "ms",
-        "aim < 60 ms",
+def noise(when: str, seconds: float, results: Results) -> None:
+    """State how often the machine stalls while nothing else runs."""
+    if not hasattr(os, "sched_getaffinity"):
+        print("Stalls of the machine are not measured on this system.")
+        return
+    with watched() as stalls:
+        begin = time.monotonic()
+        time.sleep(seconds)
+        found = stalls.between(begin, time.monotonic(), 0.0)
+    priority = "" if stalls.real_time else "without real-time priority, so other programs count, too"
+    longest = max((stall.end - stall.begin for stall in found), default=0.0)
+    results.limited(
+        f"the machine, {when}: longest stall", longest * 1e3, "ms", None, f"{len(found)} in {seconds:.0f} s {priority}"
     )
-    line(
-        "orinkit --help, whole process",
-        *alternate(milliseconds("-m", "orinkit", "--help"), bare, runs),
-        "ms",
-        "aim < 250 ms",
-    )
+
+
+def users(scale: float, results: Results) -> None:
+    """Measure what users call: round trips, the server, many arms, start-up."""
+    noise("before", 10.0 * scale, results)
+    natural(max(2, round(12 * scale)), 300, 25, results)
+    server_load(2.0 * scale, results)
+    arms(100, 10.0 * scale, results)
+    start_up(max(3, round(15 * scale)), results)
+    noise("after", 10.0 * scale, results)
+
+
+def others(scale: int) -> None:
+    """Measure the other transports and packages, as ratios."""
+    round_trips(3000 // scale)
+    codec(20_000 // scale)
+    ecap(500 // scale, 2.0 / scale)
+    gateway(500 // scale)
+    virtual(500 // scale)
+    abh3(800 // scale, 20.0 / scale)
 
 
 def main() -> None:
     """Run all measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="do a tenth of the work, to check that it runs")
-    scale = 10 if parser.parse_args().quick else 1
+    parser.add_argument("--quick", action="store_true", help="do less: what users call, in about a minute")
+    parser.add_argument(
+        "--check", action="store_true", help="do a tenth of the work of everything, to check that it runs"
+    )
+    parser.add_argument("--csv", type=Path, default=BUILD / "bench.csv", help="file for the results")
+    parser.add_argument("--plot", type=Path, help="picture of the round trips (requires the extra plot)")
+    arguments = parser.parse_args()
     on_core(0)
     print("Ratios against a bare reference in the same run; absolute values vary between machines.")
-    round_trips(3000 // scale)
-    codec(20_000 // scale)
-    server(2.0 / scale)
-    ecap(500 // scale, 2.0 / scale)
-    gateway(500 // scale)
-    virtual(500 // scale)
-    abh3(800 // scale, 20.0 / scale)
-    start_up(15 // scale or 1)
+    results = Results()
+    users(0.3 if arguments.quick else 0.1 if arguments.check else 1.0, results)
+    if not arguments.quick:
+        others(10 if arguments.check else 1)
+    results.rows += RECORDED
+    results.write(arguments.csv)
+    if arguments.plot:
+        plot(results.rows, arguments.plot)
+    results.goals()
+    print(f"Results: {arguments.csv}")
 
 
 if __name__ == "__main__":

@@ -7,11 +7,13 @@ import multiprocessing.connection
 import os
 import statistics
 import time
-import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from results import Row, padded
+
 ROUNDS = 9
+RECORDED: list[Row] = []  # the results that line() has printed
 CORES = range(os.cpu_count() or 1)
 
 
@@ -81,6 +83,6 @@ def middle(results: list[tuple[float, float, float]]) -> tuple[float, float, flo
 
 
 def line(what: str, ours: float, bare: float, ratio: float, unit: str, aim: str = "") -> None:
-    """Print one result."""
-    width = 58 - sum(unicodedata.east_asian_width(character) in "WF" for character in what)
-    print(f"{what:<{width}} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")
+    """Print one result, and keep it in ``RECORDED``."""
+    RECORDED.append(Row(what, ours, unit, None, bare, ratio, ours - bare, note=aim))
+    print(f"{padded(what, 58)} {ours:>9.2f} {unit:<4} bare {bare:>8.2f} {unit:<4} ratio {ratio:>5.2f}  {aim}")

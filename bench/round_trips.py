@@ -20,16 +20,11 @@ import orinkit
 from measuring import ROUNDS, in_turn, line, medians, middle, on_core, process
 from orinkit import aio, functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request
 from orinkit.values import codec
+from packets import ARGUMENTS, POSE, REPLY, REQUEST, SERIAL, encode_request
 
-POSE = [0.125, 45.0, 90.0, 0.25, 45.0, 0.5, 0.0, 0.0]
-ARGUMENTS = (3, "slvMove", POSE)
-REQUEST = encode_request(functions.robot_execute, ARGUMENTS, 1)
-REPLY = packet.pack(1, 0, 1, codec.encode(POSE))
 LINE_REQUEST = encode_request(functions.robot_execute, ARGUMENTS, 1, 1, crc=True)
 LINE_REPLY = packet.pack(1, 0, 1, codec.encode(POSE), crc=True)
-SERIAL = slice(5, 7)
 
 
 # --- minimal peers ----------------------------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 PRIORITY = 90  # priority with SCHED_FIFO, above the priority of the measured processes
 TICK = 0.001
+NOTICED = 0.0005  # s by which a wake-up must be late to be reported
 LATE = 0.004  # s by which a watcher may be late: half a cycle of a controller
 
 
@@ -38,9 +39,13 @@ class Stalls:
     real_time: bool = True
     _seen: list[Stall] = field(default_factory=list)
 
-    def between(self, begin: float, end: float) -> list[Stall]:
-        """Return the stalls that overlap an interval; stalls of several cores are listed separately."""
-        return [stall for stall in list(self._seen) if stall.end > begin and stall.begin < end]
+    def between(self, begin: float, end: float, least: float = LATE) -> list[Stall]:
+        """Return the stalls longer than ``least`` s that overlap an interval; each core is listed separately."""
+        return [
+            stall
+            for stall in list(self._seen)
+            if stall.end > begin and stall.begin < end and stall.end - stall.begin > least
+        ]
 
     def text(self, begin: float, end: float) -> str:
         """Return the number and the longest of the stalls in an interval as text."""
@@ -96,7 +101,7 @@ def watch(core: int) -> None:
         expected += TICK
         time.sleep(max(0.0, expected - time.monotonic()))
         now = time.monotonic()
-        if now - expected > LATE:
+        if now - expected > NOTICED:
             print(expected, now, flush=True)
             expected = now
 

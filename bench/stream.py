@@ -7,7 +7,7 @@ a separate process; its clock runs faster for cycles of 4 and 1 ms.
 
 Three figures are reported separately:
 
-* underflows: the queue between the program and the streaming process was empty;
+* underflows: the queue between the program and the streaming process was empty, and how many of these had no stall near;
 * failures: the controller ended the stream, which is then restarted;
 * stalls of the machine: an otherwise idle real-time process was not woken in time either.
 
@@ -33,6 +33,7 @@ import orinkit
 from orinkit import Progress, Timing
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, OrinError
+from results import BUILD, Results, Row, judged
 from stalls import Stalls, watched
 
 START = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
@@ -46,6 +47,7 @@ PRIORITY = 70  # priority with SCHED_FIFO, below the priority of the streaming p
 PIECE_SECONDS = 20.0  # duration of a trajectory, s of the controller's clock
 NEAR_A_STALL = 0.3  # s within which the program receives the failure that a stall causes
 LATE = ("COMMAND_DELAY", "SLAVE_MODE_OFF")  # the return codes for a late set-point and for the next one
+RESULTS = Results()
 PATIENCE = 20.0  # s within which the motor of a controller can be switched on again after an error
 
 
@@ -141,6 +143,7 @@ class Outcome:
     Attributes:
         sent: Number of set-points.
         underflows: Number of times that the queue was empty while the arm moved.
+        dry: Time (monotonic, s) at which the program noticed each underflow.
         failures: Time (monotonic, s) and error of each stream that the controller or the connection ended.
         gaps: Times between two set-points in s, for complete trajectories.
         own: Times from a reply to the next set-point in s.
@@ -149,11 +152,16 @@ class Outcome:
 
     sent: int = 0
     underflows: int = 0
+    dry: list[float] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
     gaps: list[float] = field(default_factory=list)
     own: list[float] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
     ended: float = 0.0
+
+    def unexplained(self, stalls: Stalls, least: float) -> int:
+        """Return the number of underflows without a stall longer than ``least`` s near them; the goal is 0."""
+        return sum(not stalls.between(moment - NEAR_A_STALL, moment, least) for moment in self.dry)
 
     def excused(self, stalls: Stalls) -> int:
         """Return the number of failures that coincide with a stall of the machine."""
@@ -184,13 +192,15 @@ def _stream(url: str, mode: int, wanted: int, outcome: Outcome) -> None:
             robot.move(orinkit.J(*START), "@E")
             with robot.slave_mode(mode=mode) as stream:
                 while outcome.sent < wanted:
-                    before = outcome.sent
+                    before, dry = outcome.sent, stream.underflows - len(outcome.dry)
 
-                    def note(progress: Progress, before: int = before) -> None:
+                    def note(progress: Progress, before: int = before, dry: int = dry) -> None:
                         outcome.sent = before + progress.sent
+                        outcome.dry += [time.monotonic()] * (stream.underflows - dry - len(outcome.dry))
 
                     result = stream.run(trajectory(min(PIECE_SECONDS, (wanted - before) * PERIOD)), progress=note)
                     outcome.underflows += result.underflows
+                    outcome.dry += [time.monotonic()] * (outcome.underflows - len(outcome.dry))
                     outcome.gaps += result.timing.gaps
                     outcome.own += [
                         b.sent - a.replied for a, b in itertools.pairwise(result.samples) if b.number == a.number + 1
@@ -265,12 +275,20 @@ def show(what: str, outcome: Outcome, cycle: float, stalls: Stalls, own: str = "
     timing = Timing(tuple(outcome.gaps))
     late = sum(gap > 3 * cycle for gap in timing.gaps)  # longer than the controller's buffer of three set-points lasts
     print(
-        f"{what:<46} {outcome.sent:>6} set-points, underflows {outcome.underflows}, "
+        f"{what:<46} {outcome.sent:>6} set-points, underflows {outcome.underflows} "
+        f"({outcome.unexplained(stalls, cycle / 2)} without a stall), "
         f"failures {len(outcome.failures)} ({outcome.excused(stalls)} with a stall), "
         f"{stalls.text(outcome.began, outcome.ended)}, gaps p50 {timing.p50 * 1e3:5.2f} "
         f"p99 {timing.p99 * 1e3:5.2f} max {timing.max * 1e3:6.2f} ms, above 3 cycles: {late}{own}",
         flush=True,
     )
+    without = outcome.unexplained(stalls, cycle / 2)
+    note = f"{outcome.sent} set-points; {stalls.text(outcome.began, outcome.ended)}"
+    RESULTS.rows += [
+        Row(f"{what}: gaps between set-points", timing.p50 * 1e3, "ms", timing.p99 * 1e3, cycle * 1e3, note=note),
+        Row(f"{what}: underflows without a stall", without, "", goal="0", met=judged(not without)),
+        Row(f"{what}: failures without a stall", len(outcome.failures) - outcome.excused(stalls), ""),
+    ]
     others = {text for _, text in outcome.failures if not any(name in text for name in LATE)}
     for text in sorted(others)[:3]:
         print(f"    {text:.200}", flush=True)
@@ -376,15 +394,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="run seconds instead of minutes, to check that it runs")
     parser.add_argument("--minutes", type=float, default=10.0, help="duration of each long run")
+    parser.add_argument("--cycles", action="store_true", help="only cycles of 8, 4 and 1 ms, 5 s each")
+    parser.add_argument("--csv", type=Path, default=BUILD / "stream.csv", help="file for the results")
     arguments = parser.parse_args()
     seconds = 4.0 if arguments.quick else arguments.minutes * 60
     print("Streaming in slave mode, strict time; gaps are those between two set-points on the wire.")
     with watched() as stalls:
+        if arguments.cycles:
+            short_cycles(5.0, stalls)
+            RESULTS.write(arguments.csv)
+            return
         latency(min(20.0, seconds))
         short_cycles(min(30.0, seconds), stalls)
         other_wires(min(60.0, seconds), stalls)
         slave_through_gateway(min(60.0, seconds), stalls=stalls)
         long_run(seconds, stalls)
+    RESULTS.write(arguments.csv)
 
 
 if __name__ == "__main__":
