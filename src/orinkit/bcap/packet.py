@@ -204,6 +204,11 @@ class FramerBase:
         """Number of buffered bytes of an incomplete packet."""
         return len(self._buffer)
 
+    @property
+    def is_empty(self) -> bool:
+        """True if no received bytes are buffered."""
+        return not self._buffer
+
 
 class Framer(FramerBase):
     """Extracts packets from a byte stream, which may arrive in pieces of any size.
@@ -222,6 +227,11 @@ class Framer(FramerBase):
     def __init__(self, limits: PacketLimits = DEFAULT_LIMITS) -> None:
         super().__init__(limits)
         self._error: ProtocolError | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """True if no received bytes are buffered, and the stream contained nothing but packets so far."""
+        return not self._buffer and self._error is None
 
     @property
     def partial_serial(self) -> int:

@@ -129,7 +129,12 @@ def _handed_over() -> StreamError:
     )
 
 
-def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
+def run(
+    operation: Operation[T],
+    link: Link,
+    close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,
+    end: float | None = None,
+) -> T:
     """Run an operation on the caller's thread and return its result.
 
     An exception that interrupts the operation, such as KeyboardInterrupt, closes the link if something was sent. In
@@ -139,10 +144,11 @@ def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterab
         operation: The operation.
         link: The link to use.
         close_sequence: Callback that returns the packets to send before an interrupting exception closes the link.
+        end: End of the current wait (``time.monotonic``), if the operation continues a call whose request was sent.
     """
     received: bytes | None = None
-    deadline = 0.0
-    sent = False
+    deadline = end or 0.0
+    sent = end is not None
     try:
         while True:
             data, seconds = operation.send(received)
@@ -194,10 +200,11 @@ async def arun(
     operation: Operation[T],
     link: AsyncLink,
     close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,  # noqa: ARG001 - same signature as run
+    end: float | None = None,
 ) -> T:
-    """Run an operation in asyncio and return its result; cancelling it does not close the link."""
+    """Run an operation in asyncio, as :func:`run`, and return its result; cancelling it does not close the link."""
     received: bytes | None = None
-    deadline = 0.0
+    deadline = end or 0.0
     try:
         while True:
             data, seconds = operation.send(received)
