@@ -232,10 +232,12 @@ class BcapConversation:
         The caller sends the request, receives once, and passes the received bytes to :meth:`finish`.
 
         Raises:
-            InvalidValue: If an argument does not fit its type; nothing is to be sent.
+            InvalidValue: If an argument does not fit its type; no serial has been used.
         """
-        serial = self._take_serial()
-        return serial, self._request(function, arguments, serial, 0)
+        serial = self._serial
+        request = self._request(function, arguments, serial, 0)
+        self._serial = serial % 0xFFFF + 1
+        return serial, request
 
     def begin_prepared(self, template: RequestTemplate, value: Any) -> tuple[int, bytes] | None:
         """Return the serial and the request of a prepared call; ``None`` if the template has no layout for the value.

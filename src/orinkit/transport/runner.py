@@ -107,6 +107,10 @@ class DetachedLink(_Handed[Link]):
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
+    def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Raise StreamError, as :meth:`fileno`."""
+        raise _handed_over()
+
 
 class AsyncDetachedLink(_Handed[AsyncLink]):
     """Placeholder for a link that another process has taken over, in asyncio; it can neither send nor receive."""
@@ -116,6 +120,10 @@ class AsyncDetachedLink(_Handed[AsyncLink]):
         raise _handed_over()
 
     async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Raise StreamError, as :meth:`fileno`."""
+        raise _handed_over()
+
+    async def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
-from orinkit.bcap.client import sign_of_life
+from orinkit.bcap.client import BcapConversation, sign_of_life
 from orinkit.bcap.profiles import DEFAULT_TRIES, STREAM
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
@@ -39,10 +39,12 @@ from orinkit.client._shared.endpoint import (
     send_during_call,
 )
 from orinkit.client._shared.local_calls import local_calls
+from orinkit.client._shared.prepared import PreparedFunction, directly_usable
 from orinkit.client._sync.connection import Connection
 from orinkit.core import hresult
-from orinkit.core.errors import CallError
+from orinkit.core.errors import CallError, OrinError
 from orinkit.rc8.motion_calls import MOVING
+from orinkit.transport.direct import Unfinished, break_off, call, call_prepared
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
@@ -124,6 +126,8 @@ class Client(Connection):
         self._controller = 0
         # on these transports, the server cannot detect the end of a client without signs of life
         self._sends_signs = bool(profile.session_timeout or profile.shared)
+        self._direct = directly_usable(self._conversation, link, self._local, signs=self._sends_signs)
+        self._dialect = self._conversation.dialect
         self._session_deadline = (
             Deadline(profile.session_timeout) if profile.session_timeout else None
         )  # passes when the controller may have ended the session of this client
@@ -161,11 +165,11 @@ class Client(Connection):
     @property
     def dialect(self) -> Dialect:
         """The dialect of the controller. May be set."""
-        return self._conversation.dialect
+        return self._dialect
 
     @dialect.setter
     def dialect(self, dialect: Dialect) -> None:
-        self._conversation.dialect = dialect
+        self._dialect = self._conversation.dialect = dialect
 
     @property
     def echoes_reserved(self) -> bool:
@@ -262,10 +266,65 @@ class Client(Connection):
             MessagesDisabled: If messages are disabled and the function is a message function; nothing was sent.
         """
         arguments = function.bind(args, kwargs)
-        with self._lock:
-            _, result = self._execute(function, arguments, self._timeout)
-        value: R = result
+        self._lock.acquire()  # faster than "async with"
+        try:
+            value: R = (self._execute(function, arguments, self._timeout))[1]
+        finally:
+            self._lock.release()
         return value
+
+    def call_prepared(self, call: PreparedFunction, value: Any = None, timeout: float | None = None) -> Any:
+        """Make a call that :meth:`prepare` has prepared, and return its result.
+
+        Args:
+            call: The prepared call.
+            value: The varying argument; ``None`` (VT_EMPTY) also for a call without one.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Raises:
+            CallError: As :meth:`call`, which also raises the other exceptions.
+        """
+        seconds = self._timeout if timeout is None else timeout
+        self._lock.acquire()
+        try:
+            direct = self._direct
+            template = call.template
+            if (
+                direct is not None
+                and template is not None
+                and direct.direct
+                and self._deadline is None
+                and self._end is None
+            ):
+                link: Any = self._link  # of the type that directly_usable() has checked
+                before = direct.serial
+                try:
+                    outcome = call_prepared(direct, link, call.function, template, value, seconds)
+                    if outcome is not None:
+                        if isinstance(outcome, Unfinished):
+                            arguments = call.arguments(value)
+                            outcome = self._resume(direct, outcome, call.function, arguments, seconds, False)
+                        return outcome[1]
+                except OrinError as error:
+                    self._close_if_lost(error)
+                    raise
+                except BaseException:
+                    if direct.serial != before:  # the request was sent
+                        break_off(link)
+                    raise
+            return (self._execute(call.function, call.arguments(value), seconds))[1]
+        finally:
+            self._lock.release()
+
+    def prepare(self, function: Function[..., Any], *constants: Any) -> PreparedFunction:
+        """Prepare calls of a function whose last argument alone varies, or whose arguments are all constant.
+
+        Args:
+            function: Function of CAO (:mod:`orinkit.cao.functions`).
+            constants: All arguments, or all but the last one.
+        """
+        template = None if self._direct is None else self._direct.template(function, constants)
+        return PreparedFunction(function, constants, template)
 
     def request(
         self,
@@ -342,6 +401,9 @@ class Client(Connection):
         exact: bool = False,
         deadline: float | None = None,
     ) -> tuple[int, Any]:
+        direct = self._direct
+        if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
+            return self._execute_directly(direct, function, arguments, seconds, exact)
         if self._local is not None:
             reply = self._local.reply(function, arguments, exact)
             if reply is not None:
@@ -354,6 +416,43 @@ class Client(Connection):
             return self._execute_with_signs(call)
         return self._execute_now(call)
 
+    def _execute_directly(
+        self,
+        conversation: BcapConversation,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+    ) -> tuple[int, Any]:
+        """Execute a call on the direct path (:mod:`orinkit.transport.direct`)."""
+        link: Any = self._link  # of the type that directly_usable() has checked
+        before = conversation.serial
+        try:
+            outcome = call(conversation, link, function, arguments, seconds, exact)
+            if isinstance(outcome, Unfinished):
+                outcome = self._resume(conversation, outcome, function, arguments, seconds, exact)
+        except OrinError as error:
+            self._close_if_lost(error)
+            raise
+        except BaseException:
+            if conversation.serial != before:  # the request was sent
+                break_off(link)
+            raise
+        return outcome
+
+    def _resume(
+        self,
+        conversation: BcapConversation,
+        stopped: Unfinished,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        exact: bool,
+    ) -> tuple[int, Any]:
+        """Continue a call at the point where the direct path has stopped."""
+        operation = conversation.resume(stopped.serial, function, arguments, seconds, stopped.received, exact=exact)
+        return self._run(operation, stopped.end)
+
     def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
 
@@ -365,6 +464,7 @@ class Client(Connection):
             controller: Handle of the controller.
         """
         self.alive = seconds
+        self._direct = None
         self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)

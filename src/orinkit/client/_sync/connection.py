@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from orinkit.core.closing import Closing
-from orinkit.core.errors import ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.core.errors import ConnectFailed, ConnectionLost, OrinError, ProtocolError
 from orinkit.transport.runner import DetachedLink, Link, Operation, run
 
 if TYPE_CHECKING:
@@ -32,17 +32,23 @@ class Connection(Closing):
         self._link: Link = link
         self._conversation = conversation
 
-    def _run(self, operation: Operation[R]) -> R:
-        """Run an operation; close the link if the connection cannot be used any more."""
+    def _run(self, operation: Operation[R], end: float | None = None) -> R:
+        """Run an operation; close the link if the connection cannot be used any more.
+
+        Args:
+            operation: The operation.
+            end: End of the current wait (``time.monotonic``), if the operation continues a direct call.
+        """
         try:
-            return run(operation, self._link, self._conversation.close_sequence)
-        except (ConnectFailed, ConnectionLost):
+            return run(operation, self._link, self._conversation.close_sequence, end)
+        except OrinError as error:
+            self._close_if_lost(error)
+            raise
+
+    def _close_if_lost(self, error: OrinError) -> None:
+        """Close the link if the connection cannot be used any more after an error."""
+        if isinstance(error, ConnectFailed | ConnectionLost) or (isinstance(error, ProtocolError) and error.fatal):
             self._link.close()
-            raise
-        except ProtocolError as error:
-            if error.fatal:
-                self._link.close()
-            raise
 
     def _fileno(self) -> int:
         """Return the file descriptor of the connection, for another process."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterable
@@ -13,6 +14,8 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
 CHUNK: Final = 65536
+_POSIX: Final = os.name == "posix"  # sockets are file descriptors
+_write: Final = os.write  # unlike a socket with a time-out, does not wait until the socket is writable
 
 
 class SocketLink(ProcessBound):
@@ -46,11 +49,16 @@ class SocketLink(ProcessBound):
             raise self._unusable()
         return self._socket.fileno()
 
-    def send(self, data: bytes, seconds: float) -> None:
+    def send(self, data: bytes, seconds: float, start: int = 0) -> None:
         """Send all bytes; if that fails, close the link, because the stream would contain a truncated packet.
 
         An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that packets that notify
         the peer of the end of the connection can still be sent.
+
+        Args:
+            data: The bytes.
+            seconds: Time-out, s.
+            start: Number of the bytes that have already been sent.
 
         Raises:
             ConnectionLost: If the connection failed, or the peer did not accept the bytes in time.
@@ -58,25 +66,52 @@ class SocketLink(ProcessBound):
         """
         try:
             self._set_timeout(seconds)
-            self._sendall(data)
+            self._sendall(data[start:])
         except BaseException as error:
-            if self.datagrams and not isinstance(error, Exception):
+            failure = self._send_error(error, len(data), seconds)
+            if failure is None:
                 raise
-            was_open = self._open
-            self.close()
-            if not was_open:
-                raise self._unusable() from error
-            if isinstance(error, TimeoutError):
-                raise lost(
-                    tr(
-                        "the peer did not accept {count} bytes within {seconds:g} s",
-                        count=len(data),
-                        seconds=seconds,
-                    )
-                ) from error
-            if isinstance(error, OSError):
-                raise self._broken(error) from error
-            raise
+            raise failure from error
+
+    def _send_error(self, error: BaseException, count: int, seconds: float) -> TransportError | None:
+        """Close the link after a failed send; return the exception to raise, ``None`` for ``error`` itself."""
+        if self.datagrams and not isinstance(error, Exception):
+            return None
+        was_open = self._open
+        self.close()
+        if not was_open:
+            return self._unusable()
+        if isinstance(error, TimeoutError):
+            return lost(tr("the peer did not accept {count} bytes within {seconds:g} s", count=count, seconds=seconds))
+        return self._broken(error) if isinstance(error, OSError) else None
+
+    def exchange(self, data: bytes, seconds: float) -> bytes | None:
+        """Send all bytes, then return the next received bytes; the same as :meth:`send` and :meth:`receive`.
+
+        The socket is non-blocking, so that the system call that sends usually returns without waiting for the socket.
+        """
+        try:
+            if seconds != self._seconds:
+                self._set_timeout(seconds)
+            sent = _write(self._socket.fileno(), data) if _POSIX else self._socket.send(data)
+        except BlockingIOError:  # the peer does not read
+            sent = 0
+        except BaseException as error:
+            failure = self._send_error(error, len(data), seconds)
+            if failure is None:
+                raise
+            raise failure from error
+        if sent != len(data):
+            self.send(data, seconds, sent)
+        try:
+            received = self._recv(CHUNK)
+        except TimeoutError:
+            return None
+        except OSError as error:
+            raise self._receive_error(error) from error
+        if not received and not self._open:
+            raise self._unusable()
+        return received
 
     def enable_concurrent_send(self) -> None:
         """Prepare for calls of :meth:`send_concurrently`; do not call this method during a send."""
@@ -118,12 +153,16 @@ class SocketLink(ProcessBound):
         except TimeoutError:
             return None
         except OSError as error:
-            was_open = self._open
-            self.close()
-            raise (self._broken(error) if was_open else self._unusable()) from error
+            raise self._receive_error(error) from error
         if not data and not self._open:  # another thread's close() has ended the stream
             raise self._unusable()
         return data
+
+    def _receive_error(self, error: OSError) -> TransportError:
+        """Close the link after a failed receive, and return the exception to raise."""
+        was_open = self._open
+        self.close()
+        return self._broken(error) if was_open else self._unusable()
 
     def _set_timeout(self, seconds: float) -> None:
         if seconds != self._seconds:  # saves a system call
