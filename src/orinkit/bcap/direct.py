@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
+from orinkit.core.speedups import native_template
 from orinkit.values.types import R8_ARRAY, VarType
 
 MOST_ITEMS: Final = 64
@@ -40,9 +41,12 @@ class RequestTemplate:
         constants: the encoded constant arguments.
         varies: True if there is a varying argument, of type VARIANT.
         most: largest size of a packet, bytes.
+
+    Attributes:
+        native: the template of the extension in C; ``None`` without it.
     """
 
-    __slots__ = ("_constants", "_count", "_function_id", "_layouts", "_most", "_varies")
+    __slots__ = ("_constants", "_count", "_function_id", "_layouts", "_most", "_varies", "native")
 
     def __init__(self, function_id: int, count: int, constants: bytes, *, varies: bool, most: int) -> None:
         self._function_id = function_id
@@ -51,6 +55,7 @@ class RequestTemplate:
         self._varies = varies
         self._most = most
         self._layouts: dict[object, Layout | None] = {}
+        self.native = native_template(function_id, count, constants, varies, most)
 
     def request(self, serial: int, value: Any = None) -> bytes | None:
         """Return the packet of a call; ``None`` if there is no layout for the types in ``value``.

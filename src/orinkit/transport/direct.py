@@ -16,11 +16,9 @@ Each function has one of three results:
 An exception leaves the link as ``send`` and ``receive`` leave it; an exception other than ``OrinError`` means that
 received bytes may be lost, so that the caller closes the link (:func:`break_off`).
 
-An extension in C can replace :func:`call` and :func:`call_prepared` as a whole, or only a part of them. The state that
-it shares with the other paths is ``conversation.serial`` (1 to 65535, incremented once per request, before sending) and
-the descriptor of the link, which is in non-blocking mode and is -1 after a close by another thread. ``EINTR`` must
-neither prolong the time-out nor delay the signal handlers of Python. If only a part of the request could be sent, the
-rest is sent by ``link.send(data, seconds, start)``.
+The extension in C (:mod:`orinkit.core.speedups`) replaces :func:`call` and :func:`call_prepared` if the link has the
+attribute ``kernel_seconds``, and calls the functions here for other links. With the other paths, it shares
+``conversation._serial`` (1 to 65535, incremented once per request, before sending), and the socket of the link.
 """
 
 from __future__ import annotations
@@ -31,6 +29,8 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.direct import RequestTemplate
 from orinkit.cao.table import Function
+from orinkit.core.speedups import EXTENSION, replaced_in_c
+from orinkit.values.types import VarType
 
 
 class DirectLink(Protocol):
@@ -70,6 +70,11 @@ class Unfinished(NamedTuple):
 Outcome: TypeAlias = tuple[int, Any] | Unfinished
 
 
+if hasattr(EXTENSION, "set_exchange"):
+    EXTENSION.set_exchange(Unfinished, VarType.VARIANT, VarType.I4, VarType.BSTR)
+
+
+@replaced_in_c
 def call(
     conversation: BcapConversation,
     link: DirectLink,
@@ -99,6 +104,7 @@ def call(
     return conversation.finish(function, serial, received, exact) or Unfinished(serial, received, end)
 
 
+@replaced_in_c
 def call_prepared(
     conversation: BcapConversation,
     link: DirectLink,

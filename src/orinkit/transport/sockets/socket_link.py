@@ -10,6 +10,7 @@ from typing import Final
 
 from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
+from orinkit.core.speedups import EXTENSION
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
@@ -26,6 +27,8 @@ class SocketLink(ProcessBound):
 
     Attributes:
         datagrams: True if the socket is a datagram socket: a packet arrives as a whole or not at all.
+        descriptor: Descriptor of the socket for the extension in C; -1 after the link was closed.
+        kernel_seconds: Time-out that :meth:`use_kernel_timeout` has set, s; -1 if the socket is in another mode.
     """
 
     datagrams = False
@@ -34,6 +37,8 @@ class SocketLink(ProcessBound):
         self._socket = connection
         self._open = True
         self._seconds = -1.0
+        self.descriptor = connection.fileno()
+        self.kernel_seconds = -1.0
         self._sendall: Callable[[bytes], object] = connection.sendall
         self._recv = connection.recv
         self._sending: threading.Lock | None = None
@@ -47,6 +52,7 @@ class SocketLink(ProcessBound):
         """
         if not self._open:
             raise self._unusable()
+        self._seconds = self.kernel_seconds = -1.0  # the other process may change the mode of the socket
         return self._socket.fileno()
 
     def send(self, data: bytes, seconds: float, start: int = 0) -> None:
@@ -113,6 +119,48 @@ class SocketLink(ProcessBound):
             raise self._unusable()
         return received
 
+    # --- for the extension in C ---------------------------------------------------------------------------------
+
+    def use_kernel_timeout(self, seconds: float) -> None:
+        """Put the socket into blocking mode with time-outs of the system.
+
+        In this mode, a call does not require a system call that waits for the socket. Each method of this class that
+        sends or receives ends this mode.
+
+        Raises:
+            ConnectionLost: If the connection failed.
+            ConnectionClosed: If the link is closed.
+        """
+        try:
+            self._seconds = -1.0
+            self._socket.settimeout(None)
+            assert EXTENSION is not None
+            EXTENSION.set_timeouts(self._socket.fileno(), seconds)
+        except OSError as error:
+            self.fail(error)
+        self.kernel_seconds = seconds
+
+    def finish_exchange(self, data: bytes, seconds: float, start: int) -> bytes | None:
+        """Send the rest of the bytes of an exchange, from ``start``, then return the next received bytes."""
+        self.send(data, seconds, start)
+        return self.receive(seconds)
+
+    def fail(self, error: OSError | None) -> None:
+        """Raise the exception for a failed exchange.
+
+        Args:
+            error: Error of the system. ``None`` means the end of the stream; in this case, nothing is raised if the
+                peer has closed the connection.
+
+        Raises:
+            ConnectionLost: If the connection failed.
+            ConnectionClosed: If the link is closed.
+        """
+        if error is not None:
+            raise self._receive_error(error) from error
+        if not self._open:
+            raise self._unusable()
+
     def enable_concurrent_send(self) -> None:
         """Prepare for calls of :meth:`send_concurrently`; do not call this method during a send."""
         lock = self._sending = threading.Lock()
@@ -166,6 +214,7 @@ class SocketLink(ProcessBound):
 
     def _set_timeout(self, seconds: float) -> None:
         if seconds != self._seconds:  # saves a system call
+            self.kernel_seconds = -1.0
             self._socket.settimeout(seconds)
             self._seconds = seconds
 
@@ -176,17 +225,20 @@ class SocketLink(ProcessBound):
     def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
+        self.descriptor = -1
         return (self._socket.fileno(),)
 
     def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
+        self.descriptor = -1
         self._socket.close()
 
     def close(self) -> None:
         """Close the link; a receive pending in another thread ends immediately."""
         if self._open:
             self._open = False
+            self.descriptor = -1
             try:
                 self._socket.shutdown(socket.SHUT_RDWR)
             except OSError:  # the peer may have closed first
