@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.core, needs_extension]
 LIMITS = st.builds(
     PacketLimits,
     packet=st.sampled_from([10, 100, DEFAULT_LIMITS.packet]),
-    depth=st.sampled_from([0, 1, 2, 16, 10_000]),
+    depth=st.sampled_from([0, 1, 2, 16, 100]),
     variants=st.sampled_from([0, 1, 5, 50_000]),
     vt_error_size=st.sampled_from([2, 4]),
 )
@@ -173,7 +173,7 @@ def check_decoded_alike(data: bytes, *arguments: object, left: int | None = None
         outcome(function, data, *arguments, budget=budget, **named)
         for function, budget in zip((codec.decode, PURE["decode"]), budgets, strict=True)
     ]
-    assert alike(*results), f"{data.hex()} {arguments} {named} {left}: {results}"
+    assert alike(*results), f"{data[:200].hex()} {arguments} {named} {left}: {results}"
     assert budgets[0] == budgets[1]
 
 
@@ -249,7 +249,7 @@ def test_nested_arrays_are_decoded_alike(depth):
     data = b"\0\0\1\0\0\0"
     head = struct.pack("<HI", VARIANT_ARRAY, 1)
     data = struct.pack("<I", 6 * (depth + 1)) + head * depth + data
-    for limits in (DEFAULT_LIMITS, PacketLimits(depth=50), PacketLimits(depth=10_000)):
+    for limits in (DEFAULT_LIMITS, PacketLimits(depth=50), PacketLimits(depth=100)):
         check_decoded_alike(data, 0, None, limits)
         check_decoded_alike(data, 0, None, limits, exact=True)
 
