@@ -19,7 +19,7 @@ from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.direct import NUMBER, NUMBERS, RequestTemplate
+from orinkit.bcap.direct import NUMBERS, SCALAR, RequestTemplate
 from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
 from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
@@ -278,12 +278,12 @@ class BcapConversation:
                 first, answered, second, *numbers, last = unpack(data)
                 if first == start and answered == serial and second == middle and last == packet.EOT:
                     return 0, numbers
-            reply = NUMBER.get(size)
-            if reply is not None:
-                unpack, start, middle = reply
-                first, answered, second, number, last = unpack(data)
+            scalar = SCALAR.get(size)
+            if scalar is not None:
+                (unpack, start, middle), convert = scalar
+                first, answered, second, value, last = unpack(data)
                 if first == start and answered == serial and second == middle and last == packet.EOT:
-                    return 0, number
+                    return 0, value if convert is None else convert(value)
         soh, length, answered, _, code, count = _READ_HEADER(data)
         if (
             soh != packet.SOH
