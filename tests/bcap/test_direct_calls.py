@@ -9,9 +9,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from orinkit.bcap import packet
-from orinkit.bcap.client import BcapConversation, encode_request
+from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, STREAM
+from orinkit.bcap.requests import encode_request
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.core import hresult
@@ -45,11 +46,27 @@ GOOD = reply([1.0, 2.0, 3.0])
 RESULTS = st.one_of(
     st.sampled_from(
         [
-            5, -1, 1.5, True, False, None, "text", [1.0], [1.0, 2.0], [1.0] * 8, [0.5] * 64, [0.5] * 65, [1, 2], [], b"ab",
-            Variant(VarType.R4, 0.5), Variant(VarType.I2, 3), Variant(VarType.BOOL | ARRAY, [True]),
+            5,
+            -1,
+            1.5,
+            True,
+            False,
+            None,
+            "text",
+            [1.0],
+            [1.0, 2.0],
+            [1.0] * 8,
+            [0.5] * 64,
+            [0.5] * 65,
+            [1, 2],
+            [],
+            b"ab",
+            Variant(VarType.R4, 0.5),
+            Variant(VarType.I2, 3),
+            Variant(VarType.BOOL | ARRAY, [True]),
             [[1.0, 2.0], 5, "x"],
         ]
-    ),  # fmt: skip
+    ),
     variants(),
 )
 REPLIES = st.builds(
@@ -94,7 +111,7 @@ def drive(operation: Any, waits: list[Any], pieces: list[bytes | None]) -> Any:
     try:
         waits.append(next(operation))
         for piece in pieces:
-            waits.append(operation.send(piece))
+            waits.append(operation.send(piece))  # noqa: PERF401 - extend() would drop the result
     except StopIteration as stop:
         return stop.value
     raise AssertionError("the call has not ended")

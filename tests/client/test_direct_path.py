@@ -17,11 +17,11 @@ import orinkit
 from orinkit import aio
 from orinkit import functions as f
 from orinkit.bcap.packet import Packet
+from orinkit.cao.dialect import VE026A
 from orinkit.client._async.objects import AsyncVariable
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._sync.objects import Variable
 from orinkit.client._sync.robot import Robot
-from orinkit.cao.dialect import VE026A
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, InvalidValue, ObjectReleased, OrinError
 from orinkit.values.poses import J
