@@ -287,8 +287,14 @@ class AsyncClient(AsyncConnection):
         await self._lock.acquire()
         try:
             direct = self._direct
-            if direct is not None and direct.direct and self._deadline is None and self._end is None:
-                outcome = await self._call_prepared(direct, call, value, seconds)
+            if (
+                direct is not None
+                and call.template is not None
+                and direct.direct
+                and self._deadline is None
+                and self._end is None
+            ):
+                outcome = await self._call_directly(direct, call, value, seconds)
                 if outcome is not None:
                     return outcome[1]
             return (await self._execute(call.function, call.arguments(value), seconds))[1]
@@ -303,7 +309,7 @@ class AsyncClient(AsyncConnection):
             constants: All arguments, or all but the last one.
         """
         template = None if self._direct is None else self._direct.template(function, constants)
-        return PreparedFunction(function, constants, template)
+        return PreparedFunction(function, constants, template, varies=len(constants) < len(function.arguments))
 
     async def request(
         self,
@@ -382,11 +388,13 @@ class AsyncClient(AsyncConnection):
     ) -> tuple[int, Any]:
         direct = self._direct
         if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
-            return await self._call_directly(direct, function, arguments, seconds, exact)
+            reply = await self._call_directly(direct, PreparedFunction(function, arguments), None, seconds, exact=exact)
+            assert reply is not None  # only templates cause None
+            return reply
         if self._local is not None:
-            reply = self._local.reply(function, arguments, exact)
-            if reply is not None:
-                return reply
+            local = self._local.reply(function, arguments, exact)
+            if local is not None:
+                return local
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from orinkit.bcap.client import BcapConversation
-from orinkit.cao.table import Function
 from orinkit.client._shared.prepared import PreparedFunction
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import ConnectFailed, ConnectionLost, OrinError, ProtocolError
-from orinkit.transport.direct import Unfinished, abreak_off, acall, acall_prepared
+from orinkit.transport.direct import Outcome, Unfinished, abreak_off, acall, acall_prepared
 from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Operation, arun
 
 if TYPE_CHECKING:
@@ -49,41 +48,39 @@ class AsyncConnection(AsyncClosing):
     async def _call_directly(
         self,
         conversation: BcapConversation,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
+        prepared: PreparedFunction,
+        value: Any,
         seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Make a call on the direct path (:mod:`orinkit.transport.direct`)."""
-        link: Any = self._link  # of the type that directly_usable() has checked
-        serial = conversation.serial
-        try:
-            outcome = await acall(conversation, link, function, arguments, seconds, exact)
-            if isinstance(outcome, Unfinished):
-                return await self._resume(conversation, outcome, function, arguments, seconds, exact)
-        except OrinError as error:
-            self._close_if_lost(error)
-            raise
-        except BaseException:
-            if conversation.serial != serial:  # the request was sent
-                abreak_off(link)
-            raise
-        return outcome
-
-    async def _call_prepared(
-        self, conversation: BcapConversation, call: PreparedFunction, value: Any, seconds: float
+        *,
+        exact: bool = False,
     ) -> tuple[int, Any] | None:
-        """Make a prepared call on the direct path; return ``None`` if its template has no layout for the value."""
+        """Make a call on the direct path (:mod:`orinkit.transport.direct`).
+
+        Args:
+            conversation: State of the protocol.
+            prepared: The call.
+            value: Its varying argument.
+            seconds: Time-out, s.
+            exact: True to return the result as a Variant.
+
+        Returns:
+            Return code and result; ``None`` if the template of the call has no layout for the value, so that nothing
+            was sent.
+        """
         link: Any = self._link  # of the type that directly_usable() has checked
         serial = conversation.serial
-        template = call.template
-        if template is None:
-            return None
+        function, template = prepared.function, prepared.template
+        outcome: Outcome | None
         try:
-            outcome = await acall_prepared(conversation, link, call.function, template, value, seconds)
+            if template is None:
+                outcome = await acall(conversation, link, function, prepared.arguments(value), seconds, exact)
+            else:
+                outcome = await acall_prepared(conversation, link, function, template, value, seconds)
             if isinstance(outcome, Unfinished):
-                arguments = call.arguments(value)
-                return await self._resume(conversation, outcome, call.function, arguments, seconds, False)
+                operation = conversation.resume(
+                    outcome.serial, function, prepared.arguments(value), seconds, outcome.received, exact=exact
+                )
+                return await self._run(operation, outcome.end)
         except OrinError as error:
             self._close_if_lost(error)
             raise
@@ -92,19 +89,6 @@ class AsyncConnection(AsyncClosing):
                 abreak_off(link)
             raise
         return outcome
-
-    async def _resume(
-        self,
-        conversation: BcapConversation,
-        stopped: Unfinished,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Continue a call at the point where the direct path has stopped."""
-        operation = conversation.resume(stopped.serial, function, arguments, seconds, stopped.received, exact=exact)
-        return await self._run(operation, stopped.end)
 
     def _close_if_lost(self, error: OrinError) -> None:
         """Close the link if the connection cannot be used any more after an error."""
