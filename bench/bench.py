@@ -22,7 +22,8 @@ from gateway import gateway
 from measuring import alternate, each_us, in_turn, line, on_core, process
 from orinkit import functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import BcapConversation, encode_request
+from orinkit.bcap.client import BcapConversation
+from orinkit.bcap.requests import encode_request
 from orinkit.values import codec as variant_bytes
 from round_trips import ARGUMENTS, POSE, REPLY, round_trips, tcp_exchange, tcp_peer
 from served import PROVIDER, tcp_server

@@ -20,7 +20,7 @@ import orinkit
 from measuring import ROUNDS, in_turn, line, medians, middle, on_core, process
 from orinkit import aio, functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request
+from orinkit.bcap.requests import encode_request
 from orinkit.values import codec
 
 POSE = [0.125, 45.0, 90.0, 0.25, 45.0, 0.5, 0.0, 0.0]

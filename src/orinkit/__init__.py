@@ -19,7 +19,7 @@ from orinkit.client._sync.client import Client
 from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
 from orinkit.client._sync.file import File
 from orinkit.client._sync.motion import Motion
-from orinkit.client._sync.objects import Variable
+from orinkit.client._sync.objects import PreparedCall, Variable
 from orinkit.client._sync.robot import Robot
 from orinkit.client._sync.task import Task
 from orinkit.core import hresult
@@ -139,6 +139,7 @@ __all__ = [
     "PassMark",
     "PathLimits",
     "PendantError",
+    "PreparedCall",
     "ProgramError",
     "Progress",
     "ProtocolError",

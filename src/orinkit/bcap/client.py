@@ -13,26 +13,25 @@ recognizes the duplicate by the reserved field and executes the request once.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import replace
-from operator import call as _apply
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.bcap.direct import NUMBER, NUMBERS, RequestTemplate
+from orinkit.bcap.direct import NUMBERS, SCALAR, RequestTemplate
 from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
+from orinkit.bcap.requests import encode_request, request_template
 from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
-from orinkit.cao.table import Argument, Function
-from orinkit.cao.user_functions import MOST_ARGUMENTS, is_user_function
+from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.variant import Variant, VarType
 
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
@@ -278,12 +277,12 @@ class BcapConversation:
                 first, answered, second, *numbers, last = unpack(data)
                 if first == start and answered == serial and second == middle and last == packet.EOT:
                     return 0, numbers
-            reply = NUMBER.get(size)
-            if reply is not None:
-                unpack, start, middle = reply
-                first, answered, second, number, last = unpack(data)
+            scalar = SCALAR.get(size)
+            if scalar is not None:
+                (unpack, start, middle), convert = scalar
+                first, answered, second, value, last = unpack(data)
                 if first == start and answered == serial and second == middle and last == packet.EOT:
-                    return 0, number
+                    return 0, value if convert is None else convert(value)
         soh, length, answered, _, code, count = _READ_HEADER(data)
         if (
             soh != packet.SOH
@@ -297,22 +296,8 @@ class BcapConversation:
         return code, self._result(function, data, count, exact)
 
     def template(self, function: Function[..., Any], constants: tuple[Any, ...]) -> RequestTemplate | None:
-        """Return the template of a call whose arguments are constant, except for a last one of type VARIANT.
-
-        Args:
-            function: an entry of the table of functions.
-            constants: all arguments, or all but the last one. For other functions, or if an argument is invalid, the
-                result is ``None``.
-        """
-        varies = len(function.arguments) == len(constants) + 1
-        if self.profile.crc or (varies and function.arguments[-1].vt is not VarType.VARIANT):
-            return None
-        encoders = _ENCODERS.get(function.id) or _make_encoders(function)
-        try:
-            body = b"".join(map(_apply, encoders, constants))
-        except (InvalidValue, TypeError):  # the call itself reports the error
-            return None
-        return RequestTemplate(function.id, len(constants) + varies, body, varies=varies, most=self._most)
+        """Return the template of prepared calls (:func:`orinkit.bcap.requests.request_template`)."""
+        return None if self.profile.lossy else request_template(function, constants, self._most)
 
     def _call_lossy(
         self,
@@ -489,77 +474,3 @@ def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, p
         )
         + (by_tcp if limits.packet == profile.packet != STREAM.packet else "")
     )
-
-
-def encode_request(
-    function: Function[..., Any],
-    arguments: tuple[Any, ...],
-    serial: int,
-    reserved: int = 0,
-    *,
-    crc: bool = False,
-    vt_error_size: int = DEFAULT_LIMITS.vt_error_size,
-) -> bytes:
-    """Return the packet of a call.
-
-    Args:
-        function: an entry of the table of functions.
-        arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
-        serial: serial of this attempt.
-        reserved: serial of the first attempt; 0 over TCP, because there is only one attempt.
-        crc: True to add a CRC, for a serial line.
-        vt_error_size: size of a VT_ERROR, bytes.
-
-    Raises:
-        InvalidValue: If an argument does not fit its type; the message names the function and the argument.
-    """
-    encoders = _ENCODERS.get(function.id) or _make_encoders(function)
-    if vt_error_size != DEFAULT_LIMITS.vt_error_size:
-        encoders = tuple(_sized(each, vt_error_size) for each in encoders)
-    try:
-        body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
-    except (InvalidValue, TypeError) as error:
-        raise _argument_error(function, arguments, error) from None
-    if crc:
-        return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
-    head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
-    return head + body + b"\x04"
-
-
-_BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
-    VarType.I4: codec.encode_integer,
-    VarType.R4: codec.encode_single,
-    VarType.BSTR: codec.encode_string,
-    VarType.VARIANT: codec.encode,
-}
-_ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
-
-
-def _make_encoders(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
-    if is_user_function(function.id):  # calls of the same function may have different numbers of arguments
-        encoders: tuple[Callable[[Any], bytes], ...] = (codec.encode,) * MOST_ARGUMENTS
-    else:
-        encoders = tuple(map(_encoder, function.arguments))
-    _ENCODERS[function.id] = encoders
-    return encoders
-
-
-def _encoder(argument: Argument) -> Callable[[Any], bytes]:
-    return codec.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
-
-
-def _sized(encoder: Callable[[Any], bytes], vt_error_size: int) -> Callable[[Any], bytes]:
-    """Return ``encoder``, adapted to the size of a VT_ERROR; only the encoder of VARIANTs depends on this size."""
-    if encoder is not codec.encode:
-        return encoder
-    return lambda value: codec.encode_variant(variant(value), vt_error_size)
-
-
-def _argument_error(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:
-    """Return an exception that names the invalid argument."""
-    for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
-        try:
-            _BY_TYPE[argument.vt](value)
-        except (InvalidValue, TypeError) as reason:
-            return InvalidValue(function.where(number) + str(reason))
-    return InvalidValue(f"{function.name}: {error}")

@@ -139,5 +139,11 @@ def _reply(vt: int, code: str, count: int = 1) -> Reply:
 NUMBERS: Final = {26 + 8 * count: _reply(R8_ARRAY, f"{count}d", count) for count in range(2, MOST_ITEMS + 1)}
 """Replies with S_OK and an array of VT_R8, by their size in bytes."""
 
-NUMBER: Final = {26 + struct.calcsize(f"<{code}"): _reply(vt, code) for vt, code in _SCALARS.values()}
-"""Replies with S_OK and a single number, by their size in bytes. No size is also in :data:`NUMBERS`."""
+SCALAR: Final = {
+    26 + struct.calcsize(f"<{code}"): (_reply(vt, code), convert)
+    for vt, code, convert in ((VarType.I4, "i", None), (VarType.R8, "d", None), (VarType.BOOL, "h", bool))
+}
+"""Replies with S_OK and a single value, with the conversion of the value, by their size in bytes.
+
+No size is also in :data:`NUMBERS`.
+"""

@@ -24,12 +24,14 @@ attribute ``kernel_seconds``, and calls the functions here for other links. With
 from __future__ import annotations
 
 from time import monotonic
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.direct import RequestTemplate
 from orinkit.cao.table import Function
+from orinkit.core.errors import OrinError
 from orinkit.core.speedups import EXTENSION, replaced_in_c
+from orinkit.transport.runner import Link, run
 from orinkit.values.types import VarType
 
 
@@ -41,6 +43,11 @@ class DirectLink(Protocol):
 
     def close(self) -> None:
         """Close the link."""
+
+
+@runtime_checkable
+class SyncDirectLink(Link, DirectLink, Protocol):
+    """A :class:`DirectLink` with all methods of a link."""
 
 
 class AsyncDirectLink(Protocol):
@@ -134,6 +141,50 @@ def call_prepared(
     end = monotonic() + seconds
     received = link.exchange(request, seconds)
     return conversation.finish(function, serial, received) or Unfinished(serial, received, end)
+
+
+def run_prepared(
+    conversation: BcapConversation,
+    link: SyncDirectLink,
+    function: Function[..., Any],
+    template: RequestTemplate,
+    value: Any,
+    arguments: tuple[Any, ...],
+    seconds: float,
+) -> tuple[int, Any] | None:
+    """Make a prepared call, and continue it with ``resume`` if necessary.
+
+    Args:
+        conversation: State of the protocol.
+        link: Link to the controller.
+        function: Function of CAO.
+        template: Result of :meth:`~orinkit.bcap.client.BcapConversation.template`.
+        value: The varying argument.
+        arguments: All arguments, for the message of an error.
+        seconds: Time-out, s.
+
+    Returns:
+        Return code and result; ``None`` if the template has no layout for the value, so that nothing was sent.
+
+    Raises:
+        CallError: If the controller returned an error code.
+        CallTimeout: If there was no reply in time.
+        ConnectionLost: If the connection failed.
+        ProtocolError: If the reply is invalid.
+    """
+    serial = conversation.serial
+    try:
+        outcome = call_prepared(conversation, link, function, template, value, seconds)
+        if isinstance(outcome, Unfinished):
+            operation = conversation.resume(outcome.serial, function, arguments, seconds, outcome.received)
+            outcome = run(operation, link, end=outcome.end)
+    except OrinError:
+        raise
+    except BaseException:
+        if conversation.serial != serial:  # the request was sent
+            break_off(link)
+        raise
+    return outcome
 
 
 def break_off(link: DirectLink) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
-from orinkit.bcap.client import BcapConversation, sign_of_life
+from orinkit.bcap.client import sign_of_life
 from orinkit.bcap.profiles import DEFAULT_TRIES, STREAM
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
@@ -42,11 +42,10 @@ from orinkit.client._shared.endpoint import (
 from orinkit.client._shared.local_calls import local_calls
 from orinkit.client._shared.prepared import PreparedFunction, directly_usable
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, OrinError
+from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
 from orinkit.transport.aio_keepalive import AsyncKeepAlive, atry_acquire
 from orinkit.transport.aio_links import open_link
-from orinkit.transport.direct import Unfinished, abreak_off, acall, acall_prepared
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.registry import LinkOptions
 from orinkit.transport.runner import AsyncLink, Deadline, asend_close
@@ -288,30 +287,16 @@ class AsyncClient(AsyncConnection):
         await self._lock.acquire()
         try:
             direct = self._direct
-            template = call.template
             if (
                 direct is not None
-                and template is not None
+                and call.template is not None
                 and direct.direct
                 and self._deadline is None
                 and self._end is None
             ):
-                link: Any = self._link  # of the type that directly_usable() has checked
-                before = direct.serial
-                try:
-                    outcome = await acall_prepared(direct, link, call.function, template, value, seconds)
-                    if outcome is not None:
-                        if isinstance(outcome, Unfinished):
-                            arguments = call.arguments(value)
-                            outcome = await self._resume(direct, outcome, call.function, arguments, seconds, False)
-                        return outcome[1]
-                except OrinError as error:
-                    self._close_if_lost(error)
-                    raise
-                except BaseException:
-                    if direct.serial != before:  # the request was sent
-                        abreak_off(link)
-                    raise
+                outcome = await self._call_directly(direct, call, value, seconds)
+                if outcome is not None:
+                    return outcome[1]
             return (await self._execute(call.function, call.arguments(value), seconds))[1]
         finally:
             self._lock.release()
@@ -324,7 +309,7 @@ class AsyncClient(AsyncConnection):
             constants: All arguments, or all but the last one.
         """
         template = None if self._direct is None else self._direct.template(function, constants)
-        return PreparedFunction(function, constants, template)
+        return PreparedFunction(function, constants, template, varies=len(constants) < len(function.arguments))
 
     async def request(
         self,
@@ -402,18 +387,14 @@ class AsyncClient(AsyncConnection):
         deadline: float | None = None,
     ) -> tuple[int, Any]:
         direct = self._direct
-        if (
-            direct is not None
-            and direct.direct
-            and deadline is None
-            and self._deadline is None
-            and self._end is None
-        ):
-            return await self._execute_directly(direct, function, arguments, seconds, exact)
+        if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
+            reply = await self._call_directly(direct, PreparedFunction(function, arguments), None, seconds, exact=exact)
+            assert reply is not None  # only templates cause None
+            return reply
         if self._local is not None:
-            reply = self._local.reply(function, arguments, exact)
-            if reply is not None:
-                return reply
+            local = self._local.reply(function, arguments, exact)
+            if local is not None:
+                return local
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
@@ -421,45 +402,6 @@ class AsyncClient(AsyncConnection):
         if self._sends_signs:
             return await self._execute_with_signs(call)
         return await self._execute_now(call)
-
-    async def _execute_directly(
-        self,
-        conversation: BcapConversation,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Execute a call on the direct path (:mod:`orinkit.transport.direct`)."""
-        link: Any = self._link  # of the type that directly_usable() has checked
-        before = conversation.serial
-        try:
-            outcome = await acall(conversation, link, function, arguments, seconds, exact)
-            if isinstance(outcome, Unfinished):
-                outcome = await self._resume(conversation, outcome, function, arguments, seconds, exact)
-        except OrinError as error:
-            self._close_if_lost(error)
-            raise
-        except BaseException:
-            if conversation.serial != before:  # the request was sent
-                abreak_off(link)
-            raise
-        return outcome
-
-    async def _resume(
-        self,
-        conversation: BcapConversation,
-        stopped: Unfinished,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Continue a call at the point where the direct path has stopped."""
-        operation = conversation.resume(
-            stopped.serial, function, arguments, seconds, stopped.received, exact=exact
-        )
-        return await self._run(operation, stopped.end)
 
     async def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.

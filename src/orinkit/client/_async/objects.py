@@ -281,9 +281,12 @@ class AsyncObjectContainer(AsyncNamedObject):
         return await self._execute(known or self._prepare(command), parameter)
 
     def prepare(self, command: str) -> AsyncPreparedCall:
-        """Prepare an extended command for many calls: ``clear = prepare("ClearError")``, then ``await clear()``.
+        """Return an extended command that is prepared for many calls. Nothing is sent.
 
-        Nothing is sent. A call of the result takes less time than :meth:`execute`.
+        ::
+
+            slv_move = robot.prepare("slvMove")
+            feedback = await slv_move(pose)
 
         Args:
             command: Name of the command.

@@ -25,25 +25,31 @@ class PreparedFunction:
         function: Function of CAO.
         constants: All arguments, or all but the last one.
         template: The template of its packets; ``None`` if each call encodes all arguments.
+        varies: True if the last argument is not one of the constants.
 
     Attributes:
         function: Function of CAO.
         template: The template of the packets.
     """
 
-    __slots__ = ("_constants", "function", "template")
+    __slots__ = ("_constants", "_varies", "function", "template")
 
     def __init__(
-        self, function: Function[..., Any], constants: tuple[Any, ...], template: RequestTemplate | None
+        self,
+        function: Function[..., Any],
+        constants: tuple[Any, ...],
+        template: RequestTemplate | None = None,
+        *,
+        varies: bool = False,
     ) -> None:
         self.function = function
         self.template = template
         self._constants = constants
+        self._varies = varies
 
     def arguments(self, value: Any) -> tuple[Any, ...]:
         """Return all arguments of a call with this value of the varying argument."""
-        constants = self._constants
-        return constants if len(constants) == len(self.function.arguments) else (*constants, value)
+        return (*self._constants, value) if self._varies else self._constants
 
     @property
     def handle(self) -> int:
@@ -78,7 +84,7 @@ class PreparedCommand(PreparedFunction):
         before: Callable[[], None] | None = None,
         convert: Callable[[Any], Any] | None = None,
     ) -> None:
-        super().__init__(function, constants, template)
+        super().__init__(function, constants, template, varies=True)
         self._convert = convert
         self.before = before
         self.dialect: Dialect | None = None
@@ -106,5 +112,6 @@ def directly_usable(
         local: The calls that the client serves itself.
         signs: True if the client sends signs of life.
     """
-    usable = isinstance(conversation, BcapConversation) and conversation.direct and hasattr(link, "exchange")
-    return conversation if usable and local is None and not signs else None
+    if isinstance(conversation, BcapConversation) and conversation.direct and local is None and not signs:
+        return conversation if hasattr(link, "exchange") else None
+    return None

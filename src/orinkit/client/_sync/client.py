@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from random import randint
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
-from orinkit.bcap.client import BcapConversation, sign_of_life
+from orinkit.bcap.client import sign_of_life
 from orinkit.bcap.profiles import DEFAULT_TRIES, STREAM
 from orinkit.cao.dialect import Dialect
 from orinkit.cao.functions import controller_connect, controller_get_name
@@ -42,9 +42,8 @@ from orinkit.client._shared.local_calls import local_calls
 from orinkit.client._shared.prepared import PreparedFunction, directly_usable
 from orinkit.client._sync.connection import Connection
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, OrinError
+from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
-from orinkit.transport.direct import Unfinished, break_off, call, call_prepared
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
@@ -288,30 +287,16 @@ class Client(Connection):
         self._lock.acquire()
         try:
             direct = self._direct
-            template = call.template
             if (
                 direct is not None
-                and template is not None
+                and call.template is not None
                 and direct.direct
                 and self._deadline is None
                 and self._end is None
             ):
-                link: Any = self._link  # of the type that directly_usable() has checked
-                before = direct.serial
-                try:
-                    outcome = call_prepared(direct, link, call.function, template, value, seconds)
-                    if outcome is not None:
-                        if isinstance(outcome, Unfinished):
-                            arguments = call.arguments(value)
-                            outcome = self._resume(direct, outcome, call.function, arguments, seconds, False)
-                        return outcome[1]
-                except OrinError as error:
-                    self._close_if_lost(error)
-                    raise
-                except BaseException:
-                    if direct.serial != before:  # the request was sent
-                        break_off(link)
-                    raise
+                outcome = self._call_directly(direct, call, value, seconds)
+                if outcome is not None:
+                    return outcome[1]
             return (self._execute(call.function, call.arguments(value), seconds))[1]
         finally:
             self._lock.release()
@@ -324,7 +309,7 @@ class Client(Connection):
             constants: All arguments, or all but the last one.
         """
         template = None if self._direct is None else self._direct.template(function, constants)
-        return PreparedFunction(function, constants, template)
+        return PreparedFunction(function, constants, template, varies=len(constants) < len(function.arguments))
 
     def request(
         self,
@@ -403,11 +388,13 @@ class Client(Connection):
     ) -> tuple[int, Any]:
         direct = self._direct
         if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
-            return self._execute_directly(direct, function, arguments, seconds, exact)
+            reply = self._call_directly(direct, PreparedFunction(function, arguments), None, seconds, exact=exact)
+            assert reply is not None  # only templates cause None
+            return reply
         if self._local is not None:
-            reply = self._local.reply(function, arguments, exact)
-            if reply is not None:
-                return reply
+            local = self._local.reply(function, arguments, exact)
+            if local is not None:
+                return local
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
@@ -415,43 +402,6 @@ class Client(Connection):
         if self._sends_signs:
             return self._execute_with_signs(call)
         return self._execute_now(call)
-
-    def _execute_directly(
-        self,
-        conversation: BcapConversation,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Execute a call on the direct path (:mod:`orinkit.transport.direct`)."""
-        link: Any = self._link  # of the type that directly_usable() has checked
-        before = conversation.serial
-        try:
-            outcome = call(conversation, link, function, arguments, seconds, exact)
-            if isinstance(outcome, Unfinished):
-                outcome = self._resume(conversation, outcome, function, arguments, seconds, exact)
-        except OrinError as error:
-            self._close_if_lost(error)
-            raise
-        except BaseException:
-            if conversation.serial != before:  # the request was sent
-                break_off(link)
-            raise
-        return outcome
-
-    def _resume(
-        self,
-        conversation: BcapConversation,
-        stopped: Unfinished,
-        function: Function[..., Any],
-        arguments: tuple[Any, ...],
-        seconds: float,
-        exact: bool,
-    ) -> tuple[int, Any]:
-        """Continue a call at the point where the direct path has stopped."""
-        operation = conversation.resume(stopped.serial, function, arguments, seconds, stopped.received, exact=exact)
-        return self._run(operation, stopped.end)
 
     def start_keep_alive(self, seconds: float, controller: int) -> None:
         """Start sending signs of life, also during calls: at least three per interval.
