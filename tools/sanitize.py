@@ -26,33 +26,34 @@ def skip(reason: str) -> int:
     return SKIPPED
 
 
-def library(name: str) -> str:
+def library(gcc: str, name: str) -> str:
     """Return the path of a library of gcc; ``""`` if it is not installed."""
-    found = subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()
+    found = subprocess.run([gcc, f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()
     return found if Path(found).is_absolute() else ""
 
 
-def compile_extension(folder: Path) -> str:
+def compile_extension(gcc: str, folder: Path) -> str:
     """Compile the extension with the sanitizers into a folder; return the output of the compiler if it fails."""
     module = folder / f"_speedups{sysconfig.get_config_var('EXT_SUFFIX')}"
     sources = sorted(map(str, (ROOT / "csrc").glob("*.c")))
     include = f"-I{sysconfig.get_path('include')}"
-    command = ["gcc", *SANITIZERS, "-Wall", "-Wextra", "-shared", "-fPIC", include, *sources, "-o", str(module)]
+    command = [gcc, *SANITIZERS, "-Wall", "-Wextra", "-shared", "-fPIC", include, *sources, "-o", str(module)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.stderr if done.returncode else ""
 
 
 def main() -> int:
     """Compile the extension, and run the tests with it."""
-    if shutil.which("gcc") is None:
+    gcc = shutil.which("gcc")
+    if gcc is None:
         return skip("gcc is not installed")
-    libraries = [library(name) for name in ("libasan.so", "libubsan.so")]
+    libraries = [library(gcc, name) for name in ("libasan.so", "libubsan.so")]
     if not libraries[0]:
         return skip("libasan is not installed")
     with tempfile.TemporaryDirectory(prefix="orinkit-sanitize-") as name:
         source = Path(name, "src")
         shutil.copytree(ROOT / "src", source, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
-        failure = compile_extension(source / "orinkit" / "core")
+        failure = compile_extension(gcc, source / "orinkit" / "core")
         if failure:
             return skip(f"the extension cannot be compiled with sanitizers: {failure}")
         environment = os.environ | {

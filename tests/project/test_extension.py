@@ -14,7 +14,9 @@ from orinkit.values import codec
 from support.speedups import needs_extension
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
+PROGRAM = (
+    "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
+)
 
 
 def in_process(**variables: str) -> list[str]:

@@ -17,7 +17,7 @@ def outcome(function: Callable[..., Any], *arguments: Any, **named: Any) -> tupl
     """Return the result of a function, or the type, the text and the return code of its exception."""
     try:
         return ("result", function(*arguments, **named))
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - any exception is an outcome
         return (type(error), str(error), getattr(error, "code", None), getattr(error, "fatal", None))
 
 

@@ -1,11 +1,11 @@
-"""The extension in C (csrc); only :mod:`orinkit.core.speedups` imports it."""
+# The extension in C (csrc); only orinkit.core.speedups imports it.
 
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-F = TypeVar("F", bound=Callable[..., Any])
+_F = TypeVar("_F", bound=Callable[..., Any])
 
-def replaced(name: str, function: F, /) -> F: ...
+def replaced(name: str, function: _F, /) -> _F: ...
 def set_codec(
     variant: type,
     limits: type,

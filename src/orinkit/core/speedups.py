@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any, Final, TypeVar
 
 from orinkit.core.i18n import tr
@@ -17,7 +16,7 @@ from orinkit.core.i18n import tr
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _load() -> tuple[ModuleType | None, str]:
+def _load() -> tuple[Any, str]:
     """Return the extension, or ``None`` and the reason."""
     if os.environ.get("ORINKIT_PURE", "") not in ("", "0"):
         return None, "ORINKIT_PURE"
@@ -28,6 +27,7 @@ def _load() -> tuple[ModuleType | None, str]:
     return _speedups, ""
 
 
+EXTENSION: Any
 EXTENSION, _reason = _load()
 """The extension; ``None`` if it is not used."""
 
