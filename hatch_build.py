@@ -19,7 +19,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 MODULE = "orinkit.core._speedups"
 FOLDER = "orinkit/core"
-FLAGS = ("-fvisibility=hidden", "-Wall", "-Wextra")
+FLAGS = ("-fvisibility=hidden", "-g0", "-Wall", "-Wextra")
 
 
 def declined() -> str:
