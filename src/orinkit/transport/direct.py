@@ -18,7 +18,7 @@ received bytes may be lost, so that the caller closes the link (:func:`break_off
 
 An extension in C can replace :func:`call` and :func:`call_prepared` as a whole, or only a part of them. The state that
 it shares with the other paths is ``conversation.serial`` (1 to 65535, incremented once per request, before sending) and
-the descriptor of the link, which is in non-blocking mode and is -1 after a close by another thread. ``EINTR`` must
+the descriptor of the link (``fileno()``), which is in non-blocking mode, and which another thread may close. ``EINTR`` must
 neither prolong the time-out nor delay the signal handlers of Python. If only a part of the request could be sent, the
 rest is sent by ``link.send(data, seconds, start)``.
 """
