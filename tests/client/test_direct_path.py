@@ -344,7 +344,10 @@ def test_many_callers_share_a_prepared_command(kind: str) -> None:
         both.loop.close()
 
 
-def test_cancelled_calls_leave_the_connection_usable() -> None:
+@pytest.mark.parametrize("loop", ["asyncio", "uvloop"])
+def test_cancelled_calls_leave_the_connection_usable(loop: str) -> None:
+    run = asyncio.run if loop == "asyncio" else pytest.importorskip("uvloop").run
+
     async def body() -> None:
         with BadPeer(lambda line: line.serve(echo)) as peer:
             client = await aio.open_client(peer.url, timeout=PATIENT)
@@ -359,7 +362,7 @@ def test_cancelled_calls_leave_the_connection_usable() -> None:
                 assert await call([-1.0]) == [-1.0]
             await client.close()
 
-    asyncio.run(body())
+    run(body())
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="Windows cannot signal a thread")

@@ -19,7 +19,7 @@ from orinkit.core.errors import CallError, OrinError
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.clock import Clock
 from orinkit.virtual.rc8 import VirtualRC8
-from support.both import Both
+from support.both import LISTEN_AT, Both
 from support.cables import cable
 from support.peers import Gone, RawClient
 from support.waiting import until
@@ -92,8 +92,7 @@ class Drill:
     def __init__(self, kind: str) -> None:
         self.kind = kind
         self.device = self._controller(motor=True)
-        scheme = {"udp": "udp", "http": "http"}.get(kind, "tcp")
-        self.server = self._serve(f"{scheme}://127.0.0.1:0")
+        self.server = self._serve(LISTEN_AT.get(kind, LISTEN_AT["tcp"]))
         self.link = cable(self.server.url)
         self.link.__enter__()
         self.client = Client(kind, self.link.url)
@@ -120,9 +119,8 @@ class Drill:
 
     def reconnect(self) -> None:
         """Replace the client by one that has a new connection."""
-        old = self.client
+        self.client.close()
         self.client = Client(self.kind, self.link.url)
-        old.close()
 
     def restart(self) -> None:
         """Restart the controller: all connections are closed, and the server listens again afterwards."""
@@ -130,8 +128,14 @@ class Drill:
         self.server.close()
         self.link.cut()
         self.device = self._controller(motor=False)  # closing the server has switched the first one off
-        self.server = self._serve(url)
-        self.link.mend()
+        if self.kind == "serial":  # the pseudo-terminal has gone with the server
+            self.link.__exit__()
+            self.server = self._serve(LISTEN_AT["serial"])
+            self.link = cable(self.server.url)
+            self.link.__enter__()
+        else:
+            self.server = self._serve(url)
+            self.link.mend()
 
     def recover(self) -> None:
         """Execute the documented sequence at once, and check that the arm is at its home pose, ready."""
@@ -197,6 +201,14 @@ def controller_restart(drill: Drill) -> None:
     drill.reconnect()
 
 
+def restart_by_pendant(drill: Drill) -> None:
+    """Restart the controller without its server: the server closes the connections of all clients."""
+    drill.go()
+    drill.device.pendant.restart()
+    assert gone(drill.client)
+    drill.reconnect()
+
+
 def gone(client: Client) -> bool:
     """Return True if the client has lost its connection or its session."""
     try:
@@ -208,9 +220,11 @@ def gone(client: Client) -> bool:
 
 FAULTS: dict[str, Callable[[Drill], None]] = {
     each.__name__: each
-    for each in (emergency_stop, soft_limit, acceleration_error, starvation, cable_cut, controller_restart)
-}
-KINDS = ("sync", "async", "udp", "http", "raw")
+    for each in (
+        emergency_stop, soft_limit, acceleration_error, starvation, cable_cut, controller_restart, restart_by_pendant,
+    )
+}  # fmt: skip
+KINDS = ("sync", "async", "udp", "serial", "http", "raw")
 
 
 def drilled(kind: str, fault: str, times: int) -> None:

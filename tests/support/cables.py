@@ -7,9 +7,11 @@ import selectors
 import socket
 import struct
 import threading
+from abc import abstractmethod
+from collections.abc import Callable
 from typing import Self
 
-from support.bad_links import BadUdp, as_it_is, lose
+from support.bad_links import BadSerial, BadUdp, Piece, Spoil, as_it_is, lose
 
 _RESET = struct.pack("ii", 1, 0)  # closing sends RST instead of FIN
 _PATIENCE = 30.0  # s for a thread to end, and for a peer to take data
@@ -115,20 +117,30 @@ class TcpCable:
                     self._connections.append(_Connection(near, far))
 
 
-class UdpCable:
-    """A relay for UDP; between :meth:`cut` and :meth:`mend`, it loses every packet."""
+class _LossyCable:
+    """A relay without connections; between :meth:`cut` and :meth:`mend`, it loses everything.
 
-    def __init__(self, url: str) -> None:
+    Attributes:
+        url: Address for clients.
+    """
+
+    def __init__(self) -> None:
         self._lost = False
-        self._link = BadUdp(url, lambda _: lambda data: lose(data) if self._lost else as_it_is(data))
+        self._link = self._relay(lambda _: self._carry)
         self.url = self._link.url
 
+    @abstractmethod
+    def _relay(self, spoiled: Callable[[str], Spoil]) -> BadUdp | BadSerial: ...
+
+    def _carry(self, data: bytes) -> list[Piece]:
+        return lose(data) if self._lost else as_it_is(data)
+
     def cut(self) -> None:
-        """Lose every packet."""
+        """Lose everything."""
         self._lost = True
 
     def mend(self) -> None:
-        """Carry packets again."""
+        """Carry data again."""
         self._lost = False
 
     def __enter__(self) -> Self:
@@ -139,6 +151,30 @@ class UdpCable:
         self._link.__exit__(*given)
 
 
-def cable(url: str) -> TcpCable | UdpCable:
+class UdpCable(_LossyCable):
+    """A relay for UDP."""
+
+    def __init__(self, url: str) -> None:
+        self._server = url
+        super().__init__()
+
+    def _relay(self, spoiled: Callable[[str], Spoil]) -> BadUdp:
+        return BadUdp(self._server, spoiled)
+
+
+class SerialCable(_LossyCable):
+    """A relay for the pseudo-terminal of a server."""
+
+    def __init__(self, url: str) -> None:
+        self._server = url
+        super().__init__()
+
+    def _relay(self, spoiled: Callable[[str], Spoil]) -> BadSerial:
+        return BadSerial([self._server], spoiled)
+
+
+def cable(url: str) -> TcpCable | UdpCable | SerialCable:
     """Return a cable to a server."""
-    return UdpCable(url) if url.startswith("udp") else TcpCable(url)
+    if url.startswith("udp"):
+        return UdpCable(url)
+    return SerialCable(url) if url.startswith("serial") else TcpCable(url)

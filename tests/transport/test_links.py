@@ -229,6 +229,27 @@ def test_closing_from_another_thread_ends_a_receive(peer: Any) -> None:
 
 
 @pytest.mark.parametrize("peer", PEERS)
+def test_a_receive_in_another_thread_does_not_delay_a_send(peer: Any) -> None:
+    way = Way(Both("sync"), peer())
+    way.hello()
+    ended = threading.Event()
+
+    def wait() -> None:
+        with suppress(ConnectionClosed):
+            way.receive()
+        ended.set()
+
+    receiver = threading.Thread(target=wait)
+    receiver.start()
+    time.sleep(SHORT)
+    way.send(b"bye")
+    assert way.peer.receive(3) == b"bye"
+    assert not ended.is_set()
+    way.close()
+    receiver.join()
+
+
+@pytest.mark.parametrize("peer", PEERS)
 def test_many_threads_close_a_link(peer: Any) -> None:
     way = Way(Both("sync"), peer())
     closers = [threading.Timer(SHORT, way.link.close) for _ in range(8)]

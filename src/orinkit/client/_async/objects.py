@@ -294,7 +294,7 @@ class AsyncObjectContainer(AsyncNamedObject):
         return AsyncPreparedCall(self, self._prepare(command))
 
     def _prepare(self, command: str) -> PreparedCommand:
-        """Return the prepared command; the most recently used commands are kept."""
+        """Prepare a command, and keep it for :meth:`execute`; at most ``MOST_COMMANDS`` are kept."""
         assert self.functions.execute is not None
         if len(self._commands) >= MOST_COMMANDS:
             self._commands.clear()

@@ -32,7 +32,8 @@ class SerialLink(ProcessBound):
         self._woken, self._wake = (FileIO(end, mode) for end, mode in zip(os.pipe(), "rw", strict=True))
         self._open = True
         self._closing = threading.Lock()  # acquired by the first call of close() and never released
-        self._using = threading.RLock()
+        # one lock for each direction, so that a receive in progress does not delay the Service_Stop of a closing client
+        self._sending, self._receiving = threading.RLock(), threading.RLock()
         self._reading = self._poll(select.POLLIN)
         keep_from_children(self)
 
@@ -59,7 +60,7 @@ class SerialLink(ProcessBound):
             ConnectionClosed: If the link is closed.
         """
         end = monotonic() + seconds
-        with self._using:
+        with self._sending:
             while data:
                 self._check()
                 try:
@@ -76,7 +77,7 @@ class SerialLink(ProcessBound):
             ConnectionLost, ConnectionClosed: As for :meth:`send`.
         """
         end = monotonic() + seconds
-        with self._using:
+        with self._receiving:
             while True:
                 self._check()
                 if not self._reading.poll(
@@ -104,7 +105,7 @@ class SerialLink(ProcessBound):
     def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the port and the wake-up pipe stay open in the parent."""
         self._open, self._left = False, True
-        self._closing, self._using = threading.Lock(), threading.RLock()
+        self._closing, self._sending, self._receiving = threading.Lock(), threading.RLock(), threading.RLock()
         files = (self._port, self._woken, self._wake)
         return [] if self._port.closed else [file.fileno() for file in files]
 
@@ -113,11 +114,11 @@ class SerialLink(ProcessBound):
         self.close()
 
     def close(self) -> None:
-        """Close the link; a receive pending in another thread ends immediately."""
+        """Close the link; a send or receive pending in another thread ends immediately."""
         if self._closing.acquire(blocking=False):
             self._open = False
             self._wake.write(b"\0")
-            with self._using:
+            with self._sending, self._receiving:
                 for file in (self._port, self._woken, self._wake):
                     file.close()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import threading
 from collections.abc import Callable, Iterable
@@ -15,8 +14,6 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
 CHUNK: Final = 65536
-_POSIX: Final = os.name == "posix"  # sockets are file descriptors
-_write: Final = os.write  # unlike a socket with a time-out, does not wait until the socket is writable
 
 
 class SocketLink(ProcessBound):
@@ -42,7 +39,13 @@ class SocketLink(ProcessBound):
         self._sendall: Callable[[bytes], object] = connection.sendall
         self._recv = connection.recv
         self._sending: threading.Lock | None = None
+        # for exchange(): another object for the same descriptor, which belongs to self._socket
+        self._sender = socket.socket(connection.family, connection.type, connection.proto, connection.fileno())
         keep_from_children(self)
+
+    def __del__(self) -> None:
+        if hasattr(self, "_sender"):
+            self._sender.detach()
 
     def fileno(self) -> int:
         """Return the socket's descriptor, so that another process can take it over.
@@ -94,12 +97,13 @@ class SocketLink(ProcessBound):
     def exchange(self, data: bytes, seconds: float) -> bytes | None:
         """Send all bytes, then return the next received bytes; the same as :meth:`send` and :meth:`receive`.
 
-        The socket is non-blocking, so that the system call that sends usually returns without waiting for the socket.
+        Before each system call, a socket with a time-out waits until the system call cannot block. The socket object
+        that sends has no time-out, which saves this wait.
         """
         try:
             if seconds != self._seconds:
                 self._set_timeout(seconds)
-            sent = _write(self._socket.fileno(), data) if _POSIX else self._socket.send(data)
+            sent = self._sender.send(data)
         except BlockingIOError:  # the peer does not read
             sent = 0
         except BaseException as error:
@@ -232,6 +236,7 @@ class SocketLink(ProcessBound):
         """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
         self.descriptor = -1
+        self._sender.detach()
         self._socket.close()
 
     def close(self) -> None:
@@ -239,6 +244,7 @@ class SocketLink(ProcessBound):
         if self._open:
             self._open = False
             self.descriptor = -1
+            self._sender.detach()
             try:
                 self._socket.shutdown(socket.SHUT_RDWR)
             except OSError:  # the peer may have closed first
