@@ -22,6 +22,12 @@ tester: setup-all ## the Tester in a browser, with a virtual RC8 / ブラウザ�
 test: lint ## lint, types, and all tests but the long ones / 静的検査と全テスト (長時間のものを除く)
 	@$(MAKE) --no-print-directory -j2 --output-sync=target types collect
 	$(RUN) pytest -m "not soak" -n 7 --dist loadfile --no-loadscope-reorder
+	ORINKIT_PURE=1 $(RUN) pytest -q -m "not soak" -n 7 --dist loadfile $(WITHOUT_C)
+
+# The code that the extension in C replaces, and its users: these tests are run with and without it.
+WITHOUT_C := tests/values/test_variant_bytes.py tests/bcap/test_client_core.py tests/bcap/test_direct_calls.py \
+	tests/bcap/test_packet.py tests/bcap/test_server_core.py tests/client/test_bad_peers.py \
+	tests/client/test_direct_path.py tests/client/test_objects.py tests/server/test_tcp_server.py
 
 collect: setup-dev
 	@$(RUN) pytest -q --collect-only -m "not soak" > /dev/null || true  # the tests report the error
@@ -51,9 +57,10 @@ bench-quick: setup-dev ## what users call, in two minutes / 主な呼び出し�
 soak: setup-dev ## the long tests / 長時間テスト
 	$(RUN) pytest -m soak
 
+# Without the extension in C, which would replace the functions to be covered.
 coverage: setup-dev ## tests of the core; every branch of it must be covered / コアの分岐カバレッジ 100 %
 	$(RUN) coverage erase
-	$(RUN) coverage run -m pytest -q -m "core and not soak" -n 2 --dist loadfile
+	ORINKIT_PURE=1 $(RUN) coverage run -m pytest -q -m "core and not soak" -n 2 --dist loadfile
 	$(RUN) coverage combine -q
 	$(RUN) coverage report --show-missing --skip-covered --fail-under=100
 

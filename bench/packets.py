@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orinkit import functions
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request as encode_request  # the other modules import it from here
+from orinkit.bcap.requests import encode_request as encode_request  # the other modules import it from here
 from orinkit.values import codec
 
 POSE = [0.125, 45.0, 90.0, 0.25, 45.0, 0.5, 0.0, 0.0]

@@ -1,9 +1,12 @@
-"""Build sdist and wheel, and test both in clean environments: ``python tools/release_check.py [--full]``.
+"""Build sdist and wheels, and test them in clean environments: ``python tools/release_check.py [--full]``.
 
-1. Build both into ``dist/``, and check their contents: the sdist contains every file of the repository, and the wheel
-   contains only files of the package.
-2. Install the wheel without any extra into a clean environment, and run there all tests that do not require an extra.
-3. Unpack the sdist, install it with all extras into another clean environment, and run its tests there: the tests of
+1. Build them into ``dist/``: the sdist, a wheel with the extension in C, and a wheel without it. Check their contents:
+   the sdist contains every file of the repository, and the wheels contain only files of the package.
+2. Install the wheel with the extension, but without any extra, into a clean environment, and run there all tests that
+   do not require an extra.
+3. Install the wheel without the extension, and the sdist on a machine without a compiler; check that the extension is
+   missing, and run the tests of the codec.
+4. Unpack the sdist, install it with all extras into another clean environment, and run its tests there: the tests of
    the core, and those of documents, packaging and types (``tests/project``). With ``--full``, run all tests except the
    long ones.
 """
@@ -30,21 +33,60 @@ IN_WHEEL = (
     "orinkit/arms/vs050.toml",
     "orinkit/locale/ja/LC_MESSAGES/orinkit.mo",
     "orinkit/virtual/rc8/samples/",
+    "orinkit/core/_speedups.pyi",
 )
+EXTENSION = "orinkit/core/_speedups."
+CODEC_TESTS = ("-m", "not soak", "--no-extras", "tests/values", "tests/bcap", "tests/client/test_direct_path.py")
+# The PYTHONPATH of the caller could select another orinkit than the installed one.
+OWN_ENV = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "ORINKIT_PURE")} | {
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "ORINKIT_LANG": "en",
+}
 NOT_IN_SDIST = (".ci/", ".github/", ".gitignore")
 """Files that only the repository requires."""
 
 
-def build() -> tuple[Path, Path]:
-    """Build wheel and sdist; return their paths."""
+def build() -> tuple[Path, Path, Path]:
+    """Build sdist and wheels; return the paths of the wheel with the extension, the pure wheel and the sdist."""
     shutil.rmtree(DIST, ignore_errors=True)
-    subprocess.run([sys.executable, "-m", "build", "--outdir", str(DIST), str(ROOT)], check=True)
-    (wheel,), (sdist,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
-    return wheel, sdist
+    command = [sys.executable, "-m", "build", "--outdir", str(DIST)]
+    subprocess.run([*command, str(ROOT)], check=True)
+    (native,), (sdist,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
+    subprocess.run([*command, "--wheel", str(ROOT)], check=True, env=os.environ | {"ORINKIT_PURE": "1"})
+    pure = DIST / (native.name.split("-cp")[0] + "-py3-none-any.whl")
+    if pure == native or not pure.exists():
+        raise SystemExit(f"a wheel with the extension and {pure.name} expected, not {[*DIST.glob('*.whl')]}")
+    return native, pure, sdist
+
+
+def names_in(wheel: Path) -> set[str]:
+    """Return the names of the files in a wheel, except for the extension and the metadata."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+    return {name for name in names if not name.startswith(EXTENSION)}
+
+
+def check_extension(native: Path, pure: Path) -> None:
+    """Check that the wheels differ only in the extension."""
+    if names_in(native) != names_in(pure):
+        raise SystemExit(f"the wheels differ in {sorted(names_in(native) ^ names_in(pure))}")
+    for wheel, count in ((native, 1), (pure, 0)):
+        with zipfile.ZipFile(wheel) as archive:
+            found = [name for name in archive.namelist() if name.startswith(EXTENSION) and not name.endswith(".pyi")]
+        if len(found) != count:
+            raise SystemExit(f"{wheel.name} contains {found}")
+
+
+def check_status(python: str, expected: str) -> None:
+    """Check which implementation an installed orinkit uses."""
+    program = "from orinkit.core import speedups; print(speedups.status())"
+    done = subprocess.run([python, "-P", "-c", program], check=True, capture_output=True, text=True, env=OWN_ENV)
+    if not done.stdout.startswith(f"C extension: {expected}"):
+        raise SystemExit(f"{expected!r} expected, not {done.stdout!r}")
 
 
 def check_contents(wheel: Path, sdist: Path) -> None:
-    """Check that no file is missing in the wheel and the sdist, and that they contain no foreign files."""
+    """Check that no file is missing in a wheel and the sdist, and that they contain no foreign files."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
     missing = [each for each in IN_WHEEL if not any(name.startswith(each) for name in names)]
@@ -60,34 +102,53 @@ def check_contents(wheel: Path, sdist: Path) -> None:
         raise SystemExit(f"missing: {missing}; not expected: {foreign}")
 
 
-def environment(folder: Path, *packages: str) -> str:
-    """Create a virtual environment with some packages; return the path of its Python."""
+def environment(folder: Path, *packages: str, **variables: str) -> str:
+    """Create a virtual environment with some packages; return the path of its Python.
+
+    Args:
+        folder: The folder to create.
+        packages: Arguments of ``pip install``.
+        variables: Environment variables of ``pip``.
+    """
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = str(folder / "bin" / "python")
-    subprocess.run([python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages], check=True)
+    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages]
+    subprocess.run(command, check=True, env=os.environ | variables)
     return python
+
+
+def check_without_compiler(folder: Path, sdist: Path) -> None:
+    """Install the sdist without a compiler: with a notice, and without the extension."""
+    python = environment(folder)
+    command = [python, "-m", "pip", "install", "--verbose", "--disable-pip-version-check", str(sdist)]
+    output = subprocess.run(
+        command, check=True, capture_output=True, text=True, env=os.environ | {"CC": "/nonexistent"}
+    )
+    if "the optional C extension is left out" not in output.stdout + output.stderr:
+        raise SystemExit("an installation without a compiler printed no notice")
+    check_status(python, "not built")
 
 
 def run_tests(python: str, folder: Path, *arguments: str) -> None:
     """Run the tests in a folder."""
     command = [python, "-m", "pytest", "-q", *WORKERS, *arguments]
     print(f"{folder}: {' '.join(command[1:])}", flush=True)
-    # The PYTHONPATH of the caller could select another orinkit than the installed one.
-    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run(command, cwd=folder, check=True, env=inherited | {"PYTHONDONTWRITEBYTECODE": "1"})
+    subprocess.run(command, cwd=folder, check=True, env=OWN_ENV)
 
 
 def main() -> int:
     """Run all steps."""
-    parser = argparse.ArgumentParser(description="Build sdist and wheel, and test both in clean environments.")
+    parser = argparse.ArgumentParser(description="Build sdist and wheels, and test them in clean environments.")
     parser.add_argument(
         "--full",
         action="store_true",
         help="run all tests from the sdist, except long ones; without it, those with the marker core and tests/project",
     )
     full = parser.parse_args().full
-    wheel, sdist = build()
-    check_contents(wheel, sdist)
+    native, pure, sdist = build()
+    for wheel in (native, pure):
+        check_contents(wheel, sdist)
+    check_extension(native, pure)
     with tempfile.TemporaryDirectory(prefix="orinkit-release-") as name:
         folder = Path(name)
         with tarfile.open(sdist) as packed:
@@ -95,14 +156,20 @@ def main() -> int:
         unpacked = folder / sdist.name.removesuffix(".tar.gz")
         bare = folder / "bare"
         shutil.copytree(unpacked, bare, ignore=shutil.ignore_patterns("src"))
-        run_tests(environment(folder / "venv-bare", str(wheel), *TOOLS), bare, "-m", "not soak", "--no-extras")
+        python = environment(folder / "venv-bare", str(native), *TOOLS)
+        check_status(python, "in use")
+        run_tests(python, bare, "-m", "not soak", "--no-extras")
+        python = environment(folder / "venv-pure", str(pure), *TOOLS)
+        check_status(python, "not built")
+        run_tests(python, bare, *CODEC_TESTS)
+        check_without_compiler(folder / "venv-no-compiler", sdist)
         python = environment(folder / "venv-sdist", f"{unpacked}[dev]")
         if full:
             run_tests(python, unpacked, "-m", "not soak")
         else:
             run_tests(python, unpacked, "-m", "core and not soak")
             run_tests(python, unpacked, "-m", "not core and not soak", "tests/project")
-    print(f"{wheel.name} and {sdist.name}: passed")
+    print(f"{native.name}, {pure.name} and {sdist.name}: passed")
     return 0
 
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Create or update .venv: tools/setup.sh all (to run), tools/setup.sh dev (to run and to test).
-# Does nothing if it is up to date: same directory, same Python, same pyproject.toml.
+# Does nothing if it is up to date: same directory, same Python, same pyproject.toml, same extension in C.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -15,7 +15,7 @@ say() { # English, Japanese
 
 usable() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }
 
-wanted="$(pwd) $(cksum <pyproject.toml)"
+wanted="$(pwd) $(cat pyproject.toml hatch_build.py csrc/* | cksum)"
 for stamp in ".venv/.$extra" .venv/.dev; do # dev includes all
     if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && usable .venv/bin/python; then
         exit 0

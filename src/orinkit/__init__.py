@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from orinkit.client._sync.controller import Command, Controller, Extension, Message, connect
     from orinkit.client._sync.file import File
     from orinkit.client._sync.motion import Motion
-    from orinkit.client._sync.objects import Variable
+    from orinkit.client._sync.objects import PreparedCall, Variable
     from orinkit.client._sync.robot import Robot
     from orinkit.client._sync.stream import Stream
     from orinkit.client._sync.task import Task
@@ -142,6 +142,7 @@ __all__ = [
     "PassMark",
     "PathLimits",
     "PendantError",
+    "PreparedCall",
     "ProgramError",
     "Progress",
     "ProtocolError",
@@ -200,6 +201,7 @@ _ON_FIRST_USE: Final = {
     "Part": "device:Part",
     "PassMark": "values.poses:PassMark",
     "PathLimits": "streaming.planning.limits:PathLimits",
+    "PreparedCall": "client._sync.objects:PreparedCall",
     "Progress": "client._shared.stream:Progress",
     "Provider": "cao.provider:Provider",
     "RealTime": "streaming.process.realtime:RealTime",

@@ -23,7 +23,7 @@ from orinkit.client._async.controller import (
 )
 from orinkit.client._async.file import AsyncFile
 from orinkit.client._async.motion import AsyncMotion
-from orinkit.client._async.objects import AsyncVariable
+from orinkit.client._async.objects import AsyncPreparedCall, AsyncVariable
 from orinkit.client._async.robot import AsyncRobot
 from orinkit.client._async.stream import AsyncStream
 from orinkit.client._async.task import AsyncTask
@@ -39,6 +39,7 @@ __all__ = [
     "AsyncFile",
     "AsyncMessage",
     "AsyncMotion",
+    "AsyncPreparedCall",
     "AsyncRobot",
     "AsyncServer",
     "AsyncServerGroup",

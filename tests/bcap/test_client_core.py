@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orinkit.bcap import client as core
-from orinkit.bcap import packet
-from orinkit.bcap.client import BcapConversation, encode_request
+from orinkit.bcap import packet, requests
+from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Packet
+from orinkit.bcap.requests import encode_request
 from orinkit.cao import functions as f
 from orinkit.cao.replies import Reply
 from orinkit.core import hresult, i18n
@@ -417,7 +417,7 @@ def test_each_call_receives_its_own_reply(scripts):
 
 def test_the_encoders_of_a_function_are_cached():
     encode_request(f.robot_unhold, (3, ""), 1)
-    assert core._ENCODERS[f.robot_unhold.id]
+    assert requests._ENCODERS[f.robot_unhold.id]
 
 
 def test_serials_continue_after_those_of_another_process():

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from orinkit.bcap import packet
-from orinkit.bcap.client import BcapConversation, encode_request
+from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import LINE
+from orinkit.bcap.requests import encode_request
 from orinkit.cao.functions import controller_get_name, service_start
 from orinkit.core.errors import ConnectionLost, ProtocolError
 from orinkit.core.hresult import S_EXECUTING

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from orinkit.bcap import packet
 from orinkit.bcap.actions import Continue, Execute
-from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
+from orinkit.bcap.requests import encode_request
 from orinkit.bcap.serial_framer import LEAST, LineFramer
 from orinkit.bcap.server import ServerConversation
 from orinkit.cao import functions as f

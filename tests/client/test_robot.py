@@ -884,6 +884,7 @@ def impatient(robot: Any, device: Scripted, *names: str) -> threading.Semaphore:
         return impatiently(name, call(function, arguments, SHORT, **options))
 
     conversation.call = shortened
+    robot.client._direct = None  # so that every call is made by conversation.call
     return given_up
 
 

@@ -7,7 +7,7 @@ from enum import IntEnum, StrEnum
 
 import pytest
 
-from orinkit.bcap.client import encode_request
+from orinkit.bcap.requests import encode_request
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
 from orinkit.cao.table import Argument

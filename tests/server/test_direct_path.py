@@ -18,7 +18,7 @@ import pytest
 import orinkit
 from orinkit import functions as f
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request
+from orinkit.bcap.requests import encode_request
 from orinkit.bcap.server import ServerConversation
 from orinkit.cao.provider import (
     BlockingCall,

@@ -25,8 +25,8 @@ import pytest
 
 import orinkit
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request
 from orinkit.bcap.packet import Framer, Packet
+from orinkit.bcap.requests import encode_request
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.session import Session
 from orinkit.core import hresult

@@ -13,25 +13,25 @@ recognizes the duplicate by the reserved field and executes the request once.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Generator
-from operator import call as _apply
+from collections.abc import Generator
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
+from orinkit.bcap.direct import NUMBERS, SCALAR, RequestTemplate
 from orinkit.bcap.profiles import SILENCE, STREAM, BcapProfile
+from orinkit.bcap.requests import encode_request, request_template
 from orinkit.cao.call_limits import CallTimer, Clock, no_clock
 from orinkit.cao.dialect import RC8, Dialect
 from orinkit.cao.functions import controller_get_name, service_stop
 from orinkit.cao.replies import Trace, checked, no_answer
-from orinkit.cao.table import Argument, Function
-from orinkit.cao.user_functions import MOST_ARGUMENTS, is_user_function
+from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, InvalidValue, error_for
 from orinkit.core.i18n import tr
 from orinkit.core.record import replaced
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
-from orinkit.values.variant import Variant, VarType, variant
+from orinkit.values.variant import Variant, VarType
 
 Exchange: TypeAlias = tuple[bytes, float | None]
 Operation: TypeAlias = Generator[Exchange, bytes | None, tuple[int, Any]]
@@ -39,6 +39,7 @@ RawOperation: TypeAlias = Generator[Exchange, bytes | None, bytes | None]
 
 _SERIAL_AND_CODE: Final = struct.Struct("<HHIH").unpack_from  # at offset 5: serial, reserved, code, argument count
 _HEADER: Final = packet.HEADER.pack
+_READ_HEADER: Final = packet.HEADER.unpack_from
 _FAILED: Final = 0x8000_0000
 _EXECUTING: Final = hresult.S_EXECUTING
 _STOP_REPEATS: Final = 3
@@ -56,8 +57,10 @@ class BcapConversation:
 
     Attributes:
         stray_replies: number of replies that did not belong to the current call: late, repeated, or for another client.
-        trace: callback invoked with every packet; ``None`` for no callback.
+        trace: callback invoked with every packet; ``None`` for no callback. Set before the first call.
         profile: the b-CAP transport profile.
+        direct: True if the next call may be a direct one (:meth:`begin`): on a stream without trace, while no received
+            bytes are left in the framer.
         echoes_reserved: True if the last reply repeated the reserved field of its request; a VE026A does this over UDP
             and serial lines.
     """
@@ -76,11 +79,13 @@ class BcapConversation:
         self.profile = profile
         self._limits = profile.bound(limits)
         self._framer = profile.framer(self._limits)
+        self._most = self._limits.packet
         self._tail = profile.tail
         self._serial = 1
         self.echoes_reserved = False
         self._stopped = True  # no Service_Stop is necessary: it has been sent, or no request has been sent
         self.dialect = dialect
+        self.direct = self._is_direct()
 
     @property
     def dialect(self) -> Dialect:
@@ -151,39 +156,148 @@ class BcapConversation:
         exact: bool,
         deadline: float | None,
     ) -> Operation:
-        serial = self._take_serial()
-        request = self._request(function, arguments, serial, 0)
+        serial, request = self.begin(function, arguments)
         # without a deadline, the clock is not read unless a packet other than the reply arrives
         timer = None if deadline is None else CallTimer(function.name, deadline, self._clock)
         received = yield request, seconds if timer is None else timer.bound(seconds)
+        return (yield from self.resume(serial, function, arguments, seconds, received, exact=exact, timer=timer))
+
+    def resume(
+        self,
+        serial: int,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        received: bytes | None,
+        *,
+        exact: bool = False,
+        timer: CallTimer | None = None,
+    ) -> Operation:
+        """Return a generator that continues a call on a stream after its request was sent, and data was received.
+
+        Args:
+            serial: serial of the request.
+            function: an entry of the table of functions.
+            arguments: the arguments of the call.
+            seconds: time-out, s.
+            received: the received bytes, ``b""`` if the peer has closed the connection, ``None`` after a time-out.
+            exact: True to return the result as a :class:`~orinkit.values.variant.Variant`.
+            timer: deadline of the call; ``None`` if it has none.
+
+        Raises:
+            CallTimeout: As :meth:`call`, which also raises ConnectionLost, ProtocolError and CallError.
+        """
         framer = self._framer
-        while True:
-            if not received:
-                expired = timer.timeout_error() if received is None and timer is not None else None
-                raise expired or no_answer(function, received, seconds)
-            wait: float | None = None
-            idle = 0
-            frame = framer.feed(received)
-            while frame is not None:
-                if self.trace is not None:
-                    self.trace("<", frame)
-                answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
-                if answered != serial:
-                    self.stray_replies += 1
-                    idle += 1
-                elif code == _EXECUTING:
-                    wait = seconds
-                    idle += 1
-                elif code >= _FAILED:
-                    raise error_for(code, "", function.name, arguments)
-                else:
-                    return code, self._result(function, frame, count, exact)
-                frame = framer.next_frame()
-            if idle:
-                timer = timer or CallTimer(function.name, None, self._clock)
-                timer.count_other(idle, executing=wait is not None)
-                wait = timer.bound(wait)
-            received = yield b"", wait
+        self.direct = False
+        try:
+            while True:
+                if not received:
+                    expired = timer.timeout_error() if received is None and timer is not None else None
+                    raise expired or no_answer(function, received, seconds)
+                wait: float | None = None
+                idle = 0
+                frame = framer.feed(received)
+                while frame is not None:
+                    if self.trace is not None:
+                        self.trace("<", frame)
+                    answered, _, code, count = _SERIAL_AND_CODE(frame, 5)
+                    if answered != serial:
+                        self.stray_replies += 1
+                        idle += 1
+                    elif code == _EXECUTING:
+                        wait = seconds
+                        idle += 1
+                    elif code >= _FAILED:
+                        raise error_for(code, "", function.name, arguments)
+                    else:
+                        return code, self._result(function, frame, count, exact)
+                    frame = framer.next_frame()
+                if idle:
+                    timer = timer or CallTimer(function.name, None, self._clock)
+                    timer.count_other(idle, executing=wait is not None)
+                    wait = timer.bound(wait)
+                received = yield b"", wait
+        finally:
+            self.direct = self._is_direct()
+
+    def _is_direct(self) -> bool:
+        return not self.profile.lossy and self.trace is None and self._framer.is_empty
+
+    # --- direct calls -------------------------------------------------------------------------------------------
+
+    def begin(self, function: Function[..., Any], arguments: tuple[Any, ...]) -> tuple[int, bytes]:
+        """Return the serial and the request of a direct call.
+
+        The caller sends the request, receives once, and passes the received bytes to :meth:`finish`.
+
+        Raises:
+            InvalidValue: If an argument does not fit its type; no serial has been used.
+        """
+        serial = self._serial
+        request = self._request(function, arguments, serial, 0)
+        self._serial = serial % 0xFFFF + 1
+        return serial, request
+
+    def begin_prepared(self, template: RequestTemplate, value: Any) -> tuple[int, bytes] | None:
+        """Return the serial and the request of a prepared call; ``None`` if the template has no layout for the value.
+
+        In the latter case, the caller uses :meth:`begin`; no serial has been used.
+        """
+        serial = self._serial
+        request = template.request(serial, value)
+        if request is None:
+            return None
+        self._serial = serial % 0xFFFF + 1
+        return serial, request
+
+    def finish(
+        self, function: Function[..., Any], serial: int, data: bytes | None, exact: bool = False
+    ) -> tuple[int, Any] | None:
+        """Return the return code and the result of a direct call.
+
+        Return ``None`` if ``data`` is anything but one complete packet, which is the reply with a success code to the
+        request with this serial. The caller then passes the data to :meth:`resume`.
+
+        Args:
+            function: an entry of the table of functions.
+            serial: serial of the request.
+            data: the received bytes, ``b""`` if the peer has closed the connection, ``None`` after a time-out.
+            exact: True to return the result as a :class:`~orinkit.values.variant.Variant`.
+
+        Raises:
+            ProtocolError: If the result is invalid, or has another type than the function returns.
+        """
+        size = len(data) if data is not None else 0
+        if data is None or not packet.OVERHEAD <= size <= self._most:
+            return None
+        if function.result is VarType.VARIANT and not exact:
+            reply = NUMBERS.get(size)
+            if reply is not None:
+                unpack, start, middle = reply
+                first, answered, second, *numbers, last = unpack(data)
+                if first == start and answered == serial and second == middle and last == packet.EOT:
+                    return 0, numbers
+            scalar = SCALAR.get(size)
+            if scalar is not None:
+                (unpack, start, middle), convert = scalar
+                first, answered, second, value, last = unpack(data)
+                if first == start and answered == serial and second == middle and last == packet.EOT:
+                    return 0, value if convert is None else convert(value)
+        soh, length, answered, _, code, count = _READ_HEADER(data)
+        if (
+            soh != packet.SOH
+            or length != size
+            or data[-1] != packet.EOT
+            or answered != serial
+            or code == _EXECUTING
+            or code >= _FAILED
+        ):
+            return None
+        return code, self._result(function, data, count, exact)
+
+    def template(self, function: Function[..., Any], constants: tuple[Any, ...]) -> RequestTemplate | None:
+        """Return the template of prepared calls (:func:`orinkit.bcap.requests.request_template`)."""
+        return None if self.profile.lossy else request_template(function, constants, self._most)
 
     def _call_lossy(
         self,
@@ -269,28 +383,32 @@ class BcapConversation:
         timer = CallTimer("raw", None, self._clock)
         if self.trace is not None:
             self.trace(">", data)
-        received = yield data, seconds
-        while received is not None:
-            if not received:
-                raise ConnectionLost(
-                    tr("{name}: the peer closed the connection before a reply was received", name="raw")
-                )
-            frame = self._framer.feed(received)
-            wait: float | None = None
-            idle = 0
-            while frame is not None:
-                if self.trace is not None:
-                    self.trace("<", frame)
-                answered, _, code, _ = _SERIAL_AND_CODE(frame, 5)
-                if code == _EXECUTING:
-                    wait = seconds
-                elif answered in (serial, 0) or not serial:
-                    return frame
-                idle += 1
-                frame = self._framer.next_frame()
-            timer.count_other(idle, executing=wait is not None)
-            received = yield b"", wait
-        return None
+        self.direct = False
+        try:
+            received = yield data, seconds
+            while received is not None:
+                if not received:
+                    raise ConnectionLost(
+                        tr("{name}: the peer closed the connection before a reply was received", name="raw")
+                    )
+                frame = self._framer.feed(received)
+                wait: float | None = None
+                idle = 0
+                while frame is not None:
+                    if self.trace is not None:
+                        self.trace("<", frame)
+                    answered, _, code, _ = _SERIAL_AND_CODE(frame, 5)
+                    if code == _EXECUTING:
+                        wait = seconds
+                    elif answered in (serial, 0) or not serial:
+                        return frame
+                    idle += 1
+                    frame = self._framer.next_frame()
+                timer.count_other(idle, executing=wait is not None)
+                received = yield b"", wait
+            return None
+        finally:
+            self.direct = self._is_direct()
 
     def close_sequence(self) -> list[tuple[bytes, float]]:
         """Return the Service_Stop packets to send before a UDP link or a serial line is closed.
@@ -356,77 +474,3 @@ def _too_long(function: Function[..., Any], length: int, limits: PacketLimits, p
         )
         + (by_tcp if limits.packet == profile.packet != STREAM.packet else "")
     )
-
-
-def encode_request(
-    function: Function[..., Any],
-    arguments: tuple[Any, ...],
-    serial: int,
-    reserved: int = 0,
-    *,
-    crc: bool = False,
-    vt_error_size: int = DEFAULT_LIMITS.vt_error_size,
-) -> bytes:
-    """Return the packet of a call.
-
-    Args:
-        function: an entry of the table of functions.
-        arguments: the result of :meth:`~orinkit.cao.table.Function.bind`.
-        serial: serial of this attempt.
-        reserved: serial of the first attempt; 0 over TCP, because there is only one attempt.
-        crc: True to add a CRC, for a serial line.
-        vt_error_size: size of a VT_ERROR, bytes.
-
-    Raises:
-        InvalidValue: If an argument does not fit its type; the message names the function and the argument.
-    """
-    encoders = _ENCODERS.get(function.id) or _make_encoders(function)
-    if vt_error_size != DEFAULT_LIMITS.vt_error_size:
-        encoders = tuple(_sized(each, vt_error_size) for each in encoders)
-    try:
-        body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
-    except (InvalidValue, TypeError) as error:
-        raise _argument_error(function, arguments, error) from None
-    if crc:
-        return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
-    head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
-    return head + body + b"\x04"
-
-
-_BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
-    VarType.I4: codec.encode_integer,
-    VarType.R4: codec.encode_single,
-    VarType.BSTR: codec.encode_string,
-    VarType.VARIANT: codec.encode,
-}
-_ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
-
-
-def _make_encoders(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
-    if is_user_function(function.id):  # calls of the same function may have different numbers of arguments
-        encoders: tuple[Callable[[Any], bytes], ...] = (codec.encode,) * MOST_ARGUMENTS
-    else:
-        encoders = tuple(map(_encoder, function.arguments))
-    _ENCODERS[function.id] = encoders
-    return encoders
-
-
-def _encoder(argument: Argument) -> Callable[[Any], bytes]:
-    return codec.encode_handle if argument.is_handle else _BY_TYPE[argument.vt]
-
-
-def _sized(encoder: Callable[[Any], bytes], vt_error_size: int) -> Callable[[Any], bytes]:
-    """Return ``encoder``, adapted to the size of a VT_ERROR; only the encoder of VARIANTs depends on this size."""
-    if encoder is not codec.encode:
-        return encoder
-    return lambda value: codec.encode_variant(variant(value), vt_error_size)
-
-
-def _argument_error(function: Function[..., Any], arguments: tuple[Any, ...], error: Exception) -> InvalidValue:
-    """Return an exception that names the invalid argument."""
-    for number, (argument, value) in enumerate(zip(function.arguments, arguments, strict=False), 1):
-        try:
-            _BY_TYPE[argument.vt](value)
-        except (InvalidValue, TypeError) as reason:
-            return InvalidValue(function.where(number) + str(reason))
-    return InvalidValue(f"{function.name}: {error}")

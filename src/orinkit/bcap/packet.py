@@ -287,6 +287,11 @@ class FramerBase:
         """Number of buffered bytes of an incomplete packet."""
         return len(self._buffer)
 
+    @property
+    def is_empty(self) -> bool:
+        """True if no received bytes are buffered."""
+        return not self._buffer
+
 
 class Framer(FramerBase):
     """Extracts packets from a byte stream, which may arrive in pieces of any size.
@@ -315,6 +320,11 @@ class Framer(FramerBase):
             return False
         soh, length = _START(data)
         return soh == SOH and length == len(data) and data[-1] == EOT and length <= self.limits.packet
+
+    @property
+    def is_empty(self) -> bool:
+        """True if no received bytes are buffered, and the stream contained nothing but packets so far."""
+        return not self._buffer and self._error is None
 
     @property
     def partial_serial(self) -> int:

@@ -41,6 +41,10 @@ class Framing(Protocol):
         """Number of buffered bytes of an incomplete packet."""
 
     @property
+    def is_empty(self) -> bool:
+        """True if no received bytes are buffered, and no error has ended the stream."""
+
+    @property
     def partial_serial(self) -> int:
         """Probable serial of the incomplete packet; 0 if unknown."""
 
@@ -65,6 +69,7 @@ class DatagramFramer:
     """
 
     pending = 0
+    is_empty = True
     partial_serial = 0
     is_searching = False
 

@@ -20,9 +20,9 @@ from enum import Enum
 from typing import Any, Final, NamedTuple
 
 from orinkit.bcap import packet
-from orinkit.bcap.client import encode_request
 from orinkit.bcap.dissect import Kind, explain
 from orinkit.bcap.profiles import STREAM, BcapProfile
+from orinkit.bcap.requests import encode_request
 from orinkit.cao.argument_text import read_argument
 from orinkit.cao.functions import FUNCTIONS, find
 from orinkit.cao.table import Function

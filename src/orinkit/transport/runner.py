@@ -107,6 +107,10 @@ class DetachedLink(_Handed[Link]):
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
+    def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Raise StreamError, as :meth:`fileno`."""
+        raise _handed_over()
+
 
 class AsyncDetachedLink(_Handed[AsyncLink]):
     """Placeholder for a link that another process has taken over, in asyncio; it can neither send nor receive."""
@@ -116,6 +120,10 @@ class AsyncDetachedLink(_Handed[AsyncLink]):
         raise _handed_over()
 
     async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+        """Raise StreamError, as :meth:`fileno`."""
+        raise _handed_over()
+
+    async def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
@@ -129,7 +137,12 @@ def _handed_over() -> StreamError:
     )
 
 
-def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterable[ClosePacket]] = tuple) -> T:
+def run(
+    operation: Operation[T],
+    link: Link,
+    close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,
+    end: float | None = None,
+) -> T:
     """Run an operation on the caller's thread and return its result.
 
     An exception that interrupts the operation, such as KeyboardInterrupt, closes the link if something was sent. In
@@ -139,10 +152,11 @@ def run(operation: Operation[T], link: Link, close_sequence: Callable[[], Iterab
         operation: The operation.
         link: The link to use.
         close_sequence: Callback that returns the packets to send before an interrupting exception closes the link.
+        end: End of the current wait (``time.monotonic``), if the operation continues a call whose request was sent.
     """
     received: bytes | None = None
-    deadline = 0.0
-    sent = False
+    deadline = end or 0.0
+    sent = end is not None
     try:
         while True:
             data, seconds = operation.send(received)
@@ -194,10 +208,11 @@ async def arun(
     operation: Operation[T],
     link: AsyncLink,
     close_sequence: Callable[[], Iterable[ClosePacket]] = tuple,  # noqa: ARG001 - same signature as run
+    end: float | None = None,
 ) -> T:
-    """Run an operation in asyncio and return its result; cancelling it does not close the link."""
+    """Run an operation in asyncio, as :func:`run`, and return its result; cancelling it does not close the link."""
     received: bytes | None = None
-    deadline = 0.0
+    deadline = end or 0.0
     try:
         while True:
             data, seconds = operation.send(received)

@@ -3,6 +3,9 @@
 An argument is ``length u32 | type u16 | count u32 | data``, little-endian. The length field does not include its own
 four bytes. An element of a VARIANT array has the same layout without the length. A read never exceeds the bytes that
 are present or the limits of :class:`PacketLimits`.
+
+The optional extension in C (:mod:`orinkit.core.speedups`) replaces the functions that are marked. It handles the usual
+values, and calls the function here for all others.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, LimitExceeded, ProtocolError
 from orinkit.core.i18n import tr
 from orinkit.core.record import record
+from orinkit.core.speedups import EXTENSION, replaced_in_c
+from orinkit.values import conversions
 from orinkit.values.type_row import TypeRow
 from orinkit.values.types import ARRAY, FORMATS, R8_ARRAY, ROWS, UI1_ARRAY, VARIANT_ARRAY, VarType, misfit, type_name
 from orinkit.values.variant import Value, Variant, nested_too_deep, trusted, variant
@@ -47,6 +52,18 @@ class PacketLimits:
 
 
 DEFAULT_LIMITS: Final = PacketLimits()
+
+if EXTENSION is not None:
+    EXTENSION.set_codec(
+        Variant,
+        PacketLimits,
+        DEFAULT_LIMITS,
+        conversions.amount_to_wire,
+        conversions.date_to_wire,
+        conversions.amount_from_wire,
+        conversions.to_datetime,
+        conversions.lossless_datetime,
+    )
 
 
 # --- to bytes ---------------------------------------------------------------------------------------------------------
@@ -86,6 +103,7 @@ def _long_string(text: str) -> bytes:
     return b"%b%b%b" % (_ARGUMENT.pack(len(data) + 10, _BSTR, 1), _LENGTH.pack(len(data)), data)
 
 
+@replaced_in_c
 def encode_string(text: str) -> bytes:
     """Return a string as one packet argument; short strings, for example names of commands, are cached.
 
@@ -97,6 +115,7 @@ def encode_string(text: str) -> bytes:
     return _short_string(text) if len(text) < _SHORT else _long_string(text)
 
 
+@replaced_in_c
 def encode_integer(number: int) -> bytes:
     """Return a VT_I4 as one packet argument.
 
@@ -113,6 +132,7 @@ encode_handle: Final = lru_cache(maxsize=4096, typed=True)(encode_integer)
 """Cached variant of :func:`encode_integer`, for numbers that occur repeatedly."""
 
 
+@replaced_in_c
 def encode_single(number: float) -> bytes:
     """Return a VT_R4 as one packet argument.
 
@@ -125,6 +145,7 @@ def encode_single(number: float) -> bytes:
         raise misfit(VarType.R4, number) from None
 
 
+@replaced_in_c
 def encode(value: Value) -> bytes:
     """Return a value as one packet argument: length, type, count, data (VE026A 3.2).
 
@@ -153,6 +174,7 @@ _I4_PACK: Final = struct.Struct("<IHIi").pack
 _R4_PACK: Final = struct.Struct("<IHIf").pack
 
 
+@replaced_in_c
 def encode_variant(item: Variant, vt_error_size: int = 4) -> bytes:
     """Return a :class:`Variant` as one packet argument; for ``vt_error_size`` see :class:`PacketLimits`.
 
@@ -237,6 +259,7 @@ def _packet_error(text: str, code: int = hresult.E_INVALIDRCVPACKET) -> Protocol
     return ProtocolError(text, code)
 
 
+@replaced_in_c
 def decode(data: bytes, position: int = 0, end: int | None = None, limits: PacketLimits = DEFAULT_LIMITS, *, exact: bool = False, budget: list[int] | None = None) -> tuple[Any, int]:  # fmt: skip
     """Read one packet argument; return its value and the position after it.
 

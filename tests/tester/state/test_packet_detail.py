@@ -11,7 +11,7 @@ import pytest
 
 from orinkit import Variant, VarType, functions
 from orinkit.bcap import packet as bcap
-from orinkit.bcap.client import encode_request
+from orinkit.bcap.requests import encode_request
 from orinkit.core.errors import InvalidValue
 from orinkit.ecap.message import write_request
 from orinkit.tester.state.packet_detail import SHOWN_BYTES, SHOWN_FIELDS, detail_of

@@ -40,6 +40,7 @@ from orinkit.client._shared.endpoint import (
     send_during_call,
 )
 from orinkit.client._shared.local_calls import local_calls
+from orinkit.client._shared.prepared import PreparedFunction, directly_usable
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.rc8.motion_calls import MOVING
@@ -124,6 +125,8 @@ class AsyncClient(AsyncConnection):
         self._controller = 0
         # on these transports, the server cannot detect the end of a client without signs of life
         self._sends_signs = bool(profile.session_timeout or profile.shared)
+        self._direct = directly_usable(self._conversation, link, self._local, signs=self._sends_signs)
+        self._dialect = self._conversation.dialect
         self._session_deadline = (
             Deadline(profile.session_timeout) if profile.session_timeout else None
         )  # passes when the controller may have ended the session of this client
@@ -161,11 +164,11 @@ class AsyncClient(AsyncConnection):
     @property
     def dialect(self) -> Dialect:
         """The dialect of the controller. May be set."""
-        return self._conversation.dialect
+        return self._dialect
 
     @dialect.setter
     def dialect(self, dialect: Dialect) -> None:
-        self._conversation.dialect = dialect
+        self._dialect = self._conversation.dialect = dialect
 
     @property
     def echoes_reserved(self) -> bool:
@@ -262,10 +265,51 @@ class AsyncClient(AsyncConnection):
             MessagesDisabled: If messages are disabled and the function is a message function; nothing was sent.
         """
         arguments = function.bind(args, kwargs)
-        async with self._lock:
-            _, result = await self._execute(function, arguments, self._timeout)
-        value: R = result
+        await self._lock.acquire()  # faster than "async with"
+        try:
+            value: R = (await self._execute(function, arguments, self._timeout))[1]
+        finally:
+            self._lock.release()
         return value
+
+    async def call_prepared(self, call: PreparedFunction, value: Any = None, timeout: float | None = None) -> Any:
+        """Make a call that :meth:`prepare` has prepared, and return its result.
+
+        Args:
+            call: The prepared call.
+            value: The varying argument; ``None`` (VT_EMPTY) also for a call without one.
+            timeout: Time-out in s, instead of :attr:`timeout`.
+
+        Raises:
+            CallError: As :meth:`call`, which also raises the other exceptions.
+        """
+        seconds = self._timeout if timeout is None else timeout
+        await self._lock.acquire()
+        try:
+            direct = self._direct
+            if (
+                direct is not None
+                and call.template is not None
+                and direct.direct
+                and self._deadline is None
+                and self._end is None
+            ):
+                outcome = await self._call_directly(direct, call, value, seconds)
+                if outcome is not None:
+                    return outcome[1]
+            return (await self._execute(call.function, call.arguments(value), seconds))[1]
+        finally:
+            self._lock.release()
+
+    def prepare(self, function: Function[..., Any], *constants: Any) -> PreparedFunction:
+        """Prepare calls of a function whose last argument alone varies, or whose arguments are all constant.
+
+        Args:
+            function: Function of CAO (:mod:`orinkit.cao.functions`).
+            constants: All arguments, or all but the last one.
+        """
+        template = None if self._direct is None else self._direct.template(function, constants)
+        return PreparedFunction(function, constants, template, varies=len(constants) < len(function.arguments))
 
     async def request(
         self,
@@ -342,10 +386,15 @@ class AsyncClient(AsyncConnection):
         exact: bool = False,
         deadline: float | None = None,
     ) -> tuple[int, Any]:
+        direct = self._direct
+        if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
+            reply = await self._call_directly(direct, PreparedFunction(function, arguments), None, seconds, exact=exact)
+            assert reply is not None  # only templates cause None
+            return reply
         if self._local is not None:
-            reply = self._local.reply(function, arguments, exact)
-            if reply is not None:
-                return reply
+            local = self._local.reply(function, arguments, exact)
+            if local is not None:
+                return local
         deadline = self._deadline if deadline is None else deadline
         if self._end is not None:
             deadline = min(self._end.left, self._end.left if deadline is None else deadline)
@@ -365,6 +414,7 @@ class AsyncClient(AsyncConnection):
             controller: Handle of the controller.
         """
         self.alive = seconds
+        self._direct = None
         self._sends_signs, self._sign_interval, self._controller = True, seconds / _SIGNS, controller
         if self.profile.lossy:
             self._timeout = min(self._timeout, seconds / _SIGNS)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from orinkit.bcap.client import BcapConversation
+from orinkit.client._shared.prepared import PreparedFunction
 from orinkit.core.closing import AsyncClosing
-from orinkit.core.errors import ConnectFailed, ConnectionLost, ProtocolError
+from orinkit.core.errors import ConnectFailed, ConnectionLost, OrinError, ProtocolError
+from orinkit.transport.direct import Outcome, Unfinished, abreak_off, acall, acall_prepared
 from orinkit.transport.runner import AsyncDetachedLink, AsyncLink, Operation, arun
 
 if TYPE_CHECKING:
@@ -29,17 +32,68 @@ class AsyncConnection(AsyncClosing):
         self._link: AsyncLink = link
         self._conversation = conversation
 
-    async def _run(self, operation: Operation[R]) -> R:
-        """Run an operation; close the link if the connection cannot be used any more."""
+    async def _run(self, operation: Operation[R], end: float | None = None) -> R:
+        """Run an operation; close the link if the connection cannot be used any more.
+
+        Args:
+            operation: The operation.
+            end: End of the current wait (``time.monotonic``), if the operation continues a direct call.
+        """
         try:
-            return await arun(operation, self._link, self._conversation.close_sequence)
-        except (ConnectFailed, ConnectionLost):
+            return await arun(operation, self._link, self._conversation.close_sequence, end)
+        except OrinError as error:
+            self._close_if_lost(error)
+            raise
+
+    async def _call_directly(
+        self,
+        conversation: BcapConversation,
+        prepared: PreparedFunction,
+        value: Any,
+        seconds: float,
+        *,
+        exact: bool = False,
+    ) -> tuple[int, Any] | None:
+        """Make a call on the direct path (:mod:`orinkit.transport.direct`).
+
+        Args:
+            conversation: State of the protocol.
+            prepared: The call.
+            value: Its varying argument.
+            seconds: Time-out, s.
+            exact: True to return the result as a Variant.
+
+        Returns:
+            Return code and result; ``None`` if the template of the call has no layout for the value, so that nothing
+            was sent.
+        """
+        link: Any = self._link  # of the type that directly_usable() has checked
+        serial = conversation.serial
+        function, template = prepared.function, prepared.template
+        outcome: Outcome | None
+        try:
+            if template is None:
+                outcome = await acall(conversation, link, function, prepared.arguments(value), seconds, exact)
+            else:
+                outcome = await acall_prepared(conversation, link, function, template, value, seconds)
+            if isinstance(outcome, Unfinished):
+                operation = conversation.resume(
+                    outcome.serial, function, prepared.arguments(value), seconds, outcome.received, exact=exact
+                )
+                return await self._run(operation, outcome.end)
+        except OrinError as error:
+            self._close_if_lost(error)
+            raise
+        except BaseException:
+            if conversation.serial != serial:  # the request was sent
+                abreak_off(link)
+            raise
+        return outcome
+
+    def _close_if_lost(self, error: OrinError) -> None:
+        """Close the link if the connection cannot be used any more after an error."""
+        if isinstance(error, ConnectFailed | ConnectionLost) or (isinstance(error, ProtocolError) and error.fatal):
             self._link.close()
-            raise
-        except ProtocolError as error:
-            if error.fatal:
-                self._link.close()
-            raise
 
     def _fileno(self) -> int:
         """Return the file descriptor of the connection, for another process."""

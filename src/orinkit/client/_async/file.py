@@ -21,6 +21,7 @@ from orinkit.client._shared.common import (
     parse_date,
     text_list,
 )
+from orinkit.client._shared.prepared import PreparedCommand
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Value
 
@@ -66,6 +67,13 @@ class AsyncFile(AsyncObjectContainer):
         if self._missing is not None:
             await self._connect_missing(create=function is f.file_put_value)
         return await super()._call(function, *args, **kwargs)
+
+    async def _execute(self, command: PreparedCommand, parameter: Value) -> Any:
+        if self._missing is not None:
+            await self._connect_missing(create=False)
+        if command.handle != self.handle:  # prepared before the file existed
+            command = self._prepare(command.command)
+        return await super()._execute(command, parameter)
 
     async def _connect_missing(self, *, create: bool) -> None:
         """Connect to the file if it did not exist when this object was created; with ``create``, create the file."""

@@ -15,6 +15,7 @@ from orinkit.client._async.client import AsyncClient
 from orinkit.client._async.objects import AsyncObjectBase, AsyncObjectContainer
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import error_count, error_info
+from orinkit.client._shared.prepared import PreparedCommand, PreparedFunction
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.core.errors import CallError, OrinError, ProtocolError
 from orinkit.core.i18n import tr
@@ -54,6 +55,10 @@ class AsyncMotionTracker:
         self.sure = False
         self.paused = False
         self.at_rest = False
+
+    def forget(self) -> None:
+        """Record that a command may move the arm."""
+        self.at_rest = self.sure = False
 
 
 class AsyncArmBase(AsyncObjectContainer):
@@ -135,16 +140,10 @@ class AsyncArmBase(AsyncObjectContainer):
             if not is_missing(error):
                 raise
 
-    async def execute(self, command: str, parameter: Value = None) -> Any:
-        """Execute an extended command, for example ``execute("CurJnt")``, and return its result.
-
-        Args:
-            command: Name of the command.
-            parameter: Value of CAO; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in it are sent as text.
-        """
-        if str(command).strip().lower() not in HOLDING_COMMANDS:
-            self._track.at_rest = self._track.sure = False
-        return await super().execute(command, sendable(parameter))
+    def _command(self, prepared: PreparedFunction, command: str) -> PreparedCommand:
+        holding = str(command).strip().lower() in HOLDING_COMMANDS
+        before = None if holding else self._track.forget
+        return PreparedCommand(prepared.function, (self.handle, command), prepared.template, before, sendable)
 
     async def halt(self, option: str = "") -> None:
         """Stop and abort the motion.

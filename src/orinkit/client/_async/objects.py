@@ -12,6 +12,7 @@ from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._async.client import AsyncClient
 from orinkit.client._shared.common import ObjectFunctions, text_list
+from orinkit.client._shared.prepared import MOST_COMMANDS, PreparedCommand, PreparedFunction
 from orinkit.core.closing import AsyncClosing
 from orinkit.core.errors import CallError, CallTimeout, ObjectReleased, OrinError
 from orinkit.core.i18n import tr
@@ -77,6 +78,16 @@ class AsyncObjectBase(AsyncClosing):
     def _require_open(self) -> None:
         if not self._open:  # the handle may belong to another object by now
             raise ObjectReleased(tr("{object!r} was used after it was closed. Try: connect to it again", object=self))
+
+    async def _call_prepared(self, call: PreparedFunction, value: Any = None, timeout: float | None = None) -> Any:
+        """Make a prepared call of this object, as :meth:`_call`."""
+        if not self._open:
+            self._require_open()
+        try:
+            return await self.client.call_prepared(call, value, timeout)
+        except CallError as error:
+            error.subject = self._label
+            raise
 
     async def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         self._require_open()
@@ -173,20 +184,29 @@ class AsyncNamedObject(AsyncObjectBase):
 class AsyncVariable(AsyncNamedObject):
     """A variable of a controller, robot, task, file or extension (RC8 3.1)."""
 
-    __slots__ = ()
+    __slots__ = ("_getting", "_putting")
 
     functions = ObjectFunctions(
         f.variable_release, f.variable_get_attribute, f.variable_get_help, f.variable_get_name,
         f.variable_get_tag, f.variable_put_tag, f.variable_get_id, f.variable_put_id,
     )  # fmt: skip
 
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncObjectBase | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._getting: PreparedFunction | None = None
+        self._putting: PreparedFunction | None = None
+
     async def get_value(self) -> Any:
         """Return the value, converted to Python types (:mod:`orinkit.values.variant`)."""
-        return await self._call(f.variable_get_value)
+        if self._getting is None:
+            self._getting = self.client.prepare(f.variable_get_value, self.handle)
+        return await self._call_prepared(self._getting)
 
     async def put_value(self, value: Value) -> None:
         """Set the value."""
-        await self._call(f.variable_put_value, value)
+        if self._putting is None:
+            self._putting = self.client.prepare(f.variable_put_value, self.handle)
+        await self._call_prepared(self._putting, value)
 
     async def get_date_time(self) -> Any:
         """Return the time at which the value was sampled, as a ``datetime`` in the controller's local time."""
@@ -197,10 +217,47 @@ class AsyncVariable(AsyncNamedObject):
         return await self._call(f.variable_get_microsecond)
 
 
+class AsyncPreparedCall:
+    """An extended command of an object, prepared for many calls; created by ``prepare`` of the object.
+
+    ``await call(parameter)`` executes the command, as ``execute(command, parameter)`` of the object does, and returns
+    its result. The parameter is any value of CAO, ``None`` by default.
+
+    Attributes:
+        command: Name of the command.
+    """
+
+    __slots__ = ("_owner", "_prepared", "command")
+
+    def __init__(self, owner: AsyncObjectContainer, prepared: PreparedCommand) -> None:
+        self.command = prepared.command
+        self._owner = owner
+        self._prepared = prepared
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.command!r} of {self._owner!r}>"
+
+    async def __call__(self, parameter: Value = None) -> Any:
+        """Execute the command with a parameter, and return its result.
+
+        Raises:
+            InvalidValue: If the parameter cannot be converted; nothing was sent.
+            CallError: If the controller returned an error code.
+            CallTimeout: If there was no reply in time.
+            ConnectionLost: If the connection broke.
+            ObjectReleased: If the object is closed.
+        """
+        return await self._owner._execute(self._prepared, parameter)
+
+
 class AsyncObjectContainer(AsyncNamedObject):
     """Base class of objects that have variables and extended commands."""
 
-    __slots__ = ()
+    __slots__ = ("_commands",)
+
+    def __init__(self, client: AsyncClient, handle: int, label: str, parent: AsyncObjectBase | None = None) -> None:
+        super().__init__(client, handle, label, parent)
+        self._commands: dict[str, PreparedCommand] = {}  # they do not refer to this object: it is deleted immediately
 
     async def variable(self, name: str, option: str = "") -> AsyncVariable:
         """Connect to a variable by name."""
@@ -213,15 +270,49 @@ class AsyncObjectContainer(AsyncNamedObject):
         return text_list(await self._call(self.functions.variable_names, option))
 
     async def execute(self, command: str, parameter: Value = None) -> Any:
-        """Execute an extended command, for example ``execute("ClearError")``, and return its result."""
+        """Execute an extended command, for example ``execute("ClearError")``, and return its result.
+
+        Args:
+            command: Name of the command.
+            parameter: Value of CAO. A robot also takes ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)``, also in lists,
+                and sends them as text.
+        """
+        known = self._commands.get(command) if type(command) is str else None
+        return await self._execute(known or self._prepare(command), parameter)
+
+    def prepare(self, command: str) -> AsyncPreparedCall:
+        """Return an extended command that is prepared for many calls. Nothing is sent.
+
+        ::
+
+            slv_move = robot.prepare("slvMove")
+            feedback = await slv_move(pose)
+
+        Args:
+            command: Name of the command.
+        """
+        return AsyncPreparedCall(self, self._prepare(command))
+
+    def _prepare(self, command: str) -> PreparedCommand:
+        """Prepare a command, and keep it for :meth:`execute`; at most ``MOST_COMMANDS`` are kept."""
         assert self.functions.execute is not None
-        seconds = self.client.command_timeout(command)
-        if seconds is None:
-            return await self._call(self.functions.execute, command, parameter)
-        self._require_open()
-        try:
-            reply = await self.client.request(self.functions.execute, self.handle, command, parameter, timeout=seconds)
-        except CallError as error:
-            error.subject = self._label
-            raise
-        return reply.value
+        if len(self._commands) >= MOST_COMMANDS:
+            self._commands.clear()
+        made = self._command(self.client.prepare(self.functions.execute, self.handle, command), command)
+        if type(command) is str:
+            self._commands[command] = made
+        return made
+
+    def _command(self, prepared: PreparedFunction, command: str) -> PreparedCommand:
+        return PreparedCommand(prepared.function, (self.handle, command), prepared.template)
+
+    async def _execute(self, command: PreparedCommand, parameter: Value) -> Any:
+        """Execute a prepared command."""
+        client = self.client
+        if command.before is not None:
+            command.before()
+        if command.dialect is not client.dialect:
+            command.dialect = client.dialect
+            command.is_long = client.command_timeout(command.command) is not None
+        seconds = client.command_timeout(command.command) if command.is_long else None
+        return await self._call_prepared(command, parameter, seconds)

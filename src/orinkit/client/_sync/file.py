@@ -19,6 +19,7 @@ from orinkit.client._shared.common import (
     parse_date,
     text_list,
 )
+from orinkit.client._shared.prepared import PreparedCommand
 from orinkit.client._sync.client import Client
 from orinkit.client._sync.objects import ObjectBase, ObjectContainer
 from orinkit.core.errors import CallError
@@ -66,6 +67,13 @@ class File(ObjectContainer):
         if self._missing is not None:
             self._connect_missing(create=function is f.file_put_value)
         return super()._call(function, *args, **kwargs)
+
+    def _execute(self, command: PreparedCommand, parameter: Value) -> Any:
+        if self._missing is not None:
+            self._connect_missing(create=False)
+        if command.handle != self.handle:  # prepared before the file existed
+            command = self._prepare(command.command)
+        return super()._execute(command, parameter)
 
     def _connect_missing(self, *, create: bool) -> None:
         """Connect to the file if it did not exist when this object was created; with ``create``, create the file."""

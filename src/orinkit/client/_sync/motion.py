@@ -11,6 +11,7 @@ from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.client._shared import motion as common
 from orinkit.client._shared.common import error_count, error_info
+from orinkit.client._shared.prepared import PreparedCommand, PreparedFunction
 from orinkit.client._shared.robot import HOLDING_COMMANDS, is_missing, passes, read_number, read_pose, sendable
 from orinkit.client._sync.client import Client
 from orinkit.client._sync.objects import ObjectBase, ObjectContainer
@@ -52,6 +53,10 @@ class MotionTracker:
         self.sure = False
         self.paused = False
         self.at_rest = False
+
+    def forget(self) -> None:
+        """Record that a command may move the arm."""
+        self.at_rest = self.sure = False
 
 
 class ArmBase(ObjectContainer):
@@ -133,16 +138,10 @@ class ArmBase(ObjectContainer):
             if not is_missing(error):
                 raise
 
-    def execute(self, command: str, parameter: Value = None) -> Any:
-        """Execute an extended command, for example ``execute("CurJnt")``, and return its result.
-
-        Args:
-            command: Name of the command.
-            parameter: Value of CAO; ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)`` in it are sent as text.
-        """
-        if str(command).strip().lower() not in HOLDING_COMMANDS:
-            self._track.at_rest = self._track.sure = False
-        return super().execute(command, sendable(parameter))
+    def _command(self, prepared: PreparedFunction, command: str) -> PreparedCommand:
+        holding = str(command).strip().lower() in HOLDING_COMMANDS
+        before = None if holding else self._track.forget
+        return PreparedCommand(prepared.function, (self.handle, command), prepared.template, before, sendable)
 
     def halt(self, option: str = "") -> None:
         """Stop and abort the motion.

@@ -31,6 +31,7 @@ from orinkit.streaming.process.shared_memory import (
     StreamCommand,
     StreamMemory,
 )
+from orinkit.transport.direct import SyncDirectLink, run_prepared
 from orinkit.transport.runner import Link, run, send_close
 from orinkit.values.variant import ARRAY, Variant, VarType
 
@@ -131,6 +132,8 @@ class StreamerConnection:
         self._receive = setup.receive
         self.conversation = BcapConversation(profile=profile, dialect=DIALECTS[setup.dialect], clock=monotonic)
         self.conversation.serial = setup.serial
+        self._direct_link = link if self.conversation.direct and isinstance(link, SyncDirectLink) else None
+        self._template = self.conversation.template(functions.robot_execute, (setup.handle, "slvMove"))
 
     def execute(self, command: str, parameter: Any) -> tuple[int, Any]:
         """Execute a command of the robot; return its return code and its result."""
@@ -146,7 +149,9 @@ class StreamerConnection:
         # After noise on a serial line, the controller finds the next packet only after a pause in the received data.
         retry_timeout = SILENCE + self._cycle if self.conversation.profile.shared else 0.0
         sent = monotonic()
-        code, value = self._call(functions.robot_execute, arguments, seconds, tries, retry_timeout)
+        code, value = self._call_directly(arguments, seconds) or self._call(
+            functions.robot_execute, arguments, seconds, tries, retry_timeout
+        )
         return Delivery(sent, monotonic(), code, read_reply(self._receive, value))
 
     def lateness(self, skip_first: int) -> Lateness | None:
@@ -198,8 +203,18 @@ class StreamerConnection:
                 self.conversation.call(function, arguments, seconds, tries=tries, retry_timeout=retry_timeout),
                 self._link,
             )
-        except CallError as error:  # the name of the command is more specific than the function
-            raise error_for(error.code, error.detail, str(arguments[1])) from None
+        except CallError as error:
+            raise _named(error, arguments) from None
+
+    def _call_directly(self, arguments: tuple[Any, ...], seconds: float) -> tuple[int, Any] | None:
+        """Send slvMove as a prepared call; return ``None`` if this is not possible."""
+        link, template, conversation = self._direct_link, self._template, self.conversation
+        if link is None or template is None or not conversation.direct:
+            return None
+        try:
+            return run_prepared(conversation, link, functions.robot_execute, template, arguments[2], arguments, seconds)
+        except CallError as error:
+            raise _named(error, arguments) from None
 
     def read_first_error(self, error: CallError) -> CallError:
         """Return the controller's first error, which turned slave mode off (RC8 4.7).
@@ -226,6 +241,11 @@ class StreamerConnection:
     def _ask(self, command: str, parameter: Any) -> Any:
         arguments = (self._controller, command, parameter)
         return self._call(functions.controller_execute, arguments, self._timeout, self._tries)[1]
+
+
+def _named(error: CallError, arguments: tuple[Any, ...]) -> CallError:
+    """Return the error of a call with the name of its command, which is more specific than the function."""
+    return error_for(error.code, error.detail, str(arguments[1]))
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, Final
 
 from orinkit.bcap import packet as bcap
-from orinkit.bcap.client import encode_request
+from orinkit.bcap.requests import encode_request
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.table import Argument, Function, snake_case
 from orinkit.core.errors import CallError, InvalidValue, OrinError

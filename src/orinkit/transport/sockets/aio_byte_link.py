@@ -12,7 +12,7 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost, other_loop
 from orinkit.transport.sockets.socket_link import CHUNK
 from orinkit.transport.tcp_keepalive import prepare
-from orinkit.transport.waiter import AsyncWaiter
+from orinkit.transport.waiter import ConnectionWaiter
 
 _UNSENT: Final = 16 * 1024 * 1024
 """Maximum number of bytes that earlier calls of ``send`` left unsent; if there are more, a call closes the link."""
@@ -26,8 +26,9 @@ class AsyncStreamLink(ProcessBound, ABC):
         self._parents: asyncio.Transport | None = None
         self._received = bytearray()
         self._ended = False
+        self._paused = False
         self._error: Exception | None = None
-        self._waiter = AsyncWaiter()
+        self._waiter = ConnectionWaiter()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Store the transport of the new connection."""
@@ -45,7 +46,7 @@ class AsyncStreamLink(ProcessBound, ABC):
         """Store received bytes."""
         self._received += data
         if len(self._received) > 64 * CHUNK and self._transport is not None:
-            self._transport.pause_reading()  # if nothing is received, a peer that sends too much fills its own buffers
+            self._pause(self._transport)  # if nothing is received, a peer that sends too much fills its own buffers
         self._waiter.wake()
 
     def send(self, data: bytes) -> None:
@@ -88,18 +89,25 @@ class AsyncStreamLink(ProcessBound, ABC):
         if self._transport is None:
             raise self._unusable()
         if not self._received and not self._ended:
-            self._transport.resume_reading()
+            if self._paused:
+                self._resume(self._transport)
             await self._waiter.wait(seconds)
             if self._transport is None:
                 raise self._unusable()
         if self._received:
             data = bytes(self._received)
             self._received.clear()
-            self._transport.resume_reading()
+            if self._paused:
+                self._resume(self._transport)
             return data
         if self._error is not None:
             raise lost(self._error)
         return b"" if self._ended else None
+
+    async def exchange(self, data: bytes, seconds: float) -> bytes | None:
+        """Queue all bytes for sending, then return the next received bytes; the same as :meth:`send` and :meth:`receive`."""
+        self.send(data)
+        return await self.receive(seconds)
 
     def fileno(self) -> int:
         """Return the descriptor, so that another process can take it over.
@@ -114,8 +122,16 @@ class AsyncStreamLink(ProcessBound, ABC):
             raise self._unusable()
         if self._ended:
             raise lost(self._error or tr("closed by the peer"))
-        self._transport.pause_reading()
+        self._pause(self._transport)
         return self._descriptor(self._transport)
+
+    def _pause(self, transport: asyncio.Transport) -> None:
+        transport.pause_reading()
+        self._paused = True
+
+    def _resume(self, transport: asyncio.Transport) -> None:
+        transport.resume_reading()
+        self._paused = False
 
     @abstractmethod
     def _descriptor(self, transport: asyncio.Transport) -> int: ...
@@ -144,7 +160,7 @@ class AsyncStreamLink(ProcessBound, ABC):
                 self._transport.close()
             self._transport = None
             self._ended = True
-            self._waiter.wake()
+            self._waiter.close()
 
 
 class AsyncSocketLink(AsyncStreamLink):

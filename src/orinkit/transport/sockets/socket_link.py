@@ -9,6 +9,7 @@ from typing import Final
 
 from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
+from orinkit.core.speedups import EXTENSION
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
@@ -23,6 +24,8 @@ class SocketLink(ProcessBound):
 
     Attributes:
         datagrams: True if the socket is a datagram socket: a packet arrives as a whole or not at all.
+        descriptor: Descriptor of the socket for the extension in C; -1 after the link was closed.
+        kernel_seconds: Time-out that :meth:`use_kernel_timeout` has set, s; -1 if the socket is in another mode.
     """
 
     datagrams = False
@@ -31,10 +34,18 @@ class SocketLink(ProcessBound):
         self._socket = connection
         self._open = True
         self._seconds = -1.0
+        self.descriptor = connection.fileno()
+        self.kernel_seconds = -1.0
         self._sendall: Callable[[bytes], object] = connection.sendall
         self._recv = connection.recv
         self._sending: threading.Lock | None = None
+        # for exchange(): another object for the same descriptor, which belongs to self._socket
+        self._sender = socket.socket(connection.family, connection.type, connection.proto, connection.fileno())
         keep_from_children(self)
+
+    def __del__(self) -> None:
+        if hasattr(self, "_sender"):
+            self._sender.detach()
 
     def fileno(self) -> int:
         """Return the socket's descriptor, so that another process can take it over.
@@ -44,13 +55,19 @@ class SocketLink(ProcessBound):
         """
         if not self._open:
             raise self._unusable()
+        self._seconds = self.kernel_seconds = -1.0  # the other process may change the mode of the socket
         return self._socket.fileno()
 
-    def send(self, data: bytes, seconds: float) -> None:
+    def send(self, data: bytes, seconds: float, start: int = 0) -> None:
         """Send all bytes; if that fails, close the link, because the stream would contain a truncated packet.
 
         An interrupting exception, such as KeyboardInterrupt, leaves a datagram socket open, so that packets that notify
         the peer of the end of the connection can still be sent.
+
+        Args:
+            data: The bytes.
+            seconds: Time-out, s.
+            start: Number of the bytes that have already been sent.
 
         Raises:
             ConnectionLost: If the connection failed, or the peer did not accept the bytes in time.
@@ -58,25 +75,95 @@ class SocketLink(ProcessBound):
         """
         try:
             self._set_timeout(seconds)
-            self._sendall(data)
+            self._sendall(data[start:])
         except BaseException as error:
-            if self.datagrams and not isinstance(error, Exception):
+            failure = self._send_error(error, len(data), seconds)
+            if failure is None:
                 raise
-            was_open = self._open
-            self.close()
-            if not was_open:
-                raise self._unusable() from error
-            if isinstance(error, TimeoutError):
-                raise lost(
-                    tr(
-                        "the peer did not accept {count} bytes within {seconds:g} s",
-                        count=len(data),
-                        seconds=seconds,
-                    )
-                ) from error
-            if isinstance(error, OSError):
-                raise self._broken(error) from error
-            raise
+            raise failure from error
+
+    def _send_error(self, error: BaseException, count: int, seconds: float) -> TransportError | None:
+        """Close the link after a failed send; return the exception to raise, ``None`` for ``error`` itself."""
+        if self.datagrams and not isinstance(error, Exception):
+            return None
+        was_open = self._open
+        self.close()
+        if not was_open:
+            return self._unusable()
+        if isinstance(error, TimeoutError):
+            return lost(tr("the peer did not accept {count} bytes within {seconds:g} s", count=count, seconds=seconds))
+        return self._broken(error) if isinstance(error, OSError) else None
+
+    def exchange(self, data: bytes, seconds: float) -> bytes | None:
+        """Send all bytes, then return the next received bytes; the same as :meth:`send` and :meth:`receive`.
+
+        Before each system call, a socket with a time-out waits until the system call cannot block. The socket object
+        that sends has no time-out, which saves this wait.
+        """
+        try:
+            if seconds != self._seconds:
+                self._set_timeout(seconds)
+            sent = self._sender.send(data)
+        except BlockingIOError:  # the peer does not read
+            sent = 0
+        except BaseException as error:
+            failure = self._send_error(error, len(data), seconds)
+            if failure is None:
+                raise
+            raise failure from error
+        if sent != len(data):
+            self.send(data, seconds, sent)
+        try:
+            received = self._recv(CHUNK)
+        except TimeoutError:
+            return None
+        except OSError as error:
+            raise self._receive_error(error) from error
+        if not received and not self._open:
+            raise self._unusable()
+        return received
+
+    # --- for the extension in C ---------------------------------------------------------------------------------
+
+    def use_kernel_timeout(self, seconds: float) -> None:
+        """Put the socket into blocking mode with time-outs of the system.
+
+        In this mode, a call does not require a system call that waits for the socket. Each method of this class that
+        sends or receives ends this mode.
+
+        Raises:
+            ConnectionLost: If the connection failed.
+            ConnectionClosed: If the link is closed.
+        """
+        try:
+            self._seconds = -1.0
+            self._socket.settimeout(None)
+            assert EXTENSION is not None
+            EXTENSION.set_timeouts(self._socket.fileno(), seconds)
+        except OSError as error:
+            self.fail(error)
+        self.kernel_seconds = seconds
+
+    def finish_exchange(self, data: bytes, seconds: float, start: int) -> bytes | None:
+        """Send the rest of the bytes of an exchange, from ``start``, then return the next received bytes."""
+        self.send(data, seconds, start)
+        return self.receive(seconds)
+
+    def fail(self, error: OSError | None) -> None:
+        """Raise the exception for a failed exchange.
+
+        Args:
+            error: Error of the system. ``None`` means the end of the stream; in this case, nothing is raised if the
+                peer has closed the connection.
+
+        Raises:
+            ConnectionLost: If the connection failed.
+            ConnectionClosed: If the link is closed.
+        """
+        if error is not None:
+            raise self._receive_error(error) from error
+        if not self._open:
+            raise self._unusable()
 
     def enable_concurrent_send(self) -> None:
         """Prepare for calls of :meth:`send_concurrently`; do not call this method during a send."""
@@ -118,15 +205,20 @@ class SocketLink(ProcessBound):
         except TimeoutError:
             return None
         except OSError as error:
-            was_open = self._open
-            self.close()
-            raise (self._broken(error) if was_open else self._unusable()) from error
+            raise self._receive_error(error) from error
         if not data and not self._open:  # another thread's close() has ended the stream
             raise self._unusable()
         return data
 
+    def _receive_error(self, error: OSError) -> TransportError:
+        """Close the link after a failed receive, and return the exception to raise."""
+        was_open = self._open
+        self.close()
+        return self._broken(error) if was_open else self._unusable()
+
     def _set_timeout(self, seconds: float) -> None:
         if seconds != self._seconds:  # saves a system call
+            self.kernel_seconds = -1.0
             self._socket.settimeout(seconds)
             self._seconds = seconds
 
@@ -137,17 +229,22 @@ class SocketLink(ProcessBound):
     def after_fork_in_child(self) -> Iterable[int]:
         """Mark the link as closed in a forked child; the connection stays open in the parent."""
         self._open, self._left = False, True
+        self.descriptor = -1
         return (self._socket.fileno(),)
 
     def close_local(self) -> None:
         """Close the link in this process only; the connection stays open in another process that has it."""
         self._open = False
+        self.descriptor = -1
+        self._sender.detach()
         self._socket.close()
 
     def close(self) -> None:
         """Close the link; a receive pending in another thread ends immediately."""
         if self._open:
             self._open = False
+            self.descriptor = -1
+            self._sender.detach()
             try:
                 self._socket.shutdown(socket.SHUT_RDWR)
             except OSError:  # the peer may have closed first

@@ -1,0 +1,440 @@
+/* The exchange of one call over a stream socket: see orinkit/transport/direct.py.
+ *
+ * The socket is in blocking mode with time-outs of the system, so that a call takes two system calls: send and recv.
+ */
+#include "speedups.h"
+
+#ifdef WITH_EXCHANGE
+#include <errno.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <time.h>
+
+#define RECEIVED_MOST 8192 /* a larger reply is continued in Python */
+#define S_EXECUTING 0x900
+#define FAILURE 0x80000000
+#define CAPSULE "orinkit.template"
+
+/* --- time ---------------------------------------------------------------------------------------------------------- */
+
+/* The clock of time.monotonic(). */
+static double now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+/* Set the time-outs of a socket for sending and for receiving. */
+PyObject *set_timeouts(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    (void)module;
+    if (count != 2)
+        return PyErr_Format(PyExc_TypeError, "set_timeouts() takes 2 arguments");
+    int descriptor = (int)PyLong_AsLong(arguments[0]);
+    double seconds = PyFloat_AsDouble(arguments[1]);
+    if (PyErr_Occurred())
+        return NULL;
+    seconds = seconds < 1e-6 ? 1e-6 : seconds > 1e8 ? 1e8 : seconds; /* 0 would mean no limit */
+    struct timeval limit = {.tv_sec = (time_t)seconds};
+    limit.tv_usec = (suseconds_t)((seconds - (double)limit.tv_sec) * 1e6);
+    if (setsockopt(descriptor, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit) < 0 ||
+        setsockopt(descriptor, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit) < 0)
+        return PyErr_SetFromErrno(PyExc_OSError);
+    Py_RETURN_NONE;
+}
+
+/* --- templates ----------------------------------------------------------------------------------------------------- */
+
+/* The constant part of the packets of a prepared call. */
+typedef struct {
+    long most;     /* largest size of a packet */
+    bool varies;   /* there is a varying argument */
+    size_t size;   /* bytes of start */
+    uint8_t start[]; /* header and constant arguments; length and serial are filled in for each call */
+} Template;
+
+static void free_template(PyObject *capsule) { PyMem_Free(PyCapsule_GetPointer(capsule, CAPSULE)); }
+
+/* native_template(function_id, count, constants, varies, most): return an object for RequestTemplate.native. */
+PyObject *native_template(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    (void)module;
+    if (count != 5 || !PyBytes_Check(arguments[2]))
+        return PyErr_Format(PyExc_TypeError, "native_template() takes 5 arguments");
+    unsigned long function = PyLong_AsUnsignedLong(arguments[0]), number = PyLong_AsUnsignedLong(arguments[1]);
+    long most = PyLong_AsLong(arguments[4]);
+    int varies = PyObject_IsTrue(arguments[3]);
+    if (PyErr_Occurred())
+        return NULL;
+    size_t size = (size_t)PyBytes_GET_SIZE(arguments[2]);
+    Template *template = PyMem_Calloc(1, sizeof *template + PACKET_HEAD + size);
+    if (template == NULL)
+        return PyErr_NoMemory();
+    template->most = most;
+    template->varies = varies;
+    template->size = PACKET_HEAD + size;
+    template->start[0] = 0x01;
+    store_u32(template->start + 9, (uint32_t)function);
+    store_u16(template->start + 13, (uint16_t)number);
+    memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(arguments[2]), size);
+    PyObject *capsule = PyCapsule_New(template, CAPSULE, free_template);
+    if (capsule == NULL)
+        PyMem_Free(template);
+    return capsule;
+}
+
+/* Write the packet of a call. UNUSUAL: the Python code converts the value, for example a pose, or reports its error. */
+static Outcome write_request(State *state, const Template *template, PyObject *value, uint16_t serial, Writer *writer)
+{
+    if (!template->varies && value != Py_None)
+        return UNUSUAL;
+    Outcome outcome = writer_add(writer, template->start, template->size);
+    if (outcome == DONE && template->varies) {
+        outcome = writer_add(writer, "\0\0\0\0", 4);
+        if (outcome == DONE)
+            outcome = put_value(state, writer, value, true, 0);
+        if (outcome == DONE)
+            put_length(writer, template->size);
+    }
+    if (outcome == DONE)
+        outcome = writer_add(writer, "\x04", 1);
+    if (outcome != DONE || writer->size > (size_t)template->most)
+        return outcome == FAILED ? FAILED : UNUSUAL;
+    store_u32(writer->start + 1, (uint32_t)writer->size);
+    store_u16(writer->start + 5, serial);
+    return DONE;
+}
+
+/* --- system calls -------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    PyObject *conversation, *link, *function, *seconds; /* borrowed */
+    double end;         /* of the wait for the reply */
+    int descriptor;
+    const uint8_t *request;
+    size_t size;
+    ssize_t sent, received; /* as the system calls return them */
+    int error;
+    uint8_t reply[RECEIVED_MOST];
+} Exchange;
+
+/* Send and receive, without Python. */
+static void transfer(Exchange *exchange)
+{
+    exchange->received = -1;
+    exchange->sent = send(exchange->descriptor, exchange->request, exchange->size, MSG_NOSIGNAL);
+    if (exchange->sent == (ssize_t)exchange->size)
+        exchange->received = recv(exchange->descriptor, exchange->reply, RECEIVED_MOST, 0);
+    exchange->error = errno;
+}
+
+/* Wait for data, at most until the end; a signal neither prolongs the wait nor is its handler delayed. */
+static void receive_until_end(Exchange *exchange)
+{
+    double left = exchange->end - now();
+    struct pollfd waiting = {.fd = exchange->descriptor, .events = POLLIN};
+    int milliseconds = left <= 0 ? 0 : left > 1e6 ? 1000000000 : (int)(left * 1e3) + 1;
+    exchange->received = -1;
+    int ready = poll(&waiting, 1, milliseconds);
+    exchange->error = ready < 0 ? errno : EAGAIN;
+    if (ready > 0) {
+        exchange->received = recv(exchange->descriptor, exchange->reply, RECEIVED_MOST, MSG_DONTWAIT);
+        exchange->error = errno;
+    }
+}
+
+/* Make the transfer; afterwards, a request that was not sent completely has been left to Python. */
+static Outcome run_transfer(Exchange *exchange)
+{
+    Py_BEGIN_ALLOW_THREADS
+    transfer(exchange);
+    Py_END_ALLOW_THREADS
+    while (exchange->sent < 0 && exchange->error == EINTR) { /* nothing was sent */
+        if (PyErr_CheckSignals() < 0)
+            return FAILED;
+        Py_BEGIN_ALLOW_THREADS
+        transfer(exchange);
+        Py_END_ALLOW_THREADS
+    }
+    if (exchange->sent != (ssize_t)exchange->size)
+        return UNUSUAL;
+    while (exchange->received < 0 && (exchange->error == EINTR || exchange->error == EAGAIN)) {
+        if (exchange->error == EINTR && PyErr_CheckSignals() < 0)
+            return FAILED;
+        if (exchange->error == EAGAIN && now() >= exchange->end)
+            break;
+        Py_BEGIN_ALLOW_THREADS
+        receive_until_end(exchange);
+        Py_END_ALLOW_THREADS
+    }
+    return DONE;
+}
+
+/* Let the link raise the exception for an error of the system, or for the end of a stream that this program closed;
+ * return normally if the peer has closed the connection. */
+static Outcome report(State *state, Exchange *exchange, int error)
+{
+    PyObject *reason = error ? PyObject_CallFunction(PyExc_OSError, "is", error, strerror(error)) : Py_NewRef(Py_None);
+    PyObject *nothing = reason == NULL ? NULL : PyObject_CallMethodOneArg(exchange->link, state->n_fail, reason);
+    Py_XDECREF(reason);
+    Py_XDECREF(nothing);
+    return nothing == NULL ? FAILED : DONE;
+}
+
+/* Let the link send the rest of the request and receive; return what it received. */
+static PyObject *continue_in_python(State *state, Exchange *exchange)
+{
+    Py_ssize_t sent = exchange->sent < 0 ? 0 : (Py_ssize_t)exchange->sent;
+    PyObject *request = PyBytes_FromStringAndSize((const char *)exchange->request, (Py_ssize_t)exchange->size);
+    PyObject *start = PyLong_FromSsize_t(sent);
+    PyObject *received = NULL;
+    if (request != NULL && start != NULL)
+        received = PyObject_CallMethodObjArgs(exchange->link, state->n_finish_exchange, request, exchange->seconds, start, NULL);
+    Py_XDECREF(request);
+    Py_XDECREF(start);
+    return received;
+}
+
+/* --- reply --------------------------------------------------------------------------------------------------------- */
+
+/* Read the result of the call. UNUSUAL: Python reads it, or reports the error. */
+static Outcome read_result(State *state, Exchange *exchange, uint16_t count, bool exact, PyObject **value)
+{
+    PyObject *kind = PyObject_GetAttr(exchange->function, state->n_result);
+    if (kind == NULL)
+        return FAILED;
+    Py_DECREF(kind); /* the table of functions keeps it */
+    if (kind == Py_None) {
+        *value = Py_NewRef(Py_None);
+        return DONE;
+    }
+    if (count == 0 || exact)
+        return UNUSUAL;
+    PyObject *limits_object = PyObject_GetAttr(exchange->conversation, state->n_limits);
+    if (limits_object == NULL)
+        return FAILED;
+    Limits limits;
+    Outcome outcome = read_limits(state, limits_object, &limits);
+    Py_DECREF(limits_object);
+    long long budget = limits.variants;
+    size_t stop;
+    if (outcome == DONE)
+        outcome = read_argument(state, exchange->reply, PACKET_HEAD, (size_t)exchange->received - 1, &limits, false,
+                                &budget, value, &stop);
+    if (outcome != DONE)
+        return outcome;
+    if (kind == state->result_variant || (kind == state->result_integer && PyLong_CheckExact(*value)) ||
+        (kind == state->result_string && PyUnicode_CheckExact(*value)))
+        return DONE;
+    Py_CLEAR(*value);
+    return UNUSUAL;
+}
+
+/* Read a reply that is exactly one packet with the serial and a success code. */
+static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, bool exact, uint32_t *code, PyObject **value)
+{
+    const uint8_t *reply = exchange->reply;
+    ssize_t size = exchange->received;
+    if (size < PACKET_LEAST || reply[0] != 0x01 || reply[size - 1] != 0x04 || load_u32(reply + 1) != (size_t)size ||
+        load_u16(reply + 5) != serial)
+        return UNUSUAL;
+    *code = load_u32(reply + 9);
+    if (*code == S_EXECUTING || *code >= FAILURE)
+        return UNUSUAL;
+    return read_result(state, exchange, load_u16(reply + 13), exact, value);
+}
+
+static PyObject *success(uint32_t code, PyObject *value)
+{
+    PyObject *result = PyTuple_New(2);
+    PyObject *number = result == NULL ? NULL : PyLong_FromUnsignedLong(code);
+    if (number == NULL) {
+        Py_XDECREF(result);
+        Py_DECREF(value);
+        return NULL;
+    }
+    PyTuple_SET_ITEM(result, 0, number);
+    PyTuple_SET_ITEM(result, 1, value);
+    return result;
+}
+
+/* Let the conversation examine what was received; the reference to it is consumed. If it is not the reply, return
+ * Unfinished. */
+static PyObject *finish_in_python(State *state, Exchange *exchange, uint16_t serial, PyObject *exact, PyObject *received)
+{
+    PyObject *number = PyLong_FromLong(serial), *result = NULL;
+    if (number != NULL)
+        result = PyObject_CallMethodObjArgs(exchange->conversation, state->n_finish, exchange->function, number, received,
+                                            exact, NULL);
+    if (result == Py_None) {
+        Py_DECREF(result);
+        result = PyObject_CallFunction(state->unfinished, "OOd", number, received, exchange->end);
+    }
+    Py_XDECREF(number);
+    Py_DECREF(received);
+    return result;
+}
+
+/* Send the request, receive, and return the outcome of the call. */
+static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyObject *exact)
+{
+    PyObject *value = NULL, *received;
+    uint32_t code = 0;
+    exchange->end = now() + PyFloat_AS_DOUBLE(exchange->seconds);
+    Outcome outcome = run_transfer(exchange);
+    if (outcome == FAILED)
+        return NULL;
+    if (outcome == UNUSUAL) {
+        if (exchange->sent < 0 && exchange->error != EAGAIN && report(state, exchange, exchange->error) != DONE)
+            return NULL;
+        received = continue_in_python(state, exchange);
+        return received == NULL ? NULL : finish_in_python(state, exchange, serial, exact, received);
+    }
+    if (exchange->received > 0) {
+        outcome = read_reply(state, exchange, serial, exact == Py_True, &code, &value);
+        if (outcome != UNUSUAL)
+            return outcome == DONE ? success(code, value) : NULL;
+    } else if (exchange->received == 0 || exchange->error != EAGAIN) {
+        if (report(state, exchange, exchange->received < 0 ? exchange->error : 0) != DONE)
+            return NULL;
+    }
+    received = exchange->received < 0
+                   ? Py_NewRef(Py_None)
+                   : PyBytes_FromStringAndSize((const char *)exchange->reply, (Py_ssize_t)exchange->received);
+    return received == NULL ? NULL : finish_in_python(state, exchange, serial, exact, received);
+}
+
+/* --- functions for Python ------------------------------------------------------------------------------------------ */
+
+/* Prepare the socket. UNUSUAL: the link has no socket for this. */
+static Outcome prepare_link(State *state, Exchange *exchange)
+{
+    if (!PyFloat_CheckExact(exchange->seconds))
+        return UNUSUAL;
+    PyObject *set = PyObject_GetAttr(exchange->link, state->n_kernel_seconds);
+    if (set == NULL) {
+        if (!PyErr_ExceptionMatches(PyExc_AttributeError))
+            return FAILED;
+        PyErr_Clear();
+        return UNUSUAL;
+    }
+    bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(exchange->seconds);
+    Py_DECREF(set);
+    if (equal)
+        return DONE;
+    PyObject *nothing = PyObject_CallMethodOneArg(exchange->link, state->n_use_kernel_timeout, exchange->seconds);
+    Py_XDECREF(nothing);
+    return nothing == NULL ? FAILED : DONE;
+}
+
+static Outcome read_number(PyObject *object, PyObject *name, long low, long high, long *number)
+{
+    PyObject *found = PyObject_GetAttr(object, name);
+    if (found == NULL)
+        return FAILED;
+    *number = PyLong_AsLong(found);
+    Py_DECREF(found);
+    if (*number == -1 && PyErr_Occurred())
+        return FAILED;
+    return *number < low || *number > high ? UNUSUAL : DONE;
+}
+
+/* Read the descriptor as late as possible: it is -1 after another thread has closed the link. */
+static Outcome read_descriptor(State *state, Exchange *exchange)
+{
+    long descriptor = -1;
+    Outcome outcome = read_number(exchange->link, state->n_descriptor, -1, INT32_MAX, &descriptor);
+    exchange->descriptor = (int)descriptor;
+    return outcome;
+}
+
+static Outcome use_serial(State *state, Exchange *exchange, long serial)
+{
+    PyObject *next = PyLong_FromLong(serial % 0xFFFF + 1);
+    int failed = next == NULL || PyObject_SetAttr(exchange->conversation, state->n_serial, next) < 0;
+    Py_XDECREF(next);
+    return failed ? FAILED : DONE;
+}
+
+static const Template *template_of(State *state, PyObject *object)
+{
+    PyObject *capsule = PyObject_GetAttr(object, state->n_native);
+    if (capsule == NULL)
+        return NULL;
+    const Template *template = PyCapsule_CheckExact(capsule) ? PyCapsule_GetPointer(capsule, CAPSULE) : NULL;
+    Py_DECREF(capsule); /* the RequestTemplate keeps it */
+    return template;
+}
+
+/* call(conversation, link, function, arguments, seconds, exact) */
+PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    State *state = state_of(module);
+    Exchange exchange;
+    if (count != 6 || !PyBool_Check(arguments[5]))
+        return in_python(state, CALL, arguments, count, NULL);
+    exchange.conversation = arguments[0];
+    exchange.link = arguments[1];
+    exchange.function = arguments[2];
+    exchange.seconds = arguments[4];
+    Outcome outcome = prepare_link(state, &exchange);
+    if (outcome != DONE)
+        return outcome == FAILED ? NULL : in_python(state, CALL, arguments, count, NULL);
+    PyObject *begun = PyObject_CallMethodObjArgs(exchange.conversation, state->n_begin, arguments[2], arguments[3], NULL);
+    unsigned short serial;
+    PyObject *request, *result = NULL;
+    if (begun != NULL && PyArg_ParseTuple(begun, "HS", &serial, &request) && read_descriptor(state, &exchange) == DONE) {
+        exchange.request = (const uint8_t *)PyBytes_AS_STRING(request);
+        exchange.size = (size_t)PyBytes_GET_SIZE(request);
+        result = perform(state, &exchange, serial, arguments[5]);
+    }
+    Py_XDECREF(begun);
+    return result;
+}
+
+static PyObject *perform_prepared(State *state, Exchange *exchange, const Template *template, PyObject *value)
+{
+    long serial;
+    PyObject *result = NULL;
+    Outcome outcome = read_number(exchange->conversation, state->n_serial, 1, 0xFFFF, &serial);
+    if (outcome != DONE)
+        return outcome == FAILED ? NULL : Py_NewRef(Py_None);
+    Writer writer;
+    writer_begin(&writer);
+    outcome = write_request(state, template, value, (uint16_t)serial, &writer);
+    if (outcome == UNUSUAL) {
+        result = Py_NewRef(Py_None); /* no layout for the value; nothing was sent, and no serial was used */
+    } else if (outcome == DONE && use_serial(state, exchange, serial) == DONE && read_descriptor(state, exchange) == DONE) {
+        exchange->request = writer.start;
+        exchange->size = writer.size;
+        result = perform(state, exchange, (uint16_t)serial, Py_False);
+    }
+    writer_end(&writer);
+    return result;
+}
+
+/* call_prepared(conversation, link, function, template, value, seconds) */
+PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    State *state = state_of(module);
+    Exchange exchange;
+    Outcome outcome = UNUSUAL;
+    const Template *template = count == 6 ? template_of(state, arguments[3]) : NULL;
+    if (template != NULL) {
+        exchange.conversation = arguments[0];
+        exchange.link = arguments[1];
+        exchange.function = arguments[2];
+        exchange.seconds = arguments[5];
+        outcome = prepare_link(state, &exchange);
+    } else if (PyErr_Occurred()) {
+        return NULL;
+    }
+    if (outcome == FAILED)
+        return NULL;
+    if (outcome == UNUSUAL)
+        return in_python(state, CALL_PREPARED, arguments, count, NULL);
+    return perform_prepared(state, &exchange, template, arguments[4]);
+}
+#endif

@@ -1,0 +1,68 @@
+"""The optional extension in C, ``orinkit.core._speedups``: loading it, and replacing Python functions by it.
+
+Each function in C has a counterpart in Python with the same results and errors, and calls it for everything unusual.
+The extension is built if a compiler is available when orinkit is installed. The environment variable ``ORINKIT_PURE=1``
+disables it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+from orinkit.core.i18n import tr
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _load() -> tuple[Any, str]:
+    """Return the extension, or ``None`` and the reason."""
+    if os.environ.get("ORINKIT_PURE", "") not in ("", "0"):
+        return None, "ORINKIT_PURE"
+    try:
+        from orinkit.core import _speedups
+    except ImportError as error:
+        return None, str(error)
+    return _speedups, ""
+
+
+EXTENSION: Any
+EXTENSION, _reason = _load()
+"""The extension; ``None`` if it is not used."""
+
+PURE: Final[dict[str, Callable[..., Any]]] = {}
+"""The Python functions that have a counterpart in C, by name."""
+
+
+def replaced_in_c(function: F) -> F:
+    """Return the counterpart of a function in C; return the function itself if the extension is not used."""
+    PURE[function.__name__] = function
+    if EXTENSION is None:
+        return function
+    counterpart: F = EXTENSION.replaced(function.__name__, function)
+    return counterpart
+
+
+def native_template(function_id: int, count: int, constants: bytes, varies: bool, most: int) -> object:
+    """Return the template of a prepared call for ``call_prepared`` in C; ``None`` if this function is not used.
+
+    Args:
+        function_id: ID of the function.
+        count: Number of arguments.
+        constants: The encoded constant arguments.
+        varies: True if there is a further argument, which varies.
+        most: Largest size of a packet, bytes.
+    """
+    if not hasattr(EXTENSION, "native_template"):
+        return None
+    return EXTENSION.native_template(function_id, count, constants, varies, most)
+
+
+def status() -> str:
+    """Return a sentence that states whether the extension is used, and if not, the reason."""
+    if EXTENSION is not None:
+        return tr("C extension: in use")
+    if _reason == "ORINKIT_PURE":
+        return tr("C extension: disabled by ORINKIT_PURE")
+    return tr("C extension: not built. Try: install a C compiler and the Python headers, then reinstall orinkit")
