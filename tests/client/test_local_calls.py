@@ -45,6 +45,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> Seen:
     receive, finish, read, write = (
         ServerConversation.receive, ServerConversation.finish, app.read_request, app.write_reply,
     )  # fmt: skip
+    take_directly, reply_directly = ServerConversation.take_directly, ServerConversation.reply_directly
 
     def received(self: ServerConversation, data: bytes, now: float) -> Any:
         seen.received += data
@@ -53,6 +54,18 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> Seen:
     def finished(self: ServerConversation, *args: Any) -> Any:
         data = finish(self, *args)
         seen.replies.append(bytes(data))
+        return data
+
+    def taken(self: ServerConversation, data: bytes, now: float) -> Any:
+        call = take_directly(self, data, now)
+        if call is not None:
+            seen.received += data
+        return call
+
+    def replied(self: ServerConversation, *args: Any) -> Any:
+        data = reply_directly(self, *args)
+        if data is not None:
+            seen.replies.append(bytes(data))
         return data
 
     def was_read(body: bytes, *args: Any) -> Any:
@@ -65,6 +78,8 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> Seen:
 
     monkeypatch.setattr(ServerConversation, "receive", received)
     monkeypatch.setattr(ServerConversation, "finish", finished)
+    monkeypatch.setattr(ServerConversation, "take_directly", taken)
+    monkeypatch.setattr(ServerConversation, "reply_directly", replied)
     monkeypatch.setattr(app, "read_request", was_read)
     monkeypatch.setattr(app, "write_reply", written)
     return seen

@@ -16,6 +16,8 @@ import pytest
 
 import orinkit
 import orinkit.aio
+from orinkit.client._sync import connection
+from orinkit.core.speedups import PURE
 from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
 from support.waiting import PATIENCE, until
@@ -61,8 +63,12 @@ def test_ctrl_c(url: str, device: VirtualRC8) -> None:
     check(device)
 
 
-def test_ctrl_c_the_moment_the_call_has_been_sent(url: str, device: VirtualRC8) -> None:
+def test_ctrl_c_the_moment_the_call_has_been_sent(
+    url: str, device: VirtualRC8, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """This includes UDP, where a link that is closed immediately could not send the closing request."""
+    for name in ("call", "call_prepared"):  # the extension in C sends and receives in one step
+        monkeypatch.setattr(connection, name, PURE[name])
 
     def interrupt(_frame: FrameType, event: str, function: object) -> None:
         sender = isinstance(getattr(function, "__self__", None), socket.socket | FileIO)
