@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.engine.set_point_buffer import SERVO_LIMIT
 from orinkit.virtual.rc8 import VirtualRC8
 
 
@@ -26,14 +27,21 @@ class ArmLog:
         """True if a command differs from the first one."""
         return any(each != self.commands[0] for each in self.commands)
 
-    def check_limits(self) -> None:
-        """Check velocity and acceleration of every cycle, and that the arm is at standstill."""
+    def check_limits(self, *, newest_only: bool = False) -> None:
+        """Check velocity and acceleration of every cycle, and that the arm is at standstill.
+
+        Args:
+            newest_only: True for mode 1 of slave mode, in which the arm follows a set-point that was late within the servo
+                limits.
+        """
         rows = np.array([self.commands[0], *self.commands, self.commands[-1]])
         steps = np.diff(rows, axis=0) / PERIOD
         bends = np.diff(steps, axis=0) / PERIOD
         axes = self._arm.model.axes
-        assert np.all(np.abs(steps) <= np.array([axis.velocity for axis in axes]) * (1 + 1e-6))
-        assert np.all(np.abs(bends) <= np.array([axis.acceleration for axis in axes]) * (1 + 1e-6))
+        factor = (SERVO_LIMIT if newest_only else 1.0) * (1 + 1e-6)
+        accelerations = [axis.slave_acceleration if newest_only else axis.acceleration for axis in axes]
+        assert np.all(np.abs(steps) <= np.array([axis.velocity for axis in axes]) * factor)
+        assert np.all(np.abs(bends) <= np.array(accelerations) * factor)
         assert not self._arm.busy
 
 

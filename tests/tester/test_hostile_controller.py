@@ -87,6 +87,7 @@ def test_each_page_is_shown(page, tester, path):
 def test_the_name_of_a_connection_is_only_a_text_and_does_not_hide_the_user(page, context, tester):
     """The name is stored in a cookie: it must not make the cookie of the user unreadable."""
     page.goto(tester.url)
+    page.get_by_test_id("controls").get_by_text("You hold the controls").wait_for()
     page.get_by_test_id("name").fill(NAME)
     with orinkit.serve(Hostile(), "tcp://127.0.0.1:0") as server:
         page.get_by_test_id("url").fill(server.url)

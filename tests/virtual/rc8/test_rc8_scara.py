@@ -63,7 +63,7 @@ def test_variables_of_the_robot(cell):
         [[450.0, 50.0, 80.0, 0.0, 0.0, 30.0, 0.0], "P", "@E"],
     ],
 )
-@pytest.mark.guide("5.2.25 Move")
+@pytest.mark.guide("5.2.25, App. B Move")
 def test_a_pose_in_every_form_is_the_same_place(cell, interpolation, pose):
     cell.run(cell.move(interpolation, pose))
     assert commanded(cell) == pytest.approx([450, 50, 80, 0, 0, 30, 0], abs=1e-6)
@@ -80,7 +80,6 @@ def test_a_pose_in_every_form_is_the_same_place(cell, interpolation, pose):
     ],
 )
 @pytest.mark.parametrize("interpolation", [PTP, LINE, CURVE])
-@pytest.mark.guide("B POSEDATA")
 def test_joints_have_four_elements(cell, interpolation, pose):
     cell.run(cell.move(interpolation, pose))
     assert cell.arm.queue.joints == pytest.approx((20, 40, 50, 10), abs=1e-6)
