@@ -145,14 +145,26 @@ static void receive_until_end(Exchange *exchange)
     }
 }
 
+static Outcome read_descriptor(State *state, Exchange *exchange);
+
+/* Run the signal handlers of Python. They, or another thread, may have closed the link meanwhile. */
+static Outcome handle_signals(State *state, Exchange *exchange)
+{
+    if (PyErr_CheckSignals() < 0 || read_descriptor(state, exchange) != DONE)
+        return FAILED;
+    if (exchange->descriptor < 0)
+        exchange->error = EBADF;
+    return DONE;
+}
+
 /* Make the transfer; afterwards, a request that was not sent completely has been left to Python. */
-static Outcome run_transfer(Exchange *exchange)
+static Outcome run_transfer(State *state, Exchange *exchange)
 {
     Py_BEGIN_ALLOW_THREADS
     transfer(exchange);
     Py_END_ALLOW_THREADS
     while (exchange->sent < 0 && exchange->error == EINTR) { /* nothing was sent */
-        if (PyErr_CheckSignals() < 0)
+        if (handle_signals(state, exchange) != DONE)
             return FAILED;
         Py_BEGIN_ALLOW_THREADS
         transfer(exchange);
@@ -161,9 +173,11 @@ static Outcome run_transfer(Exchange *exchange)
     if (exchange->sent != (ssize_t)exchange->size)
         return UNUSUAL;
     while (exchange->received < 0 && (exchange->error == EINTR || exchange->error == EAGAIN)) {
-        if (exchange->error == EINTR && PyErr_CheckSignals() < 0)
-            return FAILED;
         if (exchange->error == EAGAIN && now() >= exchange->end)
+            break;
+        if (handle_signals(state, exchange) != DONE)
+            return FAILED;
+        if (exchange->descriptor < 0)
             break;
         Py_BEGIN_ALLOW_THREADS
         receive_until_end(exchange);
@@ -283,7 +297,7 @@ static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyOb
     PyObject *value = NULL, *received;
     uint32_t code = 0;
     exchange->end = now() + PyFloat_AS_DOUBLE(exchange->seconds);
-    Outcome outcome = run_transfer(exchange);
+    Outcome outcome = run_transfer(state, exchange);
     if (outcome == FAILED)
         return NULL;
     if (outcome == UNUSUAL) {
