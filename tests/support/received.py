@@ -34,9 +34,15 @@ class ReceivedPackets:
 
 @contextmanager
 def received_packets() -> Iterator[ReceivedPackets]:
-    """Record the packets that the framers of all conversations return."""
+    """Record the packets that the framers of all conversations return, and those of the direct path."""
     recorded = ReceivedPackets()
-    actions = ServerConversation._actions
+    actions, take_directly = ServerConversation._actions, ServerConversation.take_directly
+
+    def taken(self: ServerConversation, data: bytes, now: float) -> Any:
+        call = take_directly(self, data, now)
+        if call is not None:
+            recorded.raw.append((bytes(data), self._profile.crc))
+        return call
 
     def observed(self: ServerConversation, *sources: Callable[[], bytes | None]) -> Any:
         def noting(source: Callable[[], bytes | None]) -> Callable[[], bytes | None]:
@@ -52,4 +58,5 @@ def received_packets() -> Iterator[ReceivedPackets]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ServerConversation, "_actions", observed)
+        patch.setattr(ServerConversation, "take_directly", taken)
         yield recorded
