@@ -190,6 +190,20 @@ def test_a_code_without_a_hint_ends_with_its_text():
     assert str(error_for(code.value)) == f"0x{code.value:08X} {code.name}: {code.en}"
 
 
+@pytest.mark.parametrize(
+    ("option", "shown"),
+    [
+        ("Secret=0123abcd", "'Secret=***'"),
+        ("secret = 0123abcd, Robot=1", "'secret = ***, Robot=1'"),
+        ("@EventDisable=True,Token=x;y", "'@EventDisable=True,Token=***;y'"),
+        ("Server=robot", "'Server=robot'"),
+    ],
+)
+def test_secrets_in_option_strings_are_not_shown(option, shown):
+    text = str(error_for(hresult.E_ACCESSDENIED, "", "Controller_Connect", ("", option)))
+    assert f"Controller_Connect('', {shown}): " in text
+
+
 def test_long_arguments_are_shortened():
     text = str(error_for(hresult.E_FAIL, "", "Robot_Move", (3, 1, [1.0] * 1000, "x")))
     call = text[: text.index("): 0x")]

@@ -46,6 +46,7 @@ All exceptions can be pickled.
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from orinkit.core import hresult
@@ -53,6 +54,7 @@ from orinkit.core.hresult import CodeFamily, ReturnCode
 from orinkit.core.i18n import tr
 
 _SHOWN_ARGUMENT: Final = 60
+_SECRET: Final = re.compile(r"\b(secret|token|password)(\s*=\s*)[^,;'\"\s]+", re.IGNORECASE)
 
 
 class OrinError(Exception):
@@ -441,4 +443,6 @@ def error_for(code: int, detail: str = "", function: str = "", arguments: tuple[
 
 def _shorten(argument: object) -> str:
     text = repr(argument)
+    if isinstance(argument, str) and "=" in text:  # an option string; messages are logged and printed
+        text = _SECRET.sub(r"\1\2***", text)
     return text if len(text) <= _SHOWN_ARGUMENT else f"{text[: _SHOWN_ARGUMENT - 3]}..."
