@@ -133,6 +133,7 @@ class Terminal:
     def __init__(self, addresses: Addresses) -> None:
         self.addresses = addresses
         self.code = 0
+        self._last = ""  # output of the last command
         self._served: list[tuple[subprocess.Popen[str], IO[str]]] = []
 
     def run(self, block: Block) -> str:
@@ -149,7 +150,7 @@ class Terminal:
         if command == "echo $?":
             code, self.code = self.code, 0
             return f"{code}\n"
-        assert self.code == 0, "the command before it failed"
+        assert self.code == 0, f"the command before it failed: {self._last}"
         words = shlex.split(command)
         extra = dict(word.split("=", 1) for word in itertools.takewhile(re.compile(r"[A-Z_]+=").match, words))
         program, *arguments = words[len(extra) :]
@@ -159,7 +160,7 @@ class Terminal:
             [*_words_of(program, arguments), *arguments], env=environment(extra), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8", timeout=HANGS, check=False,
         )  # fmt: skip
-        self.code = done.returncode
+        self.code, self._last = done.returncode, done.stdout
         return done.stdout if done.stdout.endswith("\n") or not done.stdout else f"{done.stdout}\n"
 
     def _serve(self, arguments: list[str], extra: dict[str, str], shown: str) -> str:

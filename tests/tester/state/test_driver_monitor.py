@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from orinkit.abh3.table import ids
-from orinkit.core.errors import ConnectFailed, DriverTimeout
+from orinkit.core.errors import DriverTimeout
 from orinkit.tester.state import connection as connections
 from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.driver_connection import DriverConnection
@@ -155,8 +155,6 @@ def test_a_lost_bus_is_detected(monkeypatch):
         server.close()
         await soon(lambda: connection.state is ConnectionState.LOST)
         connection.monitor.end()
-        with pytest.raises(ConnectFailed):
-            await connection.open()
-        assert connection.state is ConnectionState.CLOSED
+        # The test does not open the address again: another test may have a pseudo-terminal of this name meanwhile.
 
     with_connection(server.url, test)
