@@ -65,7 +65,7 @@ def test_each_function_in_c_has_a_counterpart_in_python():
 @pytest.mark.soak
 @pytest.mark.timeout(3600)
 def test_the_extension_with_sanitizers():
-    """tools/sanitize.py; the fuzzing of the codec is longer here than in make test."""
+    """The tests of the extension pass when it is compiled with AddressSanitizer and UndefinedBehaviorSanitizer."""
     command = [sys.executable, "tools/sanitize.py"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3500, check=False)
     if done.returncode == 77:

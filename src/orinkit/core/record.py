@@ -98,7 +98,7 @@ def _built(kind: type[R], eq: bool, kw_only: bool) -> type[R]:
         made.__init__ = _constructor(made, fields)
     made.__replace__ = replaced  # copy.replace() of Python 3.13
     made.__dataclass_fields__ = _DataclassFields()
-    return made  # type: ignore[no-any-return]
+    return made  # type: ignore[no-any-return]  # dataclass_transform describes the class to type checkers
 
 
 class _DataclassFields:
