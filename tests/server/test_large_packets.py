@@ -159,8 +159,9 @@ def test_a_client_that_disconnects_while_its_packet_is_decoded(server):
     [
         b"," * MOST, b"8197" + b",1" * 700_000, b"8199" + b",2026-11-21 10:00:00.5" * 49_000, b"8,%1b" * 3_000_000,
         b'8204,(8,"' + b'""' * 4_000_000 + b'")', b"8200" + b',"a,b"' * 49_000,
+        b"8204" + (b",(8204" * 14 + b",(3,1)" + b")" * 14) * 3_300,
     ],
-    ids=["commas", "numbers", "dates", "escapes", "quotes", "texts"],
+    ids=["commas", "numbers", "dates", "escapes", "quotes", "texts", "deep"],
 )  # fmt: skip
 def test_a_large_body_over_http_does_not_block_the_server(server, body):
     place = server.urls[1].partition("//")[2].strip("/")
@@ -177,13 +178,15 @@ def test_a_large_body_over_http_does_not_block_the_server(server, body):
 
     handle = post(b"Func=3,Arg1=,Arg2=CaoProv.DENSO.VRC,Arg3=,Arg4=").rpartition(b",")[2]
     with watched(server) as watch:
-        for watch.label in ("whole", "tag", "tag read", "name"):
+        for watch.label in ("whole", "tag", "tag read", "name", "command"):
             post(
                 {
                     "whole": body,
                     "tag": b"Func=%d,Arg1=%b,Arg2=%b" % (call("Controller_PutTag"), handle, body),
                     "tag read": b"Func=%d,Arg1=%b" % (call("Controller_GetTag"), handle),
                     "name": b"Func=%d,Arg1=%b,Arg2=%b" % (call("Controller_GetVariable"), handle, body),
+                    "command": b"Func=%d,Arg1=%b,Arg2=GetErrorDescription,Arg3=%b"
+                    % (call("Controller_Execute"), handle, body),
                 }[watch.label]
             )
     connection.close()

@@ -8,6 +8,7 @@ import gc
 import os
 import select
 import socket
+import termios
 import threading
 import time
 import tty
@@ -467,6 +468,18 @@ def test_a_port_that_is_pulled_out(serial: Way, how: str) -> None:
     with pytest.raises(TransportError):
         serial.send(b"x")
     pulling.join()
+
+
+def test_a_port_that_another_program_configures(both: Both) -> None:
+    """With VMIN = 0, reading a port returns b"" if no byte is available, which is not a removed port."""
+    way = Way(both, SerialPeer())
+    settings = termios.tcgetattr(way.do(way.link.fileno))
+    settings[6][termios.VMIN] = 0
+    termios.tcsetattr(way.do(way.link.fileno), termios.TCSANOW, settings)
+    assert way.receive(SHORT) is None
+    way.peer.send(b"late")
+    assert way.receive() == b"late"
+    way.close()
 
 
 def test_writing_to_a_port_that_is_pulled_out(serial: Way) -> None:

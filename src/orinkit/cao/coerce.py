@@ -15,7 +15,7 @@ from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.values.conversions import CY_CONTEXT
 from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType, type_name
-from orinkit.values.variant import Variant, unwrapped
+from orinkit.values.variant import Variant, innermost, unwrapped
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 _NUMBERS: Final = frozenset(
@@ -46,11 +46,14 @@ def unwrap(given: Variant) -> Variant:
 
 
 def unwrap_single(given: Variant) -> Variant:
-    """Return the element of a one-element array, or the value in a VT_VARIANT, or any other value unchanged."""
-    given = unwrap(given)
+    """Return the element of a one-element array, or the value in a VT_VARIANT, or any other value unchanged.
+
+    The elements of longer arrays are not inspected, because this takes long for large ones.
+    """
+    given = innermost(given)
     if given.type & ARRAY and len(given.value) == 1:
         element = given.value[0]
-        return element if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
+        return innermost(element) if isinstance(element, Variant) else Variant(given.type & ~ARRAY, element)
     return given
 
 
@@ -131,7 +134,7 @@ def to_text(given: Variant) -> str:
 
 def to_values(given: Variant) -> list[Any]:
     """Return a list of plain values: the elements of an array, or one value; ``[]`` for VT_EMPTY and VT_NULL."""
-    given = unwrap(given)
+    given = innermost(given)
     if given.type in EMPTIES:
         return []
     plain = given.plain

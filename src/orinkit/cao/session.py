@@ -19,7 +19,6 @@ from traceback import format_exception_only
 from typing import Any, Final, TypeAlias, cast
 
 from orinkit.cao.arguments import read_arguments
-from orinkit.cao.coerce import unwrap
 from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.handles import HandleAllocator
@@ -120,7 +119,6 @@ class Session:
         self._closed = False
         self._numbers = itertools.count(1)
         self._functions = host.functions
-        self._unwraps = host.unwraps_variants and self.client.transport == "http"
         # fixed handles are unique only within an interface, so its number is added above the 32 bits of the handle
         self._spaces = _SPACES if host.fixed_handles else {}
 
@@ -178,8 +176,6 @@ class Session:
         Raises:
             CallError: If they are invalid, with a return code that the protocol permits to the server itself.
         """
-        if self._unwraps and function.method not in STORING_METHODS:
-            arguments = [unwrap(each) for each in arguments]
         try:
             return read_arguments(function, arguments)
         except CallError as error:

@@ -56,6 +56,7 @@ __all__ = [
     "Value",
     "VarType",
     "Variant",
+    "innermost",
     "is_floats",
     "nested_too_deep",
     "plain",
@@ -152,6 +153,13 @@ def plain(value: Any) -> Any:
     return value.plain if isinstance(value, Variant) else value
 
 
+def innermost(item: Variant) -> Variant:
+    """Return the value in a VT_VARIANT, or any other value unchanged."""
+    while item.type == VarType.VARIANT:
+        item = item.value
+    return item
+
+
 def unwrapped(item: Variant) -> Variant:
     """Return the value in a VT_VARIANT; also replace the elements of VARIANT arrays that are VT_VARIANT.
 
@@ -165,8 +173,7 @@ def unwrapped(item: Variant) -> Variant:
 
 
 def _unwrapped(item: Variant) -> Variant:
-    while item.type == VarType.VARIANT:
-        item = item.value
+    item = innermost(item)
     if item.type == VARIANT_ARRAY and any(each.type in (VarType.VARIANT, VARIANT_ARRAY) for each in item.value):
         return trusted(VARIANT_ARRAY, [_unwrapped(each) for each in item.value])
     return item

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Final, TypeAlias
 
@@ -16,9 +16,10 @@ from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 
 from orinkit.bcap.server import LARGE
+from orinkit.cao.coerce import unwrap
+from orinkit.cao.quota import STORING_METHODS
 from orinkit.cao.service_options import ServiceOptions, read_options
 from orinkit.cao.session import CallReply, Pending, Session
-from orinkit.cao.user_functions import UserFunction
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
@@ -82,6 +83,7 @@ class App:
         self._strict = context.host.dialect.strict
         self._takes_start_options = context.host.dialect.takes_start_options
         self._code_replacements = context.host.dialect.code_replacements
+        self._unwraps = context.host.unwraps_variants
         self._user_functions = {number: user for number, (_, user) in context.host.user_functions.items()}
 
     def listens_at(self, port: int) -> None:
@@ -190,9 +192,10 @@ class App:
                 body = await exchange.body(limits.packet, context.partial)
                 if body is None:
                     return too_long(limits.packet) if exchange.has_room else too_many_request_bytes()
-                read: Callable[[], _Read] = partial(_read, body, limits, exchange.charset, self._user_functions)
+                read: Callable[[], _Read] = partial(self._read, body, limits, exchange.charset)
                 if len(body) > LARGE:
-                    read = partial(_same, self._with_memory(exchange, await context.worker.run(read), len(body)))
+                    request, memory = await context.worker.run(partial(_measured, read, len(body)))
+                    read = partial(_same, request if exchange.memory.set(memory) else _refused())
             finally:  # the body counts until the worker has decoded it
                 exchange.give_room(context.partial)
             outcome = await connection.run(partial(self._begin, exchange, key, read), _BYTE * min(len(body), LARGE))
@@ -212,12 +215,15 @@ class App:
         session.begin_request(connection, proxied=is_proxied(given), sends_signs=EXECUTING in given)
         connection.carried.add(session)
 
-    def _with_memory(self, exchange: Exchange, request: _Read, size: int) -> _Read:
-        """Return a large request, or the reply that refuses it, because calls and replies require too much memory."""
-        if isinstance(request, CallReply) or exchange.memory.set(max(memory_of(request.arguments), size)):
-            return request
-        error = out_of_memory()
-        return CallReply(error.code, detail=error.detail)
+    def _read(self, body: bytes, limits: PacketLimits, charset: str) -> _Read:
+        """Return the request in a body, or the reply to an invalid body."""
+        try:
+            request = read_request(body, limits, charset, self._user_functions)
+            if self._unwraps and request.function.method not in STORING_METHODS:
+                return EcapRequest(request.function, [unwrap(each) for each in request.arguments])
+        except CallError as error:
+            return CallReply(error.code, detail=error.detail)
+        return request
 
     # --- sessions ------------------------------------------------------------------------------------------------
 
@@ -375,12 +381,16 @@ class App:
 # --- helpers -----------------------------------------------------------------------------------------------------------
 
 
-def _read(body: bytes, limits: PacketLimits, charset: str, user_functions: Mapping[int, UserFunction]) -> _Read:
-    """Return the request in a body, or the reply to an invalid body."""
-    try:
-        return read_request(body, limits, charset, user_functions)
-    except CallError as error:
-        return CallReply(error.code, detail=error.detail)
+def _measured(read: Callable[[], _Read], size: int) -> tuple[_Read, int]:
+    """Return a large request, or the reply to it, and the memory that it requires, bytes."""
+    request = read()
+    return request, 0 if isinstance(request, CallReply) else max(memory_of(request.arguments), size)
+
+
+def _refused() -> CallReply:
+    """Return the reply to a request if calls and replies require too much memory."""
+    error = out_of_memory()
+    return CallReply(error.code, detail=error.detail)
 
 
 def _same(request: _Read) -> _Read:

@@ -16,7 +16,7 @@ from orinkit.core.i18n import tr
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import other_loop
 from orinkit.transport.serial.address import SerialAddress
-from orinkit.transport.serial.settings import CHUNK, gone, open_file
+from orinkit.transport.serial.settings import CHUNK, gone, is_gone, open_file
 from orinkit.transport.waiter import AsyncWaiter
 
 _UNSENT: Final = 1024 * 1024
@@ -104,8 +104,8 @@ class AsyncSerialLink(ProcessBound):
         except OSError as error:
             self._give_up(error)
         else:
-            if data != b"":
-                return data
+            if data or not is_gone(self._port):
+                return data or None
             self._give_up(tr("it was unplugged"))
         self._check()
         return None

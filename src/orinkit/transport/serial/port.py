@@ -17,7 +17,7 @@ from time import monotonic
 from orinkit.core.errors import ConnectionLost
 from orinkit.core.i18n import tr
 from orinkit.transport.fork_safety import ProcessBound, keep_from_children
-from orinkit.transport.serial.settings import CHUNK, gone
+from orinkit.transport.serial.settings import CHUNK, gone, is_gone
 
 
 class SerialLink(ProcessBound):
@@ -80,9 +80,7 @@ class SerialLink(ProcessBound):
         with self._receiving:
             while True:
                 self._check()
-                if not self._reading.poll(
-                    _milliseconds(end)
-                ):  # if no byte is available, reading a port that asyncio has configured returns b""
+                if not self._reading.poll(_milliseconds(end)):
                     return None
                 self._check()
                 try:
@@ -91,7 +89,7 @@ class SerialLink(ProcessBound):
                     raise self._gone(error) from error
                 if data:
                     return data
-                if data is not None:
+                if data is not None and is_gone(self._port):
                     raise self._gone(tr("it was unplugged"))
 
     def _check(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import sys
 from io import FileIO
 from typing import TYPE_CHECKING, Any, Final
@@ -77,6 +78,17 @@ def as_file(descriptor: int) -> FileIO:
     """Return a non-blocking file for a descriptor."""
     os.set_blocking(descriptor, False)
     return FileIO(descriptor, "r+")
+
+
+def is_gone(port: FileIO) -> bool:
+    """Return True if a port has been removed.
+
+    An empty read alone does not show this: it also occurs if no byte is available and the port is configured with
+    VMIN = 0, which another process that has opened the port can do at any time.
+    """
+    poll = select.poll()
+    poll.register(port, 0)  # POLLHUP, POLLERR and POLLNVAL are always reported
+    return bool(poll.poll(0))
 
 
 def open_failed(address: SerialAddress, error: BaseException) -> ConnectFailed:
