@@ -27,7 +27,7 @@ def time_layout(dark: bool) -> dict[str, Any]:
         "grid": {"left": 8, "right": 12, "top": 34, "bottom": 4, "containLabel": True},
         "legend": {"type": "scroll", "top": 0, "textStyle": label, "icon": "roundRect", "itemHeight": 4},
         "tooltip": {"trigger": "axis", "confine": True, "transitionDuration": 0},
-        "xAxis": {"type": "time", "axisLabel": {**label, "hideOverlap": True}, "axisLine": {"lineStyle": {"color": line}}, "splitLine": grid_line},
+        "xAxis": {"type": "time", "axisLabel": {**label, "hideOverlap": True}, "axisLine": {"lineStyle": {"color": line}}, "splitLine": {**grid_line, "showMinLine": False, "showMaxLine": False}},
         "yAxis": {"type": "value", "scale": True, "axisLabel": label, "splitLine": grid_line},
         "series": [],
     }  # fmt: skip
