@@ -10,7 +10,8 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions, parse_options
-from orinkit.values.variant import Variant
+from orinkit.values.poses import AT_COMMAND
+from orinkit.values.variant import ARRAY, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, pose_data
@@ -30,7 +31,7 @@ def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
     given = parameters.at_least(parameter, 3)
     length, options = pose_data.amount(given[2]), _options(given[3:])
     target = parameters.pose(given[1])
-    if target.mark is not None:
+    if target.mark is not None and not (target.mark == AT_COMMAND and given[1].type & ARRAY):  # 0 also means none
         raise error_for(
             hresult.E_INVALIDARG,
             tr("{target}: the pass mark of Approach belongs to the length", target=target),
