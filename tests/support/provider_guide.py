@@ -288,14 +288,13 @@ ENTRIES: Final = tuple(line for line in _TEXT.splitlines() if line and not line.
 LEFT_OUT: Final[dict[str, str]] = {}
 """Entries that the virtual RC8 does not have, each with its reason; docs/howto/virtual-rc8.md names them, too."""
 
-REFUSED_IN_SLAVE_MODE: Final = tuple(
-    """
+_REFUSED_IN_SLAVE_MODE: Final = """
     ClearLog StartLog Motor ExtSpeed TakeArm Draw Approach Depart DriveEx DriveAEx RotateH Arrive MotionSkip ArchMove SetToolDef
     SetWorkDef SetAreaDef SetArea ResetArea SetAreaEnabled AddPathPoint ClrPathPoint LoadPathPoint CrtMotionAllow EncMotionAllow
     EncMotionAllowJnt ErAlw ForceCtrl ForceParam ForceWaitCondition ForceSensor ForceChangeTable GrvCtrl CurLmt Zforce GrvOffset
     HighPathAccuracy MotionTimeout SingularAvoid SpeedMode PayLoad
-    """.split()
-)
+"""
+REFUSED_IN_SLAVE_MODE: Final = tuple(_REFUSED_IN_SLAVE_MODE.split())
 """Commands of Robot_Execute of which the guide says that they cannot be used in slave mode."""
 
 

@@ -59,7 +59,8 @@ def test_a_row_is_all_that_a_word_needs():
 
 
 @pytest.mark.parametrize(
-    "word", ["SyncTimeStart", "SyncTimeEnd", "SyncMoveStart 1", "AddPathPoint 1, P1", "Draw L, V(0, 0, 9)", "I1 = CurPosEx()"]
+    "word",
+    ["SyncTimeStart", "SyncTimeEnd", "SyncMoveStart 1", "AddPathPoint 1, P1", "Draw L, V(0, 0, 9)", "I1 = CurPosEx()"],
 )
 def test_words_that_are_refused(cell, word):
     assert cell.code_of(lambda: run(cell, word)) == hresult.SYNTAX_ERROR
