@@ -1,7 +1,8 @@
 """A clock whose devices are all driven by one thread: :class:`SharedClock`, for many virtual controllers in one process.
 
 With a plain :class:`~orinkit.virtual.clock.Clock`, each device has a thread of its own. With a hundred devices, most of
-their time would be spent on switching between these threads.
+their time would be spent on switching between these threads. The cycles of all devices also begin at the same time:
+otherwise, the thread would wake up for each device, which takes longer than the cycle of a device.
 """
 
 from __future__ import annotations
@@ -42,6 +43,13 @@ class SharedClock(Clock):
     def __init__(self, scale: float = 1.0) -> None:
         super().__init__(scale)
         self._scheduler = _Scheduler(scale)
+
+    def first_cycle(self, period: float) -> float:
+        """Return the latest multiple of ``period``, so that all devices with this period are due at the same time.
+
+        The thread then wakes up once in each period, not once for each device.
+        """
+        return self.now() // period * period
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         """Drive a device with the thread of this clock."""
