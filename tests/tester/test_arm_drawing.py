@@ -69,7 +69,10 @@ def test_drawing_without_a_graphics_processor_pauses_for_twice_the_time_of_a_fra
 def test_a_graphics_processor_draws_every_frame_of_a_motion(page, bench):
     drawing(page, bench.tester.url, software=False)
     times = [1000, 1016, 1033, 1050, 1066]
-    assert page.evaluate("([joints, times]) => (okDrawing.joints(joints), okDrawing.steps(...times))", [MOVED, times]) == times
+    assert (
+        page.evaluate("([joints, times]) => (okDrawing.joints(joints), okDrawing.steps(...times))", [MOVED, times])
+        == times
+    )
 
 
 def test_slow_frames_pause_and_become_simple_also_with_a_graphics_processor(page, bench):
