@@ -75,7 +75,7 @@ class DrivePage:
     def says_why(self) -> bool:
         """Return True if the page states why driving has ended: it is hidden, or a stall of this machine came first."""
         message, error = self.part("drive-message").inner_text(), self.part("error-drive")
-        return "the page is hidden" in message or "has not been heard for" in message or bool(error.is_visible())
+        return "the page is hidden" in message or "nothing was received" in message or bool(error.is_visible())
 
     def disable(self) -> None:
         def disabled() -> bool:

@@ -173,7 +173,7 @@ class ServerConversation:
             now: the time on a monotonic clock, s.
         """
         stream = self._stream
-        if stream is None or not stream.has_whole(data) or self._calls.busy or not self._calls.idle:
+        if stream is None or not stream.has_whole(data) or not self._calls.empty:
             return None
         call: DirectCall | None = packet.read_one_handle(data)
         if call is None:
