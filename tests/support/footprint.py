@@ -22,7 +22,7 @@ def cpu_time(pid: int) -> float:
 
 
 class PageFootprint(NamedTuple):
-    """What a page keeps after its garbage has been collected: the heap of its scripts in MB, elements and event listeners."""
+    """The heap of the scripts of a page in MB, its elements and event listeners, after its garbage has been collected."""
 
     heap: float
     nodes: int

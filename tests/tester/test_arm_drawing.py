@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from orinkit.arms import model_of_type
+from orinkit.arms import load_model
 from support.browser import needs_browser
 
 pytestmark = needs_browser
@@ -51,8 +51,7 @@ WATCHED = """async ([model, software]) => {
 
 def drawing(page: Any, url: str, *, software: bool) -> None:
     """Create ``okDrawing`` in the page."""
-    model = model_of_type("VS-050")
-    assert model is not None
+    model = load_model("VS-050")
     page.goto(f"{url}/arm")
     page.locator('[data-testid="scene"][data-ready]').wait_for()
     page.evaluate(WATCHED, [{"kind": model.kind, "origins": model.origins, "joints": ZERO}, software])
