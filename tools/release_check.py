@@ -5,7 +5,7 @@
 2. Install the wheel with the extension, but without any extra, into a clean environment, and run there all tests that
    do not require an extra.
 3. Install the wheel without the extension, and the sdist on a machine without a compiler; check that the extension is
-   missing, and run the tests of the codec.
+   missing, and run the tests of the codec. Make an editable installation with and without the extension.
 4. Unpack the sdist, install it with all extras into another clean environment, and run its tests there: the tests of
    the core, and those of documents, packaging and types (``tests/project``). With ``--full``, run all tests except the
    long ones.
@@ -129,6 +129,15 @@ def check_without_compiler(folder: Path, sdist: Path) -> None:
     check_status(python, "not built")
 
 
+def check_editable(folder: Path, source: Path) -> None:
+    """Make an editable installation with the extension, then one without it, which replaces the first one."""
+    python = environment(folder, "--editable", str(source))
+    check_status(python, "in use")
+    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", str(source)]
+    subprocess.run(command, check=True, env=os.environ | {"ORINKIT_PURE": "1"})
+    check_status(python, "not built")
+
+
 def run_tests(python: str, folder: Path, *arguments: str) -> None:
     """Run the tests in a folder."""
     command = [python, "-m", "pytest", "-q", *WORKERS, *arguments]
@@ -163,6 +172,7 @@ def main() -> int:
         check_status(python, "not built")
         run_tests(python, bare, *CODEC_TESTS)
         check_without_compiler(folder / "venv-no-compiler", sdist)
+        check_editable(folder / "venv-editable", Path(shutil.copytree(unpacked, folder / "editable")))
         python = environment(folder / "venv-sdist", f"{unpacked}[dev]")
         if full:
             run_tests(python, unpacked, "-m", "not soak")

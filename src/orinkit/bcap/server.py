@@ -207,7 +207,10 @@ class ServerConversation:
                 return None
             data: bytes | None = self._pack(serial, reserved, code)
         else:
-            data = packet.pack_reply(serial, code, result, reserved)
+            try:
+                data = packet.pack_reply(serial, code, result, reserved)
+            except Exception:  # noqa: BLE001 - the value does not fit its type, which encode() logs
+                return None
         if data is None or len(data) > self._limits.packet:
             return None
         self.last_reply_at = self._now
