@@ -113,7 +113,8 @@ def environment(folder: Path, *packages: str, **variables: str) -> str:
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = str(folder / "bin" / "python")
     command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages]
-    subprocess.run(command, check=True, env=os.environ | variables)
+    if packages:
+        subprocess.run(command, check=True, env=os.environ | variables)
     return python
 
 
