@@ -99,6 +99,11 @@ def test_an_arm_at_standstill_is_drawn_in_full_once_and_then_not_at_all(page, be
     )
     assert draws == []
     draws = page.evaluate(
-        "([joints, clock]) => (okDrawing.joints(joints), okDrawing.steps(clock + 15000, clock + 20000))", [MOVED, clock]
+        """([joints, clock]) => {
+          okDrawing.clock = clock + 15000;
+          okDrawing.joints(joints);
+          return okDrawing.steps(clock + 15016, clock + 20000, clock + 25000);
+        }""",
+        [MOVED, clock],
     )
-    assert draws == [clock + 15000, clock + 20000]
+    assert draws == [clock + 15016, clock + 20000]  # first simple, then in full
