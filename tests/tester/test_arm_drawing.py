@@ -102,7 +102,7 @@ def test_an_arm_at_standstill_is_drawn_in_full_once_and_then_not_at_all(page, be
         """([joints, clock]) => {
           okDrawing.clock = clock + 15000;
           okDrawing.joints(joints);
-          return okDrawing.steps(clock + 15016, clock + 20000, clock + 25000);
+          return okDrawing.steps(clock + 15016, clock + 15100, clock + 20000, clock + 25000);
         }""",
         [MOVED, clock],
     )
