@@ -52,6 +52,7 @@ _LEVER: Final = 300.0  # mm; a rotation by 1 rad counts as much as this way
 _BACK: Final = 0.2  # of the remaining displacement in a cycle, when force control has been switched off
 _GONE: Final = 1e-4  # deg or mm
 _ROUNDING: Final = 1 + 1e-9
+_STILL: Final = 1e-9  # deg or mm; less is standstill, so that a motion with @E ends although the displacement converges
 _ZERO: Final[Six] = (0.0,) * 6
 _FORCE, _COMMAND, _ENCODER, _DEVIATION = 0, 1, 2, 3
 _QUANTITIES: Final = 4
@@ -233,7 +234,9 @@ class ForceControl:
     def command(self, joints: Joints) -> Joints:
         """Return the command position of this cycle: that of the motion, displaced by force control."""
         wanted = self._wanted(joints)
-        self._shift = tuple([a - b for a, b in zip(self._within_limits(wanted), joints, strict=True)])
+        shift = tuple([a - b for a, b in zip(self._within_limits(wanted), joints, strict=True)])
+        if any(abs(a - b) > _STILL for a, b in zip(shift, self._shift, strict=True)):
+            self._shift = shift
         if not (self.on or self._staying) and all(abs(shift) < _GONE for shift in self._shift):
             self._shift = ()
             self._displacement = np.zeros(6)
