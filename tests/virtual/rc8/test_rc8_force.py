@@ -329,7 +329,10 @@ def test_the_option_speed_does_not_exceed_half_speed(cell, option):
     cell.robot.speed(-1, 20)
     cell.execute("ForceCtrl", [1, 1])
     start = cell.arm.queue.joints
-    for move in (lambda: cell.move(1, "J(10, 45, 90, 0, 45, 0)", option), lambda: cell.move(2, "P(364, 5, 279, 180, 0, 180, 5)", option)):
+    for move in (
+        lambda: cell.move(1, "J(10, 45, 90, 0, 45, 0)", option),
+        lambda: cell.move(2, "P(364, 5, 279, 180, 0, 180, 5)", option),
+    ):
         assert cell.code_of(move) == hresult.FORCE_CONTROL_TOO_FAST
     assert cell.arm.queue.joints == start
     assert cell.code_of(lambda: cell.move(1, "J(1, 45, 90, 0, 45, 0)", "SPEED=50")) == 0

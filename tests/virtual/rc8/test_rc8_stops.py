@@ -350,5 +350,5 @@ def test_a_restart_resets_what_a_controller_loses_without_power(cell):
     loads, arm = cell.arm.servo.loads, cell.arm
     assert (loads.limits, loads.gravity_control, loads.offsets) == ({}, False, None)
     assert (arm.speeds.path.speed, arm.speeds.mode, arm.accuracy.deviation, arm.space.tools.current) == (100, 0, {}, 0)
-    assert not (arm.log.running or arm.hardware.servo_log.running)
+    assert [arm.log.running, arm.hardware.servo_log.running] == [False, False]
     assert (loads.dynamics.payload.mass, arm.speeds.external.speed) == (2.0, 40)  # settings that are stored
