@@ -190,6 +190,19 @@ def test_the_variable_of_an_area(cell):
     assert cell.code_of(lambda: cell.robot.get_variable("Area", "")) == hresult.E_CAO_OBJECT_NOTFOUND
 
 
+def test_a_position_variable_that_was_deleted_is_an_error_of_the_controller(cell, caplog):
+    """The write happens in a cycle, for which no client waits; the arm continues, as for every error of level 1."""
+    cell.execute("SetAreaDef", [1, "P(364, 100, 278, 0, 0, 0)", "V(100, 60, 100)", 128, 50])
+    cell.execute("SetArea", 1)
+    cell.put("@VAR_P_LEN", 50)
+    line(cell, 364, 100, 278)
+    assert io(cell, 128)
+    assert cell.rc8.state.faults.code == hresult.VARIABLE_INDEX_INVALID
+    assert "area 1" in cell.rc8.state.faults.current.at(0).message
+    assert cell.arm.motor.on
+    assert not caplog.records
+
+
 def test_an_area_with_detection_stops_the_arm(cell):
     define(cell, 1)
     cell.execute("SetArea", 3)

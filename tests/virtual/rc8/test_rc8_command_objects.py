@@ -244,6 +244,24 @@ def test_cancelling_a_command_that_cannot_be_stopped(command, clock, rc8):
     assert (motor.get_state(), rc8.state.arm.motor.on) == (CANCELLED, True)
 
 
+@pytest.mark.parametrize("end", ["cancel", "release", "timeout"])
+def test_a_cancelled_wait_for_a_force_does_not_stop_a_later_motion(command, ready, clock, rc8, end):
+    wait = command("Robot.ForceWaitCondition", ["P(5, -1, -1, -1, -1, -1)", -1, -1, 1])
+    wait.put_timeout(100)
+    wait.execute(AT_ONCE)
+    if end == "timeout":
+        clock.advance(0.2)
+    else:
+        getattr(wait, end)()
+    assert wait.get_state() == CANCELLED
+    drive = command("DriveEx", "(1, 20)")
+    drive.execute(AT_ONCE)
+    clock.advance(5)
+    assert drive.get_state() == DONE
+    assert rc8.state.arm.queue.joints[0] == 20
+    assert len(rc8.state.arm.hardware.waits) == 0
+
+
 def test_a_cancelled_execution_does_not_end_a_later_one(command, clock, rc8):
     motor = command("Motor", [1, 0])
     motor.execute(AT_ONCE)

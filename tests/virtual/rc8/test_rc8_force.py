@@ -323,6 +323,70 @@ def test_force_control_needs_arm_motor_and_half_speed(cell):
     assert not cell.arm.hardware.force.on  # without power it has no effect
 
 
+@pytest.mark.parametrize("option", ["SPEED=51", "S=100", "SPEED=F1"])
+def test_the_option_speed_does_not_exceed_half_speed(cell, option):
+    cell.put("F1", 60)
+    cell.robot.speed(-1, 20)
+    cell.execute("ForceCtrl", [1, 1])
+    start = cell.arm.queue.joints
+    for move in (
+        lambda: cell.move(1, "J(10, 45, 90, 0, 45, 0)", option),
+        lambda: cell.move(2, "P(364, 5, 279, 180, 0, 180, 5)", option),
+    ):
+        assert cell.code_of(move) == hresult.FORCE_CONTROL_TOO_FAST
+    assert cell.arm.queue.joints == start
+    assert cell.code_of(lambda: cell.move(1, "J(1, 45, 90, 0, 45, 0)", "SPEED=50")) == 0
+
+
+def _pressed(cell: Cell) -> float:
+    """Press the tool against the surface with force control; return its height."""
+    cell.execute("ForceParam", [1, 0, [0.0] * 6])
+    down_to(cell, TOP + 1)
+    cell.execute("ExtSpeed", 20)
+    cell.execute("ForceCtrl", [1, 1, 0])
+    down_to(cell, TOP - 15)
+    settle(cell)
+    return height(cell)
+
+
+@pytest.mark.parametrize("loss", ["GiveArm", "client"])
+def test_the_arm_stays_displaced_when_it_is_released(cell, loss):
+    before = _pressed(cell)
+    assert before > TOP - 1
+    if loss == "GiveArm":
+        cell.execute("GiveArm")
+    else:
+        cell.controller.release()
+        cell.robot = cell.connect().get_robot("Arm", "")
+    commands = []
+    for _ in range(200):
+        cell.trace(1)
+        commands.append(cell.arm.servo.command)
+        assert height(cell) == pytest.approx(before, abs=0.05)
+    check_limits(cell, commands)
+    assert not cell.arm.hardware.force.displacing
+    assert cell.arm.queue.joints == cell.arm.servo.command
+    cell.take()
+    assert down_to(cell, TOP + 5) is None
+
+
+def test_a_moving_arm_whose_client_is_lost_does_not_go_back(cell):
+    _pressed(cell)
+    cell.move(2, f"P({cell.execute('CurPos')[0]}, 60, {TOP - 15}, 180, 0, 180, 5)", "NEXT")
+    cell.trace(30)
+    assert cell.arm.busy
+    cell.controller.release()
+    cell.robot = cell.connect().get_robot("Arm", "")
+    commands = []
+    for _ in range(300):
+        cell.trace(1)
+        commands.append(cell.arm.servo.command)
+        assert height(cell) > TOP - 1
+    check_limits(cell, commands)
+    assert commands[-1] == commands[-100] == cell.arm.queue.joints
+    assert not cell.arm.hardware.force.displacing
+
+
 @pytest.mark.parametrize(
     "given",
     [

@@ -318,3 +318,37 @@ def test_closing_the_controller_fails_every_waiting_call(cell):
     cell.robot.release()
     cell.controller.release()
     cell.rc8.close()
+
+
+# --- restart ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_restart_during_a_stop_revokes_the_calls_that_wait_for_standstill(cell):
+    """The errors are cleared, so that nothing else would prevent the motor from being switched on after the restart."""
+    cell.move(1, MOVES["ptp"][1])
+    cell.trace(60)
+    cell.rc8.raise_error(0x84204071)
+    cell.rc8.clear_errors()
+    other = cell.connect().get_robot("", "")
+    waiting = [cell.robot.execute("Motor", variant([1, 0])), cell.robot.execute("TakeArm", variant([0, 0]))]
+    cell.rc8.pendant.restart()
+    waiting.append(other.execute("TakeArm", variant([0, 0])))  # a client of after the restart
+    cell.trace(300)
+    assert [cell.code(each) for each in waiting] == [hresult.E_ABORT, hresult.E_ABORT, 0]
+    assert cell.arm.motor.state is MotorState.OFF
+
+
+def test_a_restart_resets_what_a_controller_loses_without_power(cell):
+    for command, parameter in (
+        ("CurLmt", [1, 2, 30]), ("GrvCtrl", 1), ("HighPathAccuracy", 1), ("SpeedMode", 3), ("ErAlw", [1, 1, 5]),
+        ("StartLog", None), ("StartServoLog", None), ("PayLoad", [2000]), ("ExtSpeed", 40),
+    ):  # fmt: skip
+        cell.execute(command, parameter)
+    cell.robot.change("Tool3")
+    cell.robot.speed(-1, 30.0)
+    cell.rc8.pendant.restart()
+    loads, arm = cell.arm.servo.loads, cell.arm
+    assert (loads.limits, loads.gravity_control, loads.offsets) == ({}, False, None)
+    assert (arm.speeds.path.speed, arm.speeds.mode, arm.accuracy.deviation, arm.space.tools.current) == (100, 0, {}, 0)
+    assert [arm.log.running, arm.hardware.servo_log.running] == [False, False]
+    assert (loads.dynamics.payload.mass, arm.speeds.external.speed) == (2.0, 40)  # settings that are stored

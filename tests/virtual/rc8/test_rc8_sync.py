@@ -81,6 +81,17 @@ def test_the_end_waits_for_all_motions_unless_next(cell, option):
     assert code_of(lambda: cell.begin(0, "SyncTimeEnd", 2)) == hresult.VALUE_OUT_OF_RANGE
 
 
+def test_after_next_the_motor_is_switched_off_at_the_end_of_the_motions(cell):
+    """As after a motion with NEXT: no call waits for the motions."""
+    collect(cell)
+    assert cell.begin(0, "SyncTimeEnd", 1) is None
+    cell.cycle(3)
+    off = cell.begin(0, "Motor", [0, 0])
+    cell.until_done(off)
+    assert [arm.motor.on for arm in cell.arms] == [False, True]
+    assert cell.arms[0].queue.joints == (120, 20, 110, 40, 30, 90)
+
+
 def test_several_motions_of_one_robot_follow_each_other(cell):
     cell.of(1, "SyncTimeStart")
     cell.begin(0, "Draw", [2, "@P V(0, 60, 0)"])

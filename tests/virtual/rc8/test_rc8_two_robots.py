@@ -363,6 +363,30 @@ def test_the_connection_of_a_stream_is_refused_commands_of_both_robots(cell):
     assert cell.of(1, "slvGetMode") == J0
 
 
+def test_the_connection_of_a_stream_is_refused_functions_of_both_robots(cell):
+    """The functions of CaoRobot, which are no commands, and the writable variables; Halt is always accepted."""
+    cell.of(1, "slvChangeMode", J0)
+    one = cell.robots[0]
+    calls = (
+        lambda: cell.move_of(0, 1, FAR[0]),
+        lambda: one.rotate(variant("XY"), 5.0, variant("V(0, 0, 0)"), ""),
+        one.go_home,
+        lambda: one.hold(""),
+        lambda: one.unhold(""),
+        lambda: one.speed(-1, 50.0),
+        lambda: one.accelerate(-1, 50.0, 50.0),
+        lambda: one.change("Tool1"),
+        lambda: one.get_variable("@SPEED", "").put_value(variant(50.0)),
+        lambda: one.get_variable("@SERVO_ON", "").put_value(variant(False)),
+        lambda: one.get_variable("Tool1", "").put_value(variant([0.0] * 6)),
+    )
+    assert [cell.code_of(call) for call in calls] == [hresult.REFUSED_IN_SLAVE_MODE] * len(calls)
+    assert cell.code_of(lambda: one.halt("")) == 0
+    assert cell.of(1, "slvGetMode") == J0
+    cell.of(1, "slvChangeMode", 0)
+    assert cell.code_of(lambda: cell.move_of(0, 1, FAR[0])) == 0
+
+
 # --- the pendant ------------------------------------------------------------------------------------------------------
 
 

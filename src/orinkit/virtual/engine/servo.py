@@ -126,6 +126,12 @@ class Servo:
         self._encoders.extend([self.encoder] * 3)
         self.loads.forget()
 
+    def power_on(self) -> None:
+        """Reset the lag and the settings of the motors, at standstill; the payload is kept."""
+        self.lag = LAG
+        self.loads.gravity_control, self.loads.offsets = False, None
+        self.loads.limits.clear()
+
     def _limited(self, encoder: tuple[float, ...]) -> tuple[float, ...]:
         late, end = self._late, len(self._late) - self.lag
         self.loads.yield_to(self.loads.commanded(late[end - 3], late[end - 2], late[end - 1]))

@@ -82,9 +82,9 @@ class Robots:
         """Stop every arm, and then switch its motor off."""
         self._for_each(lambda arm: arm.stop_and_power_off(code))
 
-    def give(self) -> None:
-        """Release the semaphores of all arms."""
-        self._for_each(RC8Arm.give)
+    def power_on(self) -> None:
+        """Put every arm into its state after power-on, after :meth:`stop_and_power_off`."""
+        self._for_each(RC8Arm.power_on)
 
     def lock(self, on: bool) -> None:
         """Set or clear the machine lock of every arm."""

@@ -293,7 +293,7 @@ class RC8State:
         with self.cycles:
             self.robots.stop_and_power_off(hresult.STOPPED_DURING_PC_MOTION)
             self.tasks.power_on()
-            self.robots.give()
+            self.robots.power_on()
             self.hands.power_on()
             self.usage.power_on()
             self.faults.clear()

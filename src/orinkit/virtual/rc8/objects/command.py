@@ -182,7 +182,10 @@ class RC8Command(CommandObject):
         if not self._cancel_code:
             self._cancel_code = code
             if not self._route.stop(self._caller, code):
+                inner = self._inner
                 self._finish_cancelled()
+                if inner is not None:
+                    inner.abandon()  # ForceWaitCondition must not stop a later motion
         return ended
 
     def _on_done(self, inner: Deferred[Any]) -> None:

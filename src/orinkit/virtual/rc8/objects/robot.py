@@ -56,7 +56,7 @@ class RC8Robot(RobotObject):
 
     def move(self, interpolation: int, pose: Variant, option: str) -> MotionResult:
         """Move to a pose (RC8 3.3.4); the call completes at the end of the motion, or immediately with option NEXT."""
-        require("Move", self._arm, self._caller)
+        self._require("Move")
         options = parse_options(option)
         if self._state.switches.loose_poses:
             pose = line_type_as_position(pose)
@@ -75,7 +75,7 @@ class RC8Robot(RobotObject):
 
     def rotate(self, plane: Variant, angle: float, pivot: Variant, option: str) -> MotionResult:
         """Rotate by an angle in deg about a pivot, in a plane of the work frame or in a plane through three points."""
-        require("Rotate", self._arm, self._caller)
+        self._require("Rotate")
         options = parse_options(option)
         name = _plane_name(plane)
         axis = self._moves.plane(name) if name else self._normal(plane)
@@ -91,7 +91,7 @@ class RC8Robot(RobotObject):
 
     def go_home(self) -> MotionResult:
         """Move to the home pose."""
-        require("GoHome", self._arm, self._caller)
+        self._require("GoHome")
         return self._begin(self._moves.home(), MotionOptions())
 
     def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
@@ -120,13 +120,13 @@ class RC8Robot(RobotObject):
 
     def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
         """Pause the motion, also a motion of another client; the call completes at standstill."""
-        require("Hold", self._arm, self._caller)
+        self._require("Hold")
         self._arm.hold()
         return self._arm.when_still()
 
     def unhold(self, option: str) -> None:  # noqa: ARG002
         """Continue a paused motion."""
-        require("Unhold", self._arm, self._caller)
+        self._require("Unhold")
         for arm in self._arm.companions:
             if arm.holder is not None:
                 require("Unhold", arm, arm.holder)
@@ -136,17 +136,17 @@ class RC8Robot(RobotObject):
 
     def speed(self, axis: int, speed: float) -> None:
         """Set the internal speed in %, for all motions (axis -1) or only for point-to-point motions (axis 0)."""
-        require("Speed", self._arm, self._caller)
+        self._require("Speed")
         self._arm.speeds.set_internal(speed, joint_only=_axis(axis))
 
     def accelerate(self, axis: int, accel: float, decel: float) -> None:
         """Set internal acceleration and deceleration in %; -1 keeps a value. For the axis see :meth:`speed`."""
-        require("Accelerate", self._arm, self._caller)
+        self._require("Accelerate")
         self._arm.speeds.set_acceleration(accel, decel, joint_only=_axis(axis))
 
     def change(self, name: str) -> None:
         """Change to a tool or work frame: ``Tool1``, ``Work2``."""
-        require("Change", self._arm, self._caller)
+        self._require("Change")
         found = _FRAME.fullmatch(name)
         if found is None:
             raise error_for(
@@ -175,6 +175,11 @@ class RC8Robot(RobotObject):
         self._arm.remove_robot_object(self._caller)
 
     # --- helpers ------------------------------------------------------------------------------------------------
+
+    def _require(self, name: str) -> None:
+        """Check the conditions of a function; a client that is in slave mode with another arm may not use it either."""
+        self._caller.require_not_slave()
+        require(name, self._arm, self._caller)
 
     def _begin(self, plans: Plans, options: MotionOptions) -> MotionResult:
         return begin_motions(self._caller, plans, options)

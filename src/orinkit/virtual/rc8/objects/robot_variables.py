@@ -182,6 +182,7 @@ class RobotVariableObject(VariableObject):
         self._caller.require_write()
         if self._entry.write is None:
             raise error_for(hresult.E_CAO_NOT_WRITABLE, self.name)
+        self._caller.require_not_slave()
         return self._entry.write(self._caller, value)
 
     def get_date_time(self) -> Value:

@@ -74,8 +74,7 @@ def _end(block: type[SyncBlock], name: str) -> Callable[[ClientContext, Variant]
         if not isinstance(sync, block):
             raise _no_block(f"{name}Start")
         caller.client.sync = None
-        done = sync.run()
-        return None if option == _NEXT else done
+        return sync.run(wait=option == _WAIT)
 
     return run
 

@@ -175,6 +175,29 @@ class RC8Arm:
                 self.take(operator, keep=taker.keep)
                 taker.done.set_result()
 
+    def power_on(self) -> None:
+        """Put the arm into its state after power-on; call it after :meth:`stop_and_power_off`.
+
+        Calls that wait for standstill fail, so that none of them switches the motor on or takes the arm afterwards.
+        """
+        error = error_for(hresult.E_ABORT)
+        self._at_standstill.drop(error)
+        takers, self._takers = self._takers, {}
+        for taker in takers.values():
+            taker.done.set_exception(error)
+        self.powering_off = False
+        self.give()
+        self._when_at_standstill(None, self._reset_settings)
+
+    def _reset_settings(self) -> None:
+        """Reset the settings that a controller loses when it is switched off."""
+        self.speeds.reset()
+        self.accuracy.reset()
+        self.space.tools.current = self.space.works.current = 0
+        self.log.running = False
+        self.servo.power_on()
+        self.hardware.servo_log.running = False
+
     def give(self) -> None:
         """Release the arm semaphore; running motions are not affected, force control ends."""
         self.holder = None

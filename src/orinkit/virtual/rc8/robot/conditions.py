@@ -14,10 +14,9 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
+from orinkit.virtual.rc8.robot.hardware.force_control import FASTEST
 from orinkit.virtual.rc8.robot.speeds import FULL
 from orinkit.virtual.rc8.switches import ModeSwitch
-
-_FORCE_SPEED: Final = 50.0  # %
 
 
 class Condition(Enum):
@@ -118,7 +117,7 @@ def _slow(arm: RC8Arm, _: Operator) -> int:
         return 0
     speeds = arm.speeds
     fastest = max(speeds.path.speed, speeds.joint.speed) * speeds.external.speed / FULL
-    return hresult.FORCE_CONTROL_TOO_FAST if fastest > _FORCE_SPEED else 0
+    return hresult.FORCE_CONTROL_TOO_FAST if fastest > FASTEST * FULL else 0
 
 
 _CHECKS: Final[dict[Condition, Check]] = {

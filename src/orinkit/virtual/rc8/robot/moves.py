@@ -164,7 +164,9 @@ class Moves:
         return pending.done
 
     def _queue(self, planned: list[Motion] | Exception) -> Sequence[Ticket]:
-        return [self._arm.enqueue(motion) for motion in self._require_planned(planned)]
+        motions = self._require_planned(planned)
+        self._arm.hardware.force.require_slow(motions)
+        return [self._arm.enqueue(motion) for motion in motions]
 
     def _require_planned(self, planned: list[T] | Exception) -> list[T]:
         """Return what has been planned, or raise the error of planning."""

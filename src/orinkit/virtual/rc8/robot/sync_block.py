@@ -16,7 +16,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.motion.coupling import Coupling
 from orinkit.virtual.engine.motion.planner import Motion
-from orinkit.virtual.engine.motion.queue import ROOM
+from orinkit.virtual.engine.motion.queue import ROOM, Ticket
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.carried_motions import Carrier, FollowingArm
@@ -69,6 +69,7 @@ class CollectedMotions:
         """
         arm = self.robot.arm
         _require_ready(arm, self.operator)
+        arm.hardware.force.require_slow(self.motions)
         if arm.interruptions != self.interruptions or arm.queue.joints != self.start:
             raise error_for(
                 hresult.STOPPED_DURING_PC_MOTION,
@@ -79,10 +80,10 @@ class CollectedMotions:
                 ),
             )
 
-    def begin_motions(self) -> Deferred[None]:
-        """Queue the motions; return a Deferred that resolves at their end."""
+    def begin_motions(self) -> Ticket:
+        """Queue the motions; return the ticket of the last one."""
         arm = self.robot.arm
-        return arm.when_done([arm.enqueue(each) for each in self.motions][-1])
+        return [arm.enqueue(each) for each in self.motions][-1]
 
 
 def _require_ready(arm: RC8Arm, operator: Operator) -> None:
@@ -139,11 +140,14 @@ class SyncBlock(ABC):
     def _plan(self, robot: RobotUnit, operator: Operator, plans: Plans) -> Deferred[None] | None:
         """Plan motions of a robot for :meth:`add`."""
 
-    def run(self) -> Deferred[None] | None:
+    def run(self, *, wait: bool = True) -> Deferred[None] | None:
         """Begin all motions in the next cycle.
 
+        Args:
+            wait: False if the call does not wait for the motions (NEXT).
+
         Returns:
-            A Deferred that resolves when all motions have ended; ``None`` if there are no motions.
+            A Deferred that resolves when all motions have ended; ``None`` without ``wait``, or if there are no motions.
 
         Raises:
             CallError: As for :meth:`CollectedMotions.require_valid`; E_FAIL if a motion was refused. No arm moves then.
@@ -160,13 +164,15 @@ class SyncBlock(ABC):
         for part in parts:
             part.require_valid()
         try:
-            done = [part.begin_motions() for part in parts]
+            last = [part.begin_motions() for part in parts]
             self._join([part.robot.arm for part in parts])
         except BaseException:  # no arm may move alone; no cycle has run yet
             for part in parts:
                 part.robot.arm.stop(hresult.STOPPED_DURING_PC_MOTION)
             raise
-        return all_of(done) if done else None
+        if not (wait and parts):
+            return None
+        return all_of([part.robot.arm.when_done(ticket) for part, ticket in zip(parts, last, strict=True)])
 
     @abstractmethod
     def _join(self, arms: Sequence[RC8Arm]) -> None:
@@ -260,11 +266,11 @@ class SyncMove(SyncBlock):
 
         return robot.moves.collect(plans, planned, keep)
 
-    def run(self) -> Deferred[None] | None:
+    def run(self, *, wait: bool = True) -> Deferred[None] | None:
         """Begin the motions of all arms in the next cycle; see :meth:`SyncBlock.run`."""
         for part in self._parts.values():
             part.require_valid()
-        return super().run()
+        return super().run(wait=wait)
 
     def _join(self, arms: Sequence[RC8Arm]) -> None:
         """Couple the arms until standstill: they have the same progress in every cycle, and stop together."""

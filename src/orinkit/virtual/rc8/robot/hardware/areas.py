@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orinkit.arms import frames
 from orinkit.core import hresult
-from orinkit.core.errors import error_for
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr
 from orinkit.core.record import record
 from orinkit.virtual.engine.control_loop import PERIOD
@@ -215,13 +215,23 @@ class Areas:
     def _crossed(self, number: int, watch: _Watch) -> None:
         area = watch.area
         if area.io >= 0:
-            self._set_io(area.io, watch.inside)
+            self._write(number, lambda: self._set_io(area.io, watch.inside))
         if not watch.inside:
             return
         if area.variable >= 0:
-            self._store(area.variable)
+            self._write(number, lambda: self._store(area.variable))
         if area.detection == _STOP:
             self._fault(hresult.OUT_OF_WORKING_RANGE, tr("the tool has entered area {number}", number=number))
+
+    def _write(self, number: int, write: Callable[[], None]) -> None:
+        """Write a variable; if this fails, raise an error of the controller, because no client waits for the write.
+
+        A position variable may have been deleted since the area was defined.
+        """
+        try:
+            write()
+        except CallError as error:
+            self._fault(error.code, tr("area {number}", number=number) + f": {error.detail}")
 
     def _forget(self, number: int) -> None:
         watch = self._watched.pop(number, None)

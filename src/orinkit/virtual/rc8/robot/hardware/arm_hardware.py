@@ -134,8 +134,9 @@ class ArmHardware:
             self.waits.cancel(code)
 
     def released(self) -> None:
-        """End force control, because the arm has been released."""
-        self.force.switch_off()
+        """End force control, because the arm has been released; the arm stays where the force has displaced it to."""
+        self.force.switch_off(stay=True)
+        self._stay()
 
     def close(self) -> None:
         """Let all calls that wait fail with E_ABORT."""
@@ -158,6 +159,7 @@ class ArmHardware:
             self.areas.step(tip)
             self.fences.step(tip)
         self._check_deviation()
+        self._stay()
         if not self._arm.motor.on:
             self._rest()
         log = self.servo_log
@@ -188,6 +190,12 @@ class ArmHardware:
         if code and not self._reported:
             self._fault(code, "")
         self._reported = bool(code)
+
+    def _stay(self) -> None:
+        """Make the displaced position the command position, as soon as no motion is in progress."""
+        if self.force.staying and self._arm.queue.state is QueueState.IDLE:
+            self._arm.queue.place(self._arm.servo.command)
+            self.force.settle()
 
     def _rest(self) -> None:
         """End force control without power; the brakes hold the arm where it is."""

@@ -9,7 +9,7 @@ to the sum of command and displacement.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Final, Protocol
 
@@ -21,6 +21,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.dynamics import GRAVITY, Payload, Vector, Wrench
+from orinkit.virtual.engine.motion.planner import Motion
 from orinkit.virtual.engine.servo import Servo
 from orinkit.virtual.rc8.robot.hardware.contact import Matrix, Surfaces
 from orinkit.virtual.rc8.robot.hardware.force_parameters import (
@@ -41,12 +42,17 @@ PULSES_PER_NEWTON: Final = 20.0
 PULSES_PER_NEWTON_METRE: Final = 1000.0
 """Resolution of the sensor, pulses for each N m (an assumption of this project)."""
 
+FASTEST: Final = 0.5
+"""Largest speed of a motion that is commanded while force control is on, as a fraction of the full speed."""
+
 _DEGREE: Final = math.pi / 180.0
 _METRE: Final = 1000.0
 _SHARP: Final = 3.0  # mm for each rad, damping of the inverse Jacobian near singular points
 _LEVER: Final = 300.0  # mm; a rotation by 1 rad counts as much as this way
 _BACK: Final = 0.2  # of the remaining displacement in a cycle, when force control has been switched off
 _GONE: Final = 1e-4  # deg or mm
+_ROUNDING: Final = 1 + 1e-9
+_STILL: Final = 1e-9  # deg or mm; less is standstill, so that a motion with @E ends although the displacement converges
 _ZERO: Final[Six] = (0.0,) * 6
 _FORCE, _COMMAND, _ENCODER, _DEVIATION = 0, 1, 2, 3
 _QUANTITIES: Final = 4
@@ -96,6 +102,7 @@ class ForceControl:
         self._displacement = np.zeros(6)  # mm, deg, in the control frame
         self._rate = np.zeros(6)  # mm/s, deg/s
         self._shift: Joints = ()  # displacement of the joints, deg
+        self._staying = False  # the displacement neither grows nor goes back
         self._frame = np.eye(3)  # axes of the control frame, for base and work
         self._zero = np.zeros(6)  # reading of the sensor at its last reset, tool frame
         self._start: tuple[Matrix, Matrix] | None = None  # tips by command and by encoder at the start of control
@@ -133,13 +140,31 @@ class ForceControl:
         self._peaks = [(np.zeros(6), np.zeros(6)) for _ in range(_QUANTITIES)]
         self.started = self._seconds()
         self._limit_currents(parameters)
-        self.on = True
+        self.on, self._staying = True, False
 
-    def switch_off(self) -> None:
-        """Switch force control off; the arm returns smoothly to its commanded pose."""
+    def switch_off(self, *, stay: bool = False) -> None:
+        """Switch force control off; the arm returns smoothly to its commanded pose.
+
+        Args:
+            stay: True to keep the displacement until :meth:`settle`, because nobody commands the arm any more.
+        """
+        self._staying = self._staying or (stay and self.displacing)
         if self.on:
             self.on = False
             self._arm.servo.loads.force_limits.clear()
+
+    @property
+    def staying(self) -> bool:
+        """True if the displacement is kept until :meth:`settle`."""
+        return self._staying
+
+    def settle(self) -> None:
+        """Drop the displacement, after the command position has been set to the last displaced one.
+
+        The arm comes to rest there within its limits.
+        """
+        self.forget()
+        self._shift = (0.0,) * len(self._arm.model.axes)
 
     def change_table(self, number: int) -> None:
         """Continue with the parameters of another table.
@@ -159,8 +184,17 @@ class ForceControl:
 
     def forget(self) -> None:
         """Drop the displacement, after the command position has been set to the present one."""
-        self._shift = ()
+        self._shift, self._staying = (), False
         self._displacement, self._rate = np.zeros(6), np.zeros(6)
+
+    def require_slow(self, motions: Iterable[Motion]) -> None:
+        """Raise an exception if force control is on and a motion is too fast, also because of its option SPEED.
+
+        Raises:
+            CallError: FORCE_CONTROL_TOO_FAST.
+        """
+        if self.on and any(motion.rates.speed > FASTEST * _ROUNDING for motion in motions):
+            raise error_for(hresult.FORCE_CONTROL_TOO_FAST)
 
     # --- values -------------------------------------------------------------------------------------------------
 
@@ -200,8 +234,10 @@ class ForceControl:
     def command(self, joints: Joints) -> Joints:
         """Return the command position of this cycle: that of the motion, displaced by force control."""
         wanted = self._wanted(joints)
-        self._shift = tuple([a - b for a, b in zip(self._within_limits(wanted), joints, strict=True)])
-        if not self.on and all(abs(shift) < _GONE for shift in self._shift):
+        shift = tuple([a - b for a, b in zip(self._within_limits(wanted), joints, strict=True)])
+        if any(abs(a - b) > _STILL for a, b in zip(shift, self._shift, strict=True)):
+            self._shift = shift
+        if not (self.on or self._staying) and all(abs(shift) < _GONE for shift in self._shift):
             self._shift = ()
             self._displacement = np.zeros(6)
             return joints
@@ -237,7 +273,8 @@ class ForceControl:
         """Return the joints at which the tool has the pose that the force wants."""
         shift = self._shift
         if not self.on:
-            return tuple([joint + (1 - _BACK) * each for joint, each in zip(joints, shift, strict=True)])
+            kept = 1.0 if self._staying else 1 - _BACK
+            return tuple([joint + kept * each for joint, each in zip(joints, shift, strict=True)])
         space = self._arm.space
         nominal = space.tcp(joints)
         present = tuple([joint + each for joint, each in zip(joints, shift, strict=True)])
