@@ -223,6 +223,14 @@ def test_help_does_not_load_modules_of_commands(program):
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),
         (["get", "a", "b", "--zip"], "unknown option --zip (see orinkit get --help)"),
+        (
+            ["get", "a", "b", "--timout", "3"],
+            "unknown option --timout; did you mean --timeout? (see orinkit get --help)",
+        ),
+        (
+            ["serve", "rc8", "--controller", "rc7"],
+            "'rc7' is not a valid value for --controller. Try: one of rc8, rc8a, rc9, cobotta (see orinkit serve rc8 --help)",
+        ),
         (["get", "a", "b", "--timeout", "x"], "'x' is not a valid value for --timeout (see orinkit get --help)"),
         (["get", "a", "b", "--timeout"], "--timeout is missing (see orinkit get --help)"),
         (["get", "a", "b", "--timeout", "3", "--timeout", "4"], "--timeout is given twice (see orinkit get --help)"),

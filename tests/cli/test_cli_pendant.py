@@ -311,7 +311,7 @@ def serve(program) -> Iterator[Serve]:
 
 
 def test_serve_with_a_control_port(serve, run, runtime):
-    process, lines = serve("--tcp", "127.0.0.1:0", "--control", "127.0.0.1:0", lines=4)
+    process, lines = serve("--tcp", "127.0.0.1:0", "--control", "0", lines=4)  # a port alone: 127.0.0.1
     assert [line.rpartition(":")[0] for line in lines[:3]] == ["ready tcp://127.0.0.1"] * 2 + [
         "ready control tcp://127.0.0.1"
     ]

@@ -10,7 +10,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from support.waiting import PATIENCE
 
 HOME = (0.0, 45.0, 90.0, 0.0, 45.0, 0.0)
-UNHEARD = "the browser has not been heard for 1.5 s"
+UNHEARD = "nothing was received from the browser for 1.5 s"
 BLOCKED = "the Tester was blocked for more than 1 s"
 BUSY = re.compile(f"{UNHEARD}|{BLOCKED}")  # also occur on a busy machine
 

@@ -161,8 +161,10 @@ def _converted(parameter: inspect.Parameter, value: Any) -> Any:
         return value
     try:
         return _as_type(vt, to_variant(value)).plain
-    except (InvalidValue, CallError) as error:
+    except InvalidValue as error:
         raise error_for(hresult.E_INVALIDARG, f"{parameter}: {error}") from None
+    except CallError as error:  # only its detail: the message would contain a second return code and remedy
+        raise error_for(hresult.E_INVALIDARG, f"{parameter}: {error.detail or error.info.text}") from None
 
 
 def _as_type(vt: int, value: Variant) -> Variant:

@@ -14,6 +14,7 @@ import orinkit
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
 from orinkit.device import Device, user_function, variable
+from orinkit.gateway import RemoteProvider
 from orinkit.server.http.options import HttpOptions
 from orinkit.server.http.variables import VariableViews
 from orinkit.server.threaded import Server
@@ -205,6 +206,15 @@ def test_the_view_of_a_virtual_rc8() -> None:
         assert get(web, "I100").status == 404
         assert json.loads(get(web, "%40MODE").body)["value"] == 3
         assert server.clients == 0
+
+
+def test_the_view_of_a_controller_behind_a_gateway() -> None:
+    with (
+        orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as cell,
+        orinkit.serve(RemoteProvider(cell.url), "http://127.0.0.1:0") as gateway,
+    ):
+        answer = get(Web(gateway.url), "I1")
+    assert json.loads(answer.body) == {"name": "I1", "type": "VT_I4", "value": 0}
 
 
 def test_the_sessions_of_the_view_end(monkeypatch: pytest.MonkeyPatch) -> None:

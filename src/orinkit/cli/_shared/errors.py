@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 import cyclopts
@@ -40,6 +40,13 @@ def _unknown_command(word: str, error: cyclopts.CycloptsError) -> str:
     return tr("unknown command {word}; did you mean {names}?", word=word, names=names)
 
 
+def _unknown_option(option: str, arguments: Iterable[cyclopts.Argument]) -> str:
+    known = [name for argument in arguments for name in argument.names]
+    if nearest := get_close_matches(option, known, n=1, cutoff=0.75):
+        return tr("unknown option {option}; did you mean {name}?", option=option, name=nearest[0])
+    return tr("unknown option {option}", option=option)
+
+
 def whole_number(_kind: object, tokens: Sequence[cyclopts.Token]) -> int:
     """Parse a whole number; cyclopts' own conversion would round 10.7."""
     return int(tokens[0].value, 10)
@@ -55,10 +62,11 @@ def _reason(error: cyclopts.CycloptsError) -> str:
             return tr("{argument} is missing", argument=shown)
         case cyclopts.CoercionError(token=token):
             value = token.value if token is not None else ""
-            return tr("{value!r} is not a valid value for {argument}", value=value, argument=shown)
+            choices = error.argument.get_choices(force=True) if error.argument is not None else None
+            text = tr("{value!r} is not a valid value for {argument}", value=value, argument=shown)
+            return text + (tr(". Try: one of {choices}", choices=", ".join(choices)) if choices else "")
         case cyclopts.UnknownOptionError(token=token):
-            option = token.keyword or token.value
-            return tr("unknown option {option}", option=option)
+            return _unknown_option(token.keyword or token.value, error.argument_collection)
         case cyclopts.UnknownCommandError():
             return _unknown_command((error.unused_tokens or [""])[0], error)
         case cyclopts.UnusedCliTokensError():

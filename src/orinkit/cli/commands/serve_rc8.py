@@ -263,6 +263,8 @@ def serve_rc8(
     check(listening)
     if count < 1:
         raise usage_error(tr("--count must be at least 1, not {count}", count=count))
+    if control is not None and control.isascii() and control.isdecimal():  # a port alone, as for --tcp
+        control = f"127.0.0.1:{control}"
     secret = _read_control(control, control_secret_file)
     begin_log(listening)  # a warning about the state directory is logged
     try:

@@ -36,6 +36,7 @@ MOST_VARIABLES: Final = 64
 """Limit on the variables that the session of an address keeps open."""
 
 _COST: Final = 0.0001  # s, expected time of one call
+_RC8: Final = "CaoProv.DENSO.VRC"  # for a gateway, which forwards any name to its controller
 
 
 class _Failed(Exception):
@@ -65,7 +66,8 @@ class _View:
         async with self._lock:
             self.used_at = asyncio.get_running_loop().time()
             if not self._controller:
-                provider = self._context.host.providers[0].provider_names[0]
+                names = self._context.host.providers[0].provider_names
+                provider = _RC8 if names[0] == "*" else names[0]
                 self._controller = await self._number(exchange, f.controller_connect, "", provider, "localhost", "")
             handle = self._variables.pop(name, 0)
             if not handle:

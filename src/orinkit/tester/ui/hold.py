@@ -50,7 +50,7 @@ def parsed_key(pattern: re.Pattern[str], key: str) -> re.Match[str]:
 class HoldControl:
     """Starts a motion when a hold button of a page is pressed, and stops it in every case in which the user is gone.
 
-    The motion stops if the button is released, the page is hidden or closed, the browser has not been heard for 0.5 s,
+    The motion stops if the button is released, the page is hidden or closed, nothing was received from the browser for 0.5 s,
     or the user has lost the controls.
 
     Args:

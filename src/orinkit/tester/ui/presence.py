@@ -61,7 +61,7 @@ class Presence:
         if self._hidden:
             return tr("the page is hidden")
         if self._missed or self._is_late:
-            return tr("the browser has not been heard for {seconds:g} s", seconds=self._limit)
+            return tr("nothing was received from the browser for {seconds:g} s", seconds=self._limit)
         return ""
 
     async def lost(self) -> str:

@@ -199,17 +199,17 @@ class Gripper(Fingers):
         return done
 
     def move_to_point(self, number: int, *, must_hold: bool = False) -> Deferred[None]:
-        """Move as the data of a point say.
+        """Move as the data of a point define.
 
         Raises:
-            CallError: VALUE_OUT_OF_RANGE, also if the point does not hold although ``must_hold`` is True; otherwise as
-                for :meth:`move`.
+            CallError: VALUE_OUT_OF_RANGE, also if the mode of the point does not grip although ``must_hold`` is True;
+                otherwise as for :meth:`move`.
         """
         point = self.point(number)
         if must_hold and not point.holds:
             raise error_for(
                 hresult.VALUE_OUT_OF_RANGE,
-                tr("the mode of point {number} does not hold. Try: UnChuck or MoveP", number=number),
+                tr("the mode of point {number} does not grip. Try: UnChuck or MoveP", number=number),
             )
         force = point.force if point.holds else None
         closing = bool(point.distance)
