@@ -54,11 +54,22 @@ def compiled(root: Path, folder: Path) -> Path:
     return module
 
 
+def put_in_place(module: Path, target: Path) -> None:
+    """Copy a module to a path, in one step.
+
+    A file that a running program has loaded must not be written to: the program would crash.
+    """
+    new = target.with_name(f"{target.name}.new")
+    shutil.copy(module, new)
+    new.replace(target)
+
+
 class SpeedupsHook(BuildHookInterface[Any]):
     """Adds the extension to a wheel; for an editable installation, puts it beside its package."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the extension, or print why it is left out."""
+        installed = Path(self.root, "src", FOLDER, f"_speedups{sysconfig.get_config_var('EXT_SUFFIX')}")
         reason = declined()
         if not reason:
             self._folder = tempfile.mkdtemp(prefix="orinkit-build-")
@@ -67,10 +78,12 @@ class SpeedupsHook(BuildHookInterface[Any]):
             except (Exception, SystemExit) as error:  # noqa: BLE001 - a compiler can fail in any way
                 reason = f"{type(error).__name__}: {error}"
         if reason:
+            if version == "editable":
+                installed.unlink(missing_ok=True)  # of an earlier installation; it may not fit the modules in Python
             self.app.display_warning(f"orinkit: the optional C extension is left out: {reason}")
             return
         if version == "editable":
-            shutil.copy(module, Path(self.root, "src", FOLDER, module.name))
+            put_in_place(module, installed)
             return
         build_data["pure_python"] = False
         build_data["infer_tag"] = True

@@ -1,4 +1,4 @@
-"""A process of the round trips: ``python bench/contender.py {sync,asyncio} PORT``, for bench/natural.py.
+"""A process of the round trips: ``python bench/contender.py {sync,asyncio,uvloop} PORT``, for bench/natural.py.
 
 The process first prints its actions and the state of the C extension as JSON. For each line "ACTION COUNT INTERVAL" of
 its standard input, it performs an action COUNT times, once every INTERVAL ns (0: back to back), and prints the durations
@@ -16,7 +16,7 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import orinkit
 from measuring import on_core
@@ -104,10 +104,8 @@ class BareProtocol(asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the transport."""
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
+        self.transport = cast("asyncio.Transport", transport)  # uvloop's class is not a subclass of it
         self._loop = asyncio.get_running_loop()
-
         self._buffer = bytearray(65536)
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002
@@ -191,7 +189,8 @@ def main() -> None:
         actions = synchronous(port)
         obey(list(actions), lambda name, *how: run(actions[name], *how))
         return
-    with asyncio.Runner() as runner:
+    new_loop = importlib.import_module("uvloop").new_event_loop if kind == "uvloop" else None
+    with asyncio.Runner(loop_factory=new_loop) as runner:
         found = runner.run(asynchronous(port))
         obey(list(found), lambda name, *how: runner.run(arun(found[name], *how)))
 

@@ -1,7 +1,7 @@
 """Round trips of what programs call, against bare references of the same run. Part of ``make bench``.
 
-Each kind of client (synchronous and asyncio, with the C extension and without it) has a process of its own
-(bench/contender.py), and so has a bare client in C. All are connected to one responder on another core. They take turns
+Each kind of client (synchronous and asyncio, with the C extension and without it; asyncio on uvloop) has a process of its
+own (bench/contender.py), and so has a bare client in C. All are connected to one responder on another core. They take turns
 in short rounds, and only one of them runs at a time.
 """
 
@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 from native import compiled, core, responder
@@ -22,6 +23,9 @@ from packets import REQUEST
 from results import Results
 
 PURE = "ORINKIT_PURE"
+KINDS = {"sync": (True, False), "asyncio": (True, False), "uvloop": (False,) if find_spec("uvloop") else ()}
+"""Kinds of clients; each is measured in pure Python (True) or with the extension (False)."""
+
 INTERVALS = {"back to back": 0, "every 1 ms": 1_000_000, "every 8 ms": 8_000_000}
 ACTIONS = {
     "call": "client.call(...)",
@@ -113,8 +117,8 @@ def clients(port: int) -> Iterator[list[Client]]:
         if program is not None:
             found.append(stack.enter_context(started([program, core(0), str(port), REQUEST.hex()], "C")))
         script = Path(__file__).with_name("contender.py")
-        for kind in ("sync", "asyncio"):
-            for pure in (True, False):
+        for kind, variants in KINDS.items():
+            for pure in variants:
                 label = f"{kind}, {'pure' if pure else 'extension'}"
                 client = stack.enter_context(started([sys.executable, script, kind, str(port)], label, pure=pure))
                 state = json.loads(client.line())
@@ -183,7 +187,7 @@ def compare_action(client: Client, action: str, pace: str, results: Results) -> 
 
 def judged(client: Client, action: str, pace: str, mine: float, bare: float) -> tuple[str, bool | None]:
     """Return the goal of an action as text, and whether it is met; for actions without a goal ``""`` and ``None``."""
-    if action not in GOAL_ACTIONS or pace == "every 1 ms":
+    if action not in GOAL_ACTIONS or pace == "every 1 ms" or client.label.startswith("uvloop"):
         return "", None
     together = pace == "back to back"
     if client.label.startswith("asyncio"):

@@ -17,6 +17,8 @@ static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long
 
 /* --- limits -------------------------------------------------------------------------------------------------------- */
 
+#define LEAST -(1LL << 60) /* least limit or budget: room for subtractions */
+
 static bool read_limit(PyObject *limits, PyObject *name, long long *number)
 {
     PyObject *found = PyObject_GetAttr(limits, name);
@@ -25,7 +27,7 @@ static bool read_limit(PyObject *limits, PyObject *name, long long *number)
         *number = PyLong_AsLongLongAndOverflow(found, &overflow);
     Py_XDECREF(found);
     PyErr_Clear();
-    return !overflow;
+    return !overflow && *number > LEAST;
 }
 
 Outcome read_limits(State *state, PyObject *limits, Limits *found)
@@ -50,6 +52,47 @@ static Outcome spend(Reader *reader, uint32_t count)
 {
     reader->left -= count;
     return reader->left < 0 ? UNUSUAL : DONE;
+}
+
+/* --- lists --------------------------------------------------------------------------------------------------------- */
+
+/* Return a list with room for its elements. Until finish_list(), gc.get_objects() does not return the list: Python code
+ * that runs meanwhile would crash if it read an element that is missing. */
+static PyObject *begin_list(uint32_t count)
+{
+    PyObject *items = PyList_New(count);
+    if (items != NULL)
+        PyObject_GC_UnTrack(items);
+    return items;
+}
+
+/* Return the list if it is complete; otherwise release it. */
+static Outcome finish_list(PyObject *items, Outcome outcome, PyObject **value)
+{
+    if (outcome == DONE)
+        PyObject_GC_Track(items);
+    else
+        Py_CLEAR(items);
+    *value = items;
+    return outcome;
+}
+
+typedef Outcome (*ReadItem)(Reader *reader, long long depth, PyObject **item);
+
+/* Read elements that differ in size, each at least "least" bytes. */
+static Outcome read_list(Reader *reader, uint32_t count, size_t least, ReadItem read, long long depth, PyObject **value)
+{
+    if (least * (uint64_t)count > reader->end - reader->position)
+        return UNUSUAL;
+    PyObject *items = begin_list(count);
+    Outcome outcome = items == NULL ? FAILED : DONE;
+    for (uint32_t i = 0; outcome == DONE && i < count; i++) {
+        PyObject *item = NULL;
+        outcome = read(reader, depth, &item);
+        if (outcome == DONE)
+            PyList_SET_ITEM(items, i, item);
+    }
+    return finish_list(items, outcome, value);
 }
 
 /* --- elements of a fixed size -------------------------------------------------------------------------------------- */
@@ -110,17 +153,18 @@ static PyObject *item_from(const Reader *reader, int base, const uint8_t *at, in
     }
 }
 
-static PyObject *list_from(const Reader *reader, int base, const uint8_t *at, uint32_t count, int size)
+static Outcome list_from(const Reader *reader, int base, const uint8_t *at, uint32_t count, int size, PyObject **value)
 {
-    PyObject *items = PyList_New(count);
-    for (uint32_t i = 0; items != NULL && i < count; i++, at += size) {
+    PyObject *items = begin_list(count);
+    Outcome outcome = items == NULL ? FAILED : DONE;
+    for (uint32_t i = 0; outcome == DONE && i < count; i++, at += size) {
         PyObject *item = item_from(reader, base, at, size);
         if (item == NULL)
-            Py_CLEAR(items);
+            outcome = FAILED;
         else
             PyList_SET_ITEM(items, i, item);
     }
-    return items;
+    return finish_list(items, outcome, value);
 }
 
 static Outcome read_fixed(Reader *reader, int base, bool array, uint32_t count, PyObject **value)
@@ -132,19 +176,17 @@ static Outcome read_fixed(Reader *reader, int base, bool array, uint32_t count, 
         return UNUSUAL;
     const uint8_t *at = reader->data + reader->position;
     reader->position += (size_t)count * (size_t)size;
-    if (!array)
-        *value = item_from(reader, base, at, size);
-    else if (base == VT_UI1)
-        *value = PyBytes_FromStringAndSize((const char *)at, count);
-    else
-        *value = list_from(reader, base, at, count, size);
+    if (array && base != VT_UI1)
+        return list_from(reader, base, at, count, size, value);
+    *value = array ? PyBytes_FromStringAndSize((const char *)at, count) : item_from(reader, base, at, size);
     return *value == NULL ? FAILED : DONE;
 }
 
 /* --- texts --------------------------------------------------------------------------------------------------------- */
 
-static Outcome read_text(Reader *reader, PyObject **value)
+static Outcome read_text(Reader *reader, long long depth, PyObject **value)
 {
+    (void)depth;
     if (reader->end - reader->position < 4)
         return UNUSUAL;
     size_t size = load_u32(reader->data + reader->position);
@@ -155,24 +197,6 @@ static Outcome read_text(Reader *reader, PyObject **value)
                                    &little_endian);
     reader->position += 4 + size;
     return *value == NULL ? FAILED : DONE;
-}
-
-static Outcome read_texts(Reader *reader, uint32_t count, PyObject **value)
-{
-    if (4 * (uint64_t)count > reader->end - reader->position)
-        return UNUSUAL;
-    PyObject *texts = PyList_New(count);
-    Outcome outcome = texts == NULL ? FAILED : DONE;
-    for (uint32_t i = 0; outcome == DONE && i < count; i++) {
-        PyObject *text = NULL;
-        outcome = read_text(reader, &text);
-        if (outcome == DONE)
-            PyList_SET_ITEM(texts, i, text);
-    }
-    if (outcome != DONE)
-        Py_CLEAR(texts);
-    *value = texts;
-    return outcome;
 }
 
 /* --- Variant objects and arrays of VARIANTs ------------------------------------------------------------------------ */
@@ -212,20 +236,7 @@ static Outcome read_variants(Reader *reader, uint32_t count, long long depth, Py
 {
     if (depth >= reader->limits->depth || depth >= MOST_DEPTH || spend(reader, count) != DONE)
         return UNUSUAL;
-    if (ELEMENT_HEAD * (uint64_t)count > reader->end - reader->position)
-        return UNUSUAL;
-    PyObject *items = PyList_New(count);
-    Outcome outcome = items == NULL ? FAILED : DONE;
-    for (uint32_t i = 0; outcome == DONE && i < count; i++) {
-        PyObject *item = NULL;
-        outcome = read_element(reader, depth + 1, &item);
-        if (outcome == DONE)
-            PyList_SET_ITEM(items, i, item);
-    }
-    if (outcome != DONE)
-        Py_CLEAR(items);
-    *value = items;
-    return outcome;
+    return read_list(reader, count, ELEMENT_HEAD, read_element, depth + 1, value);
 }
 
 /* Read the data of a value: count elements of a type. */
@@ -240,7 +251,7 @@ static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long
     if (base == VT_BSTR) {
         if (spend(reader, count) != DONE)
             return UNUSUAL;
-        return array ? read_texts(reader, count, value) : read_text(reader, value);
+        return array ? read_list(reader, count, 4, read_text, depth, value) : read_text(reader, depth, value);
     }
     if (base == VT_VARIANT && array)
         return read_variants(reader, count, depth, value);
@@ -249,21 +260,6 @@ static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long
         return DONE;
     }
     return UNUSUAL;
-}
-
-/* Set-points: they do not count towards the limit of elements. */
-static Outcome read_set_point(const uint8_t *data, uint32_t count, PyObject **value)
-{
-    PyObject *items = PyList_New(count);
-    for (uint32_t i = 0; items != NULL && i < count; i++) {
-        PyObject *item = double_at(data + 8 * (size_t)i);
-        if (item == NULL)
-            Py_CLEAR(items);
-        else
-            PyList_SET_ITEM(items, i, item);
-    }
-    *value = items;
-    return items == NULL ? FAILED : DONE;
 }
 
 Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t end, const Limits *limits, bool exact,
@@ -277,9 +273,9 @@ Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t
     if (length < ELEMENT_HEAD || length > MOST_BYTES || length > end - position - 4 || length > limits->packet)
         return UNUSUAL;
     *stop = position + 4 + length;
-    if (vt == (VT_R8 | VT_ARRAY) && !exact && length == ELEMENT_HEAD + 8 * (uint64_t)count)
-        return read_set_point(head + ARGUMENT_HEAD, count, value);
     Reader reader = {state, data, position + ARGUMENT_HEAD, *stop, limits, exact, *budget};
+    if (vt == (VT_R8 | VT_ARRAY) && !exact && length == ELEMENT_HEAD + 8 * (uint64_t)count)
+        return list_from(&reader, VT_R8, head + ARGUMENT_HEAD, count, 8, value); /* set-points: they do not count */
     Outcome outcome = read_value(&reader, vt, count, 0, value);
     if (outcome != DONE)
         return outcome;
@@ -337,7 +333,7 @@ static bool read_budget(PyObject *budget, long long *left)
     if (!PyList_CheckExact(budget) || PyList_GET_SIZE(budget) != 1 || !PyLong_CheckExact(PyList_GET_ITEM(budget, 0)))
         return false;
     *left = PyLong_AsLongLongAndOverflow(PyList_GET_ITEM(budget, 0), &overflow);
-    return !overflow && *left > -(1LL << 60); /* room for subtractions */
+    return !overflow && *left > LEAST;
 }
 
 static Outcome decode_found(State *state, const Arguments *found, PyObject **value, size_t *stop, long long *left)

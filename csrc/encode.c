@@ -401,32 +401,18 @@ PyObject *encode(PyObject *module, PyObject *value)
     return written(state, &writer, put_value(state, &writer, value, false, 0), ENCODE, value);
 }
 
-PyObject *encode_integer(PyObject *module, PyObject *value)
+static PyObject *encode_scalar(PyObject *module, PyObject *value, int base, FunctionNumber number)
 {
     State *state = state_of(module);
     Writer writer;
     begin_argument(&writer);
-    Outcome outcome = put_scalar(state, &writer, VT_I4, value, 4, 0);
-    return written(state, &writer, outcome, ENCODE_INTEGER, value);
+    Outcome outcome = put_scalar(state, &writer, base, value, 4, 0);
+    return written(state, &writer, outcome, number, value);
 }
 
-PyObject *encode_string(PyObject *module, PyObject *value)
-{
-    State *state = state_of(module);
-    Writer writer;
-    begin_argument(&writer);
-    Outcome outcome = put_scalar(state, &writer, VT_BSTR, value, 4, 0);
-    return written(state, &writer, outcome, ENCODE_STRING, value);
-}
-
-PyObject *encode_single(PyObject *module, PyObject *value)
-{
-    State *state = state_of(module);
-    Writer writer;
-    begin_argument(&writer);
-    Outcome outcome = put_scalar(state, &writer, VT_R4, value, 4, 0);
-    return written(state, &writer, outcome, ENCODE_SINGLE, value);
-}
+PyObject *encode_integer(PyObject *module, PyObject *value) { return encode_scalar(module, value, VT_I4, ENCODE_INTEGER); }
+PyObject *encode_string(PyObject *module, PyObject *value) { return encode_scalar(module, value, VT_BSTR, ENCODE_STRING); }
+PyObject *encode_single(PyObject *module, PyObject *value) { return encode_scalar(module, value, VT_R4, ENCODE_SINGLE); }
 
 PyObject *encode_variant(PyObject *module, PyObject *const *arguments, Py_ssize_t count, PyObject *names)
 {

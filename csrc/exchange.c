@@ -1,6 +1,6 @@
 /* The exchange of one call over a stream socket: see orinkit/transport/direct.py.
  *
- * The socket is in blocking mode with time-outs of the system, so that a call takes two system calls: send and recv.
+ * The socket is in blocking mode with a time-out of the system, so that a call takes two system calls: send and recv.
  */
 #include "speedups.h"
 
@@ -26,21 +26,18 @@ static double now(void)
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-/* Set the time-outs of a socket for sending and for receiving. */
-PyObject *set_timeouts(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+/* set_timeout(descriptor, seconds): set the time-out of a socket in blocking mode for receiving. */
+PyObject *set_timeout(PyObject *module, PyObject *arguments)
 {
     (void)module;
-    if (count != 2)
-        return PyErr_Format(PyExc_TypeError, "set_timeouts() takes 2 arguments");
-    int descriptor = (int)PyLong_AsLong(arguments[0]);
-    double seconds = PyFloat_AsDouble(arguments[1]);
-    if (PyErr_Occurred())
+    int descriptor;
+    double seconds;
+    if (!PyArg_ParseTuple(arguments, "id:set_timeout", &descriptor, &seconds))
         return NULL;
-    seconds = seconds < 1e-6 ? 1e-6 : seconds > 1e8 ? 1e8 : seconds; /* 0 would mean no limit */
+    seconds = seconds > 1e8 ? 1e8 : seconds >= 1e-6 ? seconds : 1e-6; /* 0 would mean no limit */
     struct timeval limit = {.tv_sec = (time_t)seconds};
     limit.tv_usec = (suseconds_t)((seconds - (double)limit.tv_sec) * 1e6);
-    if (setsockopt(descriptor, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit) < 0 ||
-        setsockopt(descriptor, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit) < 0)
+    if (setsockopt(descriptor, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit) < 0)
         return PyErr_SetFromErrno(PyExc_OSError);
     Py_RETURN_NONE;
 }
@@ -58,17 +55,17 @@ typedef struct {
 static void free_template(PyObject *capsule) { PyMem_Free(PyCapsule_GetPointer(capsule, CAPSULE)); }
 
 /* native_template(function_id, count, constants, varies, most): return an object for RequestTemplate.native. */
-PyObject *native_template(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+PyObject *native_template(PyObject *module, PyObject *arguments)
 {
     (void)module;
-    if (count != 5 || !PyBytes_Check(arguments[2]))
-        return PyErr_Format(PyExc_TypeError, "native_template() takes 5 arguments");
-    unsigned long function = PyLong_AsUnsignedLong(arguments[0]), number = PyLong_AsUnsignedLong(arguments[1]);
-    long most = PyLong_AsLong(arguments[4]);
-    int varies = PyObject_IsTrue(arguments[3]);
-    if (PyErr_Occurred())
+    unsigned int function;
+    unsigned short number;
+    PyObject *constants;
+    int varies;
+    long most;
+    if (!PyArg_ParseTuple(arguments, "IHSpl:native_template", &function, &number, &constants, &varies, &most))
         return NULL;
-    size_t size = (size_t)PyBytes_GET_SIZE(arguments[2]);
+    size_t size = (size_t)PyBytes_GET_SIZE(constants);
     Template *template = PyMem_Calloc(1, sizeof *template + PACKET_HEAD + size);
     if (template == NULL)
         return PyErr_NoMemory();
@@ -76,9 +73,9 @@ PyObject *native_template(PyObject *module, PyObject *const *arguments, Py_ssize
     template->varies = varies;
     template->size = PACKET_HEAD + size;
     template->start[0] = 0x01;
-    store_u32(template->start + 9, (uint32_t)function);
-    store_u16(template->start + 13, (uint16_t)number);
-    memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(arguments[2]), size);
+    store_u32(template->start + 9, function);
+    store_u16(template->start + 13, number);
+    memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(constants), size);
     PyObject *capsule = PyCapsule_New(template, CAPSULE, free_template);
     if (capsule == NULL)
         PyMem_Free(template);
@@ -120,81 +117,104 @@ typedef struct {
     uint8_t reply[RECEIVED_MOST];
 } Exchange;
 
-/* Send and receive, without Python. */
+static Outcome read_number(PyObject *object, PyObject *name, long low, long high, long *number)
+{
+    PyObject *found = PyObject_GetAttr(object, name);
+    if (found == NULL)
+        return FAILED;
+    *number = PyLong_AsLong(found);
+    Py_DECREF(found);
+    if (*number == -1 && PyErr_Occurred())
+        return FAILED;
+    return *number < low || *number > high ? UNUSUAL : DONE;
+}
+
+/* Read the descriptor as late as possible: it is -1 after another thread has closed the link. */
+static Outcome read_descriptor(State *state, Exchange *exchange)
+{
+    long descriptor = -1;
+    Outcome outcome = read_number(exchange->link, state->n_descriptor, -1, INT32_MAX, &descriptor);
+    exchange->descriptor = outcome == DONE ? (int)descriptor : -1;
+    return outcome == FAILED ? FAILED : DONE;
+}
+
+/* Send and receive, without Python. The send does not wait for a peer that does not read: Python sends the rest. */
 static void transfer(Exchange *exchange)
 {
     exchange->received = -1;
-    exchange->sent = send(exchange->descriptor, exchange->request, exchange->size, MSG_NOSIGNAL);
+    exchange->sent = send(exchange->descriptor, exchange->request, exchange->size, MSG_NOSIGNAL | MSG_DONTWAIT);
     if (exchange->sent == (ssize_t)exchange->size)
         exchange->received = recv(exchange->descriptor, exchange->reply, RECEIVED_MOST, 0);
     exchange->error = errno;
 }
 
-/* Wait for data, at most until the end; a signal neither prolongs the wait nor is its handler delayed. */
-static void receive_until_end(Exchange *exchange)
+/* Wait for data, at most until the end. */
+static bool wait_until_end(const Exchange *exchange)
 {
     double left = exchange->end - now();
     struct pollfd waiting = {.fd = exchange->descriptor, .events = POLLIN};
     int milliseconds = left <= 0 ? 0 : left > 1e6 ? 1000000000 : (int)(left * 1e3) + 1;
-    exchange->received = -1;
-    int ready = poll(&waiting, 1, milliseconds);
-    exchange->error = ready < 0 ? errno : EAGAIN;
-    if (ready > 0) {
+    return poll(&waiting, 1, milliseconds) > 0;
+}
+
+/* Continue an interrupted wait: a signal neither prolongs the wait nor is its handler delayed. During the wait, another
+ * thread may close the link, and its descriptor may then belong to another file. Therefore the descriptor is read again
+ * before it is used, and the GIL is held in between. */
+static Outcome continue_wait(State *state, Exchange *exchange)
+{
+    bool ready = false;
+    if (PyErr_CheckSignals() < 0 || read_descriptor(state, exchange) != DONE)
+        return FAILED;
+    if (exchange->descriptor >= 0) {
+        Py_BEGIN_ALLOW_THREADS
+        ready = wait_until_end(exchange);
+        Py_END_ALLOW_THREADS
+        if (read_descriptor(state, exchange) != DONE)
+            return FAILED;
+    }
+    exchange->error = EAGAIN;
+    if (ready || exchange->descriptor < 0) {
         exchange->received = recv(exchange->descriptor, exchange->reply, RECEIVED_MOST, MSG_DONTWAIT);
         exchange->error = errno;
     }
-}
-
-static Outcome read_descriptor(State *state, Exchange *exchange);
-
-/* Run the signal handlers of Python. They, or another thread, may have closed the link meanwhile. */
-static Outcome handle_signals(State *state, Exchange *exchange)
-{
-    if (PyErr_CheckSignals() < 0 || read_descriptor(state, exchange) != DONE)
-        return FAILED;
-    if (exchange->descriptor < 0)
-        exchange->error = EBADF;
     return DONE;
 }
 
-/* Make the transfer; afterwards, a request that was not sent completely has been left to Python. */
+/* Make the transfer. UNUSUAL: the request was not sent completely. */
 static Outcome run_transfer(State *state, Exchange *exchange)
 {
+    Outcome outcome = DONE;
     Py_BEGIN_ALLOW_THREADS
     transfer(exchange);
     Py_END_ALLOW_THREADS
-    while (exchange->sent < 0 && exchange->error == EINTR) { /* nothing was sent */
-        if (handle_signals(state, exchange) != DONE)
-            return FAILED;
-        Py_BEGIN_ALLOW_THREADS
-        transfer(exchange);
-        Py_END_ALLOW_THREADS
-    }
     if (exchange->sent != (ssize_t)exchange->size)
         return UNUSUAL;
-    while (exchange->received < 0 && (exchange->error == EINTR || exchange->error == EAGAIN)) {
-        if (exchange->error == EAGAIN && now() >= exchange->end)
-            break;
-        if (handle_signals(state, exchange) != DONE)
-            return FAILED;
-        if (exchange->descriptor < 0)
-            break;
-        Py_BEGIN_ALLOW_THREADS
-        receive_until_end(exchange);
-        Py_END_ALLOW_THREADS
-    }
-    return DONE;
+    while (outcome == DONE && exchange->received < 0 &&
+           (exchange->error == EINTR || (exchange->error == EAGAIN && now() < exchange->end)))
+        outcome = continue_wait(state, exchange);
+    return outcome;
+}
+
+/* Call a method of the link that returns nothing. */
+static Outcome call_link(const Exchange *exchange, PyObject *name, PyObject *argument)
+{
+    PyObject *nothing = PyObject_CallMethodOneArg(exchange->link, name, argument);
+    Py_XDECREF(nothing);
+    return nothing == NULL ? FAILED : DONE;
 }
 
 /* Let the link raise the exception for an error of the system, or for the end of a stream that this program closed;
  * return normally if the peer has closed the connection. */
 static Outcome report(State *state, Exchange *exchange, int error)
 {
-    PyObject *reason = error ? PyObject_CallFunction(PyExc_OSError, "is", error, strerror(error)) : Py_NewRef(Py_None);
-    PyObject *nothing = reason == NULL ? NULL : PyObject_CallMethodOneArg(exchange->link, state->n_fail, reason);
+    if (!error)
+        return call_link(exchange, state->n_fail, Py_None);
+    PyObject *text = PyUnicode_DecodeLocale(strerror(error), "surrogateescape");
+    PyObject *reason = text == NULL ? NULL : PyObject_CallFunction(PyExc_OSError, "iO", error, text);
+    Outcome outcome = reason == NULL ? FAILED : call_link(exchange, state->n_fail, reason);
+    Py_XDECREF(text);
     Py_XDECREF(reason);
-    Py_XDECREF(nothing);
-    return nothing == NULL ? FAILED : DONE;
+    return outcome;
 }
 
 /* Let the link send the rest of the request and receive; return what it received. */
@@ -213,8 +233,18 @@ static PyObject *continue_in_python(State *state, Exchange *exchange)
 
 /* --- reply --------------------------------------------------------------------------------------------------------- */
 
+static Outcome read_conversation_limits(State *state, const Exchange *exchange, Limits *limits)
+{
+    PyObject *object = PyObject_GetAttr(exchange->conversation, state->n_limits);
+    if (object == NULL)
+        return FAILED;
+    Outcome outcome = read_limits(state, object, limits);
+    Py_DECREF(object);
+    return outcome;
+}
+
 /* Read the result of the call. UNUSUAL: Python reads it, or reports the error. */
-static Outcome read_result(State *state, Exchange *exchange, uint16_t count, bool exact, PyObject **value)
+static Outcome read_result(State *state, Exchange *exchange, const Limits *limits, bool exact, PyObject **value)
 {
     PyObject *kind = PyObject_GetAttr(exchange->function, state->n_result);
     if (kind == NULL)
@@ -224,19 +254,12 @@ static Outcome read_result(State *state, Exchange *exchange, uint16_t count, boo
         *value = Py_NewRef(Py_None);
         return DONE;
     }
-    if (count == 0 || exact)
+    if (load_u16(exchange->reply + 13) == 0 || exact)
         return UNUSUAL;
-    PyObject *limits_object = PyObject_GetAttr(exchange->conversation, state->n_limits);
-    if (limits_object == NULL)
-        return FAILED;
-    Limits limits;
-    Outcome outcome = read_limits(state, limits_object, &limits);
-    Py_DECREF(limits_object);
-    long long budget = limits.variants;
+    long long budget = limits->variants;
     size_t stop;
-    if (outcome == DONE)
-        outcome = read_argument(state, exchange->reply, PACKET_HEAD, (size_t)exchange->received - 1, &limits, false,
-                                &budget, value, &stop);
+    Outcome outcome = read_argument(state, exchange->reply, PACKET_HEAD, (size_t)exchange->received - 1, limits, false,
+                                    &budget, value, &stop);
     if (outcome != DONE)
         return outcome;
     if (kind == state->result_variant || (kind == state->result_integer && PyLong_CheckExact(*value)) ||
@@ -246,7 +269,7 @@ static Outcome read_result(State *state, Exchange *exchange, uint16_t count, boo
     return UNUSUAL;
 }
 
-/* Read a reply that is exactly one packet with the serial and a success code. */
+/* Read a reply that is exactly one packet with the serial and a success code, within the limits. */
 static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, bool exact, uint32_t *code, PyObject **value)
 {
     const uint8_t *reply = exchange->reply;
@@ -257,7 +280,11 @@ static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, boo
     *code = load_u32(reply + 9);
     if (*code == S_EXECUTING || *code >= FAILURE)
         return UNUSUAL;
-    return read_result(state, exchange, load_u16(reply + 13), exact, value);
+    Limits limits;
+    Outcome outcome = read_conversation_limits(state, exchange, &limits);
+    if (outcome != DONE)
+        return outcome;
+    return size > limits.packet ? UNUSUAL : read_result(state, exchange, &limits, exact, value);
 }
 
 static PyObject *success(uint32_t code, PyObject *value)
@@ -301,7 +328,8 @@ static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyOb
     if (outcome == FAILED)
         return NULL;
     if (outcome == UNUSUAL) {
-        if (exchange->sent < 0 && exchange->error != EAGAIN && report(state, exchange, exchange->error) != DONE)
+        if (exchange->sent < 0 && exchange->error != EAGAIN && exchange->error != EINTR &&
+            report(state, exchange, exchange->error) != DONE)
             return NULL;
         received = continue_in_python(state, exchange);
         return received == NULL ? NULL : finish_in_python(state, exchange, serial, exact, received);
@@ -322,10 +350,14 @@ static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyOb
 
 /* --- functions for Python ------------------------------------------------------------------------------------------ */
 
-/* Prepare the socket. UNUSUAL: the link has no socket for this. */
-static Outcome prepare_link(State *state, Exchange *exchange)
+/* Fill in the parts of an exchange, and prepare the socket. UNUSUAL: the link has no socket for this. */
+static Outcome prepare(State *state, Exchange *exchange, PyObject *const *arguments, PyObject *seconds)
 {
-    if (!PyFloat_CheckExact(exchange->seconds))
+    exchange->conversation = arguments[0];
+    exchange->link = arguments[1];
+    exchange->function = arguments[2];
+    exchange->seconds = seconds;
+    if (!PyFloat_CheckExact(seconds))
         return UNUSUAL;
     PyObject *set = PyObject_GetAttr(exchange->link, state->n_kernel_seconds);
     if (set == NULL) {
@@ -334,34 +366,9 @@ static Outcome prepare_link(State *state, Exchange *exchange)
         PyErr_Clear();
         return UNUSUAL;
     }
-    bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(exchange->seconds);
+    bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(seconds);
     Py_DECREF(set);
-    if (equal)
-        return DONE;
-    PyObject *nothing = PyObject_CallMethodOneArg(exchange->link, state->n_use_kernel_timeout, exchange->seconds);
-    Py_XDECREF(nothing);
-    return nothing == NULL ? FAILED : DONE;
-}
-
-static Outcome read_number(PyObject *object, PyObject *name, long low, long high, long *number)
-{
-    PyObject *found = PyObject_GetAttr(object, name);
-    if (found == NULL)
-        return FAILED;
-    *number = PyLong_AsLong(found);
-    Py_DECREF(found);
-    if (*number == -1 && PyErr_Occurred())
-        return FAILED;
-    return *number < low || *number > high ? UNUSUAL : DONE;
-}
-
-/* Read the descriptor as late as possible: it is -1 after another thread has closed the link. */
-static Outcome read_descriptor(State *state, Exchange *exchange)
-{
-    long descriptor = -1;
-    Outcome outcome = read_number(exchange->link, state->n_descriptor, -1, INT32_MAX, &descriptor);
-    exchange->descriptor = (int)descriptor;
-    return outcome;
+    return equal ? DONE : call_link(exchange, state->n_use_kernel_timeout, seconds);
 }
 
 static Outcome use_serial(State *state, Exchange *exchange, long serial)
@@ -387,13 +394,8 @@ PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
 {
     State *state = state_of(module);
     Exchange exchange;
-    if (count != 6 || !PyBool_Check(arguments[5]))
-        return in_python(state, CALL, arguments, count, NULL);
-    exchange.conversation = arguments[0];
-    exchange.link = arguments[1];
-    exchange.function = arguments[2];
-    exchange.seconds = arguments[4];
-    Outcome outcome = prepare_link(state, &exchange);
+    bool usual = count == 6 && PyBool_Check(arguments[5]);
+    Outcome outcome = usual ? prepare(state, &exchange, arguments, arguments[4]) : UNUSUAL;
     if (outcome != DONE)
         return outcome == FAILED ? NULL : in_python(state, CALL, arguments, count, NULL);
     PyObject *begun = PyObject_CallMethodObjArgs(exchange.conversation, state->n_begin, arguments[2], arguments[3], NULL);
@@ -434,17 +436,10 @@ PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t
 {
     State *state = state_of(module);
     Exchange exchange;
-    Outcome outcome = UNUSUAL;
     const Template *template = count == 6 ? template_of(state, arguments[3]) : NULL;
-    if (template != NULL) {
-        exchange.conversation = arguments[0];
-        exchange.link = arguments[1];
-        exchange.function = arguments[2];
-        exchange.seconds = arguments[5];
-        outcome = prepare_link(state, &exchange);
-    } else if (PyErr_Occurred()) {
+    if (template == NULL && PyErr_Occurred())
         return NULL;
-    }
+    Outcome outcome = template == NULL ? UNUSUAL : prepare(state, &exchange, arguments, arguments[5]);
     if (outcome == FAILED)
         return NULL;
     if (outcome == UNUSUAL)

@@ -67,8 +67,8 @@ static PyMethodDef FUNCTIONS_TABLE[] = {
     {"set_codec", WITH_COUNT(set_codec), METH_FASTCALL, NULL},
     {"set_exchange", WITH_COUNT(set_exchange), METH_FASTCALL, NULL},
 #ifdef WITH_EXCHANGE
-    {"native_template", WITH_COUNT(native_template), METH_FASTCALL, NULL},
-    {"set_timeouts", WITH_COUNT(set_timeouts), METH_FASTCALL, NULL},
+    {"native_template", native_template, METH_VARARGS, NULL},
+    {"set_timeout", set_timeout, METH_VARARGS, NULL},
     {"call", WITH_COUNT(call), METH_FASTCALL, NULL},
     {"call_prepared", WITH_COUNT(call_prepared), METH_FASTCALL, NULL},
 #endif

@@ -109,10 +109,10 @@ PyObject *decode(PyObject *module, PyObject *const *arguments, Py_ssize_t count,
 
 /* --- exchange ------------------------------------------------------------------------------------------------------ */
 
-#ifdef __linux__ /* elsewhere, the time-outs of sockets and the clock of Python are others */
+#ifdef __linux__ /* elsewhere, the time-out of sockets and the clock of Python are others */
 #define WITH_EXCHANGE 1
-PyObject *native_template(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
-PyObject *set_timeouts(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
+PyObject *native_template(PyObject *module, PyObject *arguments);
+PyObject *set_timeout(PyObject *module, PyObject *arguments);
 PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 #endif

@@ -243,7 +243,7 @@ def connections(visit: Visit) -> Iterator[None]:
     visit.page.locator('[data-testid="url"]').and_(visit.page.locator("input")).wait_for()
     visit.by("name").fill("RC8")
     visit.page.get_by_text(visit.text("More parameters")).click()
-    visit.by("field-machine").wait_for()
+    visit.by("field-debug").click(trial=True)  # waits until the fields are completely unfolded
     rest(visit.page)
     yield
 

@@ -52,7 +52,7 @@ _CHROMIUM: Final = (
     "--force-color-profile=srgb", "--font-render-hinting=none",
 )  # fmt: skip
 _STATE_COLOURS: Final = (
-    "#ffffff", "#f5f7f9", "#18212b", "#0c1117", "#141b23", "#e0f2f7", "#0e7490", "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
+    "#ffffff", "#f5f7f9", "#18212b", "#0c1117", "#141b23", "#e0f2f7", "#0e7490", "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#d97706", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
 )  # fmt: skip
 _FILM: Final = (1280, 720)  # pixels of the page
 _FILM_WIDTH: Final = 900  # pixels of the animation

@@ -5,7 +5,7 @@
 2. Install the wheel with the extension, but without any extra, into a clean environment, and run there all tests that
    do not require an extra.
 3. Install the wheel without the extension, and the sdist on a machine without a compiler; check that the extension is
-   missing, and run the tests of the codec.
+   missing, and run the tests of the codec. Make an editable installation with and without the extension.
 4. Unpack the sdist, install it with all extras into another clean environment, and run its tests there: the tests of
    the core, and those of documents, packaging and types (``tests/project``). With ``--full``, run all tests except the
    long ones.
@@ -113,7 +113,8 @@ def environment(folder: Path, *packages: str, **variables: str) -> str:
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = str(folder / "bin" / "python")
     command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages]
-    subprocess.run(command, check=True, env=os.environ | variables)
+    if packages:
+        subprocess.run(command, check=True, env=os.environ | variables)
     return python
 
 
@@ -126,6 +127,15 @@ def check_without_compiler(folder: Path, sdist: Path) -> None:
     )
     if "the optional C extension is left out" not in output.stdout + output.stderr:
         raise SystemExit("an installation without a compiler printed no notice")
+    check_status(python, "not built")
+
+
+def check_editable(folder: Path, source: Path) -> None:
+    """Make an editable installation with the extension, then one without it, which replaces the first one."""
+    python = environment(folder, "--editable", str(source))
+    check_status(python, "in use")
+    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", str(source)]
+    subprocess.run(command, check=True, env=os.environ | {"ORINKIT_PURE": "1"})
     check_status(python, "not built")
 
 
@@ -163,6 +173,7 @@ def main() -> int:
         check_status(python, "not built")
         run_tests(python, bare, *CODEC_TESTS)
         check_without_compiler(folder / "venv-no-compiler", sdist)
+        check_editable(folder / "venv-editable", Path(shutil.copytree(unpacked, folder / "editable")))
         python = environment(folder / "venv-sdist", f"{unpacked}[dev]")
         if full:
             run_tests(python, unpacked, "-m", "not soak")

@@ -67,6 +67,7 @@ if ! .venv/bin/python -c 'import pip' >/dev/null 2>&1 || ! usable .venv/bin/pyth
 fi
 
 rm -f .venv/.all .venv/.dev
+unset ORINKIT_PURE # .venv always contains the extension in C; this variable disables it at run time
 say "Installing orinkit[$extra] into .venv ..." "orinkit[$extra] を .venv にインストールします ..."
 if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --root-user-action ignore -e ".[$extra]"; then
     say "Cannot install the packages (see above). Check the network, and that pip can reach its package index." \

@@ -17,17 +17,11 @@ from orinkit.arms.frames import (
     trans_of_matrix,
 )
 from orinkit.core import hresult
-from orinkit.core.errors import CallError
+from support.codes import code_of
 
 ANGLES = st.floats(-720, 720) | st.sampled_from([0.0, 90.0, -90.0, 180.0, -180.0, 270.0, 45.0, 1e-9, 90.0 + 1e-9])
 LENGTHS = st.floats(-1e4, 1e4)
 POSITIONS = st.tuples(LENGTHS, LENGTHS, LENGTHS, ANGLES, ANGLES, ANGLES)
-
-
-def code_of(call, *arguments):
-    with pytest.raises(CallError) as caught:
-        call(*arguments)
-    return caught.value.code
 
 
 @given(POSITIONS)

@@ -13,6 +13,7 @@ from orinkit.arms.kinematics import Kinematics
 from orinkit.arms.kinematics.figures import LIMIT_TOLERANCE, figure_of, normalize_around
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
+from support.codes import code_of
 
 pytestmark = pytest.mark.slow
 
@@ -54,12 +55,6 @@ def pose_errors(found: np.ndarray, wanted: np.ndarray) -> tuple[float, float]:
     turn = np.swapaxes(wanted[..., :3, :3], -1, -2) @ found[..., :3, :3] - np.eye(3)
     angle = np.degrees(np.sqrt((turn * turn).sum(axis=(-1, -2)) / 2.0))  # of a small rotation
     return float(np.abs(found - wanted)[..., :3, 3].max()), float(angle.max())
-
-
-def code_of(call, *arguments):
-    with pytest.raises(CallError) as caught:
-        call(*arguments)
-    return caught.value.code
 
 
 # ------------------------------------------------------------------------------------------------- poses that are known

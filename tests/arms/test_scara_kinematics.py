@@ -10,6 +10,7 @@ from orinkit.arms.frames import matrix_of_position
 from orinkit.arms.kinematics import Kinematics
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
+from support.codes import code_of
 
 BENT = """
 name = "Bent"
@@ -29,12 +30,6 @@ ARMS = {
     "Bent": Kinematics(parse_model(BENT, "bent.toml")),
 }
 HSR = ARMS["HSR065"]
-
-
-def code_of(call, *arguments):
-    with pytest.raises(CallError) as caught:
-        call(*arguments)
-    return caught.value.code
 
 
 @pytest.mark.parametrize("name", ARMS)

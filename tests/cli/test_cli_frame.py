@@ -223,7 +223,10 @@ def test_help_does_not_load_modules_of_commands(program):
         (["get", "a"], "NAME is missing (see orinkit get --help)"),
         (["get", "a", "b", "c"], "too many arguments: c (see orinkit get --help)"),
         (["get", "a", "b", "--zip"], "unknown option --zip (see orinkit get --help)"),
-        (["get", "a", "b", "--timout", "3"], "unknown option --timout; did you mean --timeout? (see orinkit get --help)"),
+        (
+            ["get", "a", "b", "--timout", "3"],
+            "unknown option --timout; did you mean --timeout? (see orinkit get --help)",
+        ),
         (
             ["serve", "rc8", "--controller", "rc7"],
             "'rc7' is not a valid value for --controller. Try: one of rc8, rc8a, rc9, cobotta (see orinkit serve rc8 --help)",

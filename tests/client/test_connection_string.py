@@ -200,7 +200,7 @@ def test_errors_name_option_value_and_what_is_allowed(both: Both, text: str, rea
 
 def test_errors_in_japanese() -> None:
     i18n.use("ja")
-    with pytest.raises(InvalidAddress, match=r"TORetry に 'x' は指定できません \(指定できる値: 1~7 の整数\)"):
+    with pytest.raises(InvalidAddress, match=r"TORetry に 'x' は指定できません \(指定できる値: 1～7 の整数\)"):
         parse("TORetry=x")
 
 

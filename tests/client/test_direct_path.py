@@ -263,6 +263,53 @@ def test_values_of_variables(both: Both) -> None:
         both.run(client.close())
 
 
+def test_signs_of_life_during_calls_that_were_prepared_before(both: Both) -> None:
+    """Signs of life are sent during a call, so these calls no longer take the direct path."""
+    requests: list[Packet] = []
+
+    def next_call(line: Line) -> Packet:
+        """Return the next call of the test; reply to the signs of life between its calls."""
+        while (request := line.request()).code == f.controller_get_name.id:
+            line.send(reply(request, "RC8") if request.serial else reply(request, code=hresult.E_BUSY_PROC))
+        requests.append(request)
+        return request
+
+    def script(line: Line) -> None:
+        line.send(echo(next_call(line)))
+        for _ in range(3):
+            request = next_call(line)
+            sign = line.request()
+            assert (sign.serial, sign.code, sign.arguments) == (0, f.controller_get_name.id, [7])
+            line.send_in_pieces(reply(sign, code=hresult.E_BUSY_PROC), echo(request))
+        line.wait_for_end()
+
+    with BadPeer(script) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        robot, variable = robot_of(both, client), variable_of(both, client)
+        call = robot.prepare("slvMove")
+        assert both.run(call(POSE)) == POSE
+        both.run(client.start_keep_alive(0.2, 7))
+        assert both.run(call(POSE)) == POSE
+        assert both.run(robot.execute("slvMove", [0.5] * 8)) == [0.5] * 8
+        assert both.run(variable.get_value()) == 4
+        assert client.stray_replies >= 3
+        both.run(client.close())
+    assert [each.arguments for each in requests] == [
+        [3, "slvMove", POSE], [3, "slvMove", POSE], [3, "slvMove", [0.5] * 8], [4],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("seconds", [0, -1, 0.0, float("nan"), float("inf"), True, "1"])
+def test_invalid_time_outs_of_prepared_calls(both: Both, seconds: Any) -> None:
+    with BadPeer(lambda line: line.serve(echo)) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        call = client.prepare(f.variable_put_value, 5)
+        with pytest.raises(InvalidValue, match="timeout must be"):
+            both.run(client.call_prepared(call, 1, seconds))
+        assert both.run(client.call_prepared(call, 1, 20)) is None
+        both.run(client.close())
+
+
 def test_errors_of_prepared_calls(both: Both) -> None:
     with BadPeer(lambda line: line.serve(lambda request: reply(request, code=hresult.E_HANDLE))) as peer:
         client = both.client(peer.url, timeout=PATIENT)

@@ -21,6 +21,7 @@ from orinkit.gateway.connection import UpstreamConnection
 from orinkit.gateway.upstream import ConnectRequest
 from orinkit.values.codec import PacketLimits
 from orinkit.virtual.rc8 import VirtualRC8
+from support.codes import code_of
 from support.devices import Call, Recorder, Workshop
 from support.gateways import HTTP, LISTEN, PATIENCE, gateway, hurry
 from support.peers import BadPeer, Line, reply
@@ -29,15 +30,6 @@ from support.waiting import until
 FIRST_HANDLE = 2
 ATTRIBUTE = 19
 AWAY = (hresult.E_CAO_REMOTE_PROVIDER, hresult.E_NOT_CONNECTED)
-
-
-def code_of(call: Any) -> int:
-    """Make a call; return its error code, or 0."""
-    try:
-        call()
-    except CallError as error:
-        return error.code
-    return 0
 
 
 class RestartableServer:

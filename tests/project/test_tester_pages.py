@@ -5,18 +5,19 @@ from __future__ import annotations
 import ast
 import re
 from functools import cache
+from pathlib import Path
 
 import pytest
 
+import orinkit
 from support.paths import ROOT, TESTS
 
 PICTURES = ROOT / "docs" / "pictures"
 GUIDE = (ROOT / "docs" / "howto" / "tester.md").read_text(encoding="utf-8")
 READMES = {"en": "README.md", "ja": "README.ja.md"}
 LARGEST = {".png": 150_000, ".webp": 2_000_000}
-PAGES = re.findall(
-    r'^    Page\("([^"]+)"', (ROOT / "src/orinkit/tester/pages/__init__.py").read_text("utf-8"), re.MULTILINE
-)
+PACKAGE = Path(orinkit.__file__).parent  # the tests of an installed wheel have no src
+PAGES = re.findall(r'^    Page\("([^"]+)"', (PACKAGE / "tester/pages/__init__.py").read_text("utf-8"), re.MULTILINE)
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
 TEST = re.compile(r"`([\w/]+\.py)::(test_\w+)`")
 

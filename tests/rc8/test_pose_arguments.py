@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from decimal import Decimal
 
 import pytest
@@ -43,6 +44,8 @@ def r4(*numbers):
         ("P1,@E P2", [Target("P", 1), Target("P", 2, AT_ENCODER)]),
         (["P1", "@E P2"], [Target("P", 1), Target("P", 2, AT_ENCODER)]),
         (form("P1", "J2,J3"), [Target("P", 1), Target("J", 2), Target("J", 3)]),
+        ("@E (1, 2, 3, 4, 5, 6)", [Target("P", (1, 2, 3, 4, 5, 6), AT_ENCODER)]),
+        ("(1, 2, 3, 4, 5, 6, 5)", [Target("", (1, 2, 3, 4, 5, 6, 5))]),
         # as written in Python by real clients
         ([list(POSE), "P", "@E"], [Target("P", POSE, AT_ENCODER)]),
         ([[190, -40.0, 230.0, 168, 0, 0], "P", "@E"], [Target("P", (190, -40, 230, 168, 0, 0), AT_ENCODER)]),
@@ -60,6 +63,9 @@ def r4(*numbers):
         (form(3), [Target("P", 3)]),
         ([3], [Target("P", 3)]),
         (form(3, 1), [Target("T", 3)]),
+        (form(Variant(R4, 3)), [Target("P", 3)]),
+        (form(3, -1, -2), [Target("P", 3, AT_ENCODER)]),
+        (form(3, "", ""), [Target("P", 3)]),
         (form(Variant(VarType.UI1, 3), Variant(VarType.I2, 2), Variant(R4, 0)), [Target("J", 3, AT_COMMAND)]),
         (form(5.0, "V"), [Target("V", 5)]),
         (form(Decimal(5), "V"), [Target("V", 5)]),
@@ -79,6 +85,8 @@ def r4(*numbers):
         (form(3, "P", "@E", form("EX", [7, 1])), [Target("P", 3, AT_ENCODER, Extra(absolute=False, joints=((7, 1),)))]),
         (form(3, "P", "@E", form(0, [7, 1])), [Target("P", 3, AT_ENCODER)]),
         (form(3, "P", "@E", [0]), [Target("P", 3, AT_ENCODER)]),
+        (form(3, "P", "@E", 0), [Target("P", 3, AT_ENCODER)]),
+        (form(3, "P", "@E", ""), [Target("P", 3, AT_ENCODER)]),
         (form(r4(*POSE), "@E", "P"), [Target("P", POSE, AT_ENCODER)]),
         (form(3, "@E", "T"), [Target("T", 3, AT_ENCODER)]),
         (form(3, "@P"), [Target("P", 3, PASSING)]),
@@ -165,7 +173,6 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         (form(1.5, "P"), BAD, "1.5 is not a whole number"),
         (form(math.nan, "P"), BAD, "nan is not a whole number"),
         (form(Variant(VarType.UI8, 2**64 - 1), "P"), BAD, "18446744073709551615 is out of range"),
-        (form(1, -1), BAD, "invalid variable of kind '' and number 1"),
         (form(1, 4), BAD, "4 is not a pose type"),
         (form(1, "X"), BAD, "'X' is not a pose type"),
         (form(1, "P2"), BAD, "'P2' is not a pose type"),
@@ -192,7 +199,7 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
         ([[list(POSE), "P"], 5], BAD, "5 is not a pose type"),
         ([[list(POSE), "P"], None], TYPE, "got VT_R8|VT_ARRAY, expected a number in a pose"),
         (["P1", 2], TYPE, f"pose 2: got VT_I4, {MISMATCH}"),
-        ([list(POSE), [1.0]], BAD, "pose 2: the pose type of 1 numbers is unknown"),
+        ([list(POSE), [1.5]], BAD, "pose 2: the pose type of 1 numbers is unknown"),
         ([[[list(POSE), "P"]]], TYPE, "pose 1: got VT_R8|VT_ARRAY, expected a number in a pose"),
     ],
 )  # fmt: skip
@@ -208,7 +215,7 @@ def test_details_in_japanese():
     for argument, detail in [
         (1, "ポーズ (VT_BSTR、数値の配列、VARIANT の配列)が必要ですが VT_I4 です"),
         (["P1", "P("], "2 番目のポーズ: 3 文字目: 数値 (x) が必要ですが、ここで終わっています"),
-        ([1.0], "型の指定がない数値が 1 個あります。P は 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です"),
+        ([1.5], "型の指定がない数値が 1 個あります。P は 7 個、J は 8 個、T は 9 または 10 個、V は 3 個です"),
     ]:  # fmt: skip
         with pytest.raises(CallError) as caught:
             read_targets(variant(argument))
@@ -241,4 +248,10 @@ def _is_read_or_refused(argument):
     assert len(targets) <= MAX_TARGETS
     text = ", ".join(map(str, targets))
     if targets and len(text) <= MAX_LENGTH:
-        assert read_targets(variant(text)) == targets
+        assert read_targets(variant(text)) == tuple(map(_as_text, targets))
+
+
+def _as_text(target):
+    """Six values without a type are a position in a string, and of no type in an array."""
+    unlettered = not target.kind and isinstance(target.value, tuple) and len(target.value) == 6
+    return replace(target, kind="P") if unlettered else target

@@ -113,6 +113,17 @@ async def test_single_requests_are_served_immediately_until_the_budget_is_used(w
 
 
 @in_a_loop
+async def test_single_requests_in_short_turns_are_never_queued(world: World) -> None:
+    clients = [world.client(f"{number}", 0.03 * MS) for number in range(50)]
+    for _ in range(100):
+        for client in clients:
+            client.left = 1
+            client.serve()
+            assert not client.is_queued
+        await world.turn()
+
+
+@in_a_loop
 async def test_other_work_of_the_loop_counts_up_to_half_of_the_budget(world: World) -> None:
     world.client("many", 0.5 * MS).serve()
     await world.turn()

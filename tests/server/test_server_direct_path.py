@@ -33,7 +33,9 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.server.tcp import TcpConnection
 from orinkit.values.codec import PacketLimits
-from orinkit.values.variant import Value, Variant, VarType
+from orinkit.values.variant import ARRAY, Value, Variant, VarType
+from support.leaping import leap
+from support.waiting import until
 
 CONTROLLER, CELL = 2, 3
 WAIT = 10.0  # s; only for failing tests
@@ -68,6 +70,10 @@ class Kit(ControllerObject):
             raise error_for(hresult.E_ACCESSDENIED, "refused")
         if command == "crash":
             raise RuntimeError("crash")
+        if command == "misfit":
+            result = Variant(VarType.R8 | ARRAY, [0.5])
+            result.value.append("text")  # an error of the device
+            return result
         if command == "thread":
             return BlockingCall(lambda: 7)
         if command == "done":
@@ -201,6 +207,7 @@ ODD = [
     packet.pack(0, f.variable_get_value.id, 1, b"\x0a\0\0\0\x03\0\x01\0\0\0\x03\0\0\0"),  # serial 0
     packet.pack(32, f.variable_get_value.id, 1, b"\x0a\0\0\0\x03\0\x01\0\0\0\x03\0\0\0", 77),  # reserved
     _run("nothing"), _run("code", 5), _run("code"), _run("refuse"), _run("crash"), _run("thread"), _run("done"),
+    _run("misfit"),
     _run("x" * 2000), _run("slow"),
     _request(f.controller_get_variable, CONTROLLER, "W", "", serial=40),
     _request(f.variable_put_tag, CELL, "tag", serial=41), _request(f.variable_get_tag, CELL, serial=42),
@@ -220,8 +227,10 @@ def _all_packets(requests: tuple[bytes, ...]) -> Callable[[socket.socket], list[
         for request in requests:
             peer.sendall(request)
             while True:
-                replies.append(_receive(peer))
-                if not replies[-1] or packet.decode(replies[-1]).code != hresult.S_EXECUTING:
+                reply = _receive(peer)
+                if reply != replies[-1]:  # a slow machine receives S_EXECUTING several times
+                    replies.append(reply)
+                if not reply or packet.decode(reply).code != hresult.S_EXECUTING:
                     break
         return replies
 
@@ -314,6 +323,28 @@ def test_a_disconnected_client_leaves_nothing_behind(monkeypatch: pytest.MonkeyP
             time.sleep(0.01)
         assert server.clients == 0
     assert any(counted)
+
+
+def test_calls_on_the_direct_path_are_signs_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A client that has announced signs of life with ``Alive`` is disconnected after 10 s without a request."""
+    counted: list[bool] = []
+    _count(counted, monkeypatch)
+    with orinkit.serve(KitProvider(), "tcp://127.0.0.1:0") as server:
+        host, port = server.url.removeprefix("tcp://").split(":")
+        with socket.create_connection((host, int(port)), WAIT) as peer:
+            for request in (_request(f.service_start, "Alive=1000"), CONNECT, VARIABLE):
+                peer.sendall(request)
+                _receive(peer)
+            counted.clear()
+            for _ in range(3):
+                leap(server, 6.0)
+                peer.sendall(GET)
+                assert packet.decode(_receive(peer)).code == 0
+            assert counted == [True] * 3
+            assert server.clients == 1
+            leap(server, 11.0)
+            until(lambda: not server.clients)
+            assert _receive(peer) == b""
 
 
 def test_a_flooding_client_does_not_delay_others_on_the_direct_path() -> None:

@@ -29,6 +29,9 @@ EXTRAS = (
     "cantools",
     "uvloop",
     "babel",
+    "nicegui",
+    "PIL",
+    "playwright",
 )
 MARKS = ("Try: pip install 'orinkit[", *(f"No module named '{name}" for name in EXTRAS))
 

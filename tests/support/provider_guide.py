@@ -287,3 +287,22 @@ ENTRIES: Final = tuple(line for line in _TEXT.splitlines() if line and not line.
 
 LEFT_OUT: Final[dict[str, str]] = {}
 """Entries that the virtual RC8 does not have, each with its reason; docs/howto/virtual-rc8.md names them, too."""
+
+_REFUSED_IN_SLAVE_MODE: Final = """
+    ClearLog StartLog Motor ExtSpeed TakeArm Draw Approach Depart DriveEx DriveAEx RotateH Arrive MotionSkip ArchMove SetToolDef
+    SetWorkDef SetAreaDef SetArea ResetArea SetAreaEnabled AddPathPoint ClrPathPoint LoadPathPoint CrtMotionAllow EncMotionAllow
+    EncMotionAllowJnt ErAlw ForceCtrl ForceParam ForceWaitCondition ForceSensor ForceChangeTable GrvCtrl CurLmt Zforce GrvOffset
+    HighPathAccuracy MotionTimeout SingularAvoid SpeedMode PayLoad
+"""
+REFUSED_IN_SLAVE_MODE: Final = tuple(_REFUSED_IN_SLAVE_MODE.split())
+"""Commands of Robot_Execute of which the guide says that they cannot be used in slave mode."""
+
+
+def robot_execute_commands() -> list[str]:
+    """Return the names of all commands of Robot_Execute in the guide (5.2.28)."""
+    return [entry.split()[1] for entry in ENTRIES if entry.startswith("5.2.28.")]
+
+
+def controller_execute_commands() -> list[str]:
+    """Return the names of all commands of Controller_Execute in the guide (5.2.11)."""
+    return [entry.split()[1] for entry in ENTRIES if entry.startswith("5.2.11.")]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
 import orinkit
 from orinkit.server.threaded import Server
-from orinkit.virtual.rc8 import VirtualRC8
 from support.browser import TesterProcess, open_browser, user
+
+if TYPE_CHECKING:
+    from orinkit.virtual.rc8 import VirtualRC8
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +32,9 @@ class Bench(NamedTuple):
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    # pytest imports this file before it collects tests, also without the extras: the folder is named test...
+    from orinkit.virtual.rc8 import VirtualRC8
+
     rc8 = VirtualRC8(motor=True)
     with (
         orinkit.serve(rc8, "tcp://127.0.0.1:0") as server,

@@ -312,6 +312,7 @@ def test_errors_are_shown_and_reset(drive):
     drive.driver.inject("a_overcurrent")
     drive.part("flag-errors-6").and_(drive.page.locator('[data-on="1"]')).wait_for()
     drive.part("fault-chip").get_by_text("A axis overcurrent").wait_for()
+    drive.part("flag-io-0").and_(drive.page.get_by_label("an error is present: on")).locator(".ok-led-bad").wait_for()
     drive.part("reset-errors").click()
     drive.part("flag-errors-6").and_(drive.page.locator('[data-on="0"]')).wait_for()
     until(lambda: not drive.driver.state().errors["a_overcurrent"])

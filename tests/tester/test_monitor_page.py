@@ -65,10 +65,12 @@ def test_a_variable_is_watched_and_written_in_place(page, bench):
 
 def test_errors_are_shown_with_their_remedy_and_cleared(page, bench):
     open_monitor(page, bench)
+    page.get_by_test_id("event-log-empty").get_by_text("No message has been received.").wait_for()
     bench.rc8.raise_error(0x83204071)
     page.get_by_test_id("current-errors").get_by_text("SOFT_LIMIT_OVER_AXIS1").wait_for()
     page.get_by_test_id("current-errors").get_by_text("Try: ").first.wait_for()
     page.get_by_test_id("event-log").get_by_text("83204071").first.wait_for()
+    page.get_by_test_id("event-log-empty").wait_for(state="hidden")
     page.get_by_test_id("error-log").get_by_text("83204071").first.click()
     page.get_by_test_id("description").get_by_text("Axis 1: soft limit").wait_for()
     page.keyboard.press("Enter")

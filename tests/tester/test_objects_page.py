@@ -219,10 +219,10 @@ def test_a_vanished_controller_is_reported_and_the_page_goes_on(browser, tmp_pat
         open_objects(page, tester.url)
         add(page, "Variable", "I1")
         first.close()
-        expect(page.get_by_test_id("empty")).to_contain_text("not an open connection")
+        expect(page.get_by_test_id("no-controller")).to_contain_text("is not connected")
         expect(page.get_by_test_id("connection-error")).to_be_visible()
         with orinkit.serve(VirtualRC8(), first.url):
-            page.get_by_role("link", name="Open Connections").click()
+            page.get_by_role("link", name="Open the page Connections").click()
             page.get_by_role("button", name="Connect").first.click()
             page.get_by_test_id("state").get_by_text("connected", exact=True).wait_for()
             open_objects(page, tester.url)

@@ -111,7 +111,10 @@ def run_with_browser(folder: Path, *words: str, **environment: str) -> Iterator[
     with process:
         assert process.stdout is not None
         assert process.stderr is not None
-        yield process.stdout.readline().split()[1], process.stderr.readline()
+        first = process.stdout.readline()
+        if not first:
+            raise AssertionError(process.stderr.read())
+        yield first.split()[1], process.stderr.readline()
         process.send_signal(signal.SIGTERM)
         assert process.wait(PATIENCE) == 0
 

@@ -8,6 +8,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from math import inf, nan
 from typing import Any
 
 import pytest
@@ -23,6 +24,7 @@ from orinkit.transport import direct
 from orinkit.transport.direct import Unfinished
 from orinkit.transport.sockets.socket_link import SocketLink
 from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from support.speedups import alike, needs_extension, outcome
 from support.strategies import variants
 
@@ -38,10 +40,10 @@ FUNCTIONS = [f.robot_execute, f.variable_get_value, f.variable_get_name, f.varia
 class Pair:
     """A link, its conversation, and the socket of the peer."""
 
-    def __init__(self) -> None:
+    def __init__(self, limits: PacketLimits = DEFAULT_LIMITS, kind: type[SocketLink] = SocketLink) -> None:
         ours, self.peer = socket.socketpair()
-        self.link = SocketLink(ours)
-        self.conversation = BcapConversation()
+        self.link = kind(ours)
+        self.conversation = BcapConversation(limits)
 
     def call(self, name: str, function: Function[..., Any], arguments: tuple[Any, ...], *, exact: bool = False) -> Any:
         call = direct.call if name == "C" else PURE["call"]
@@ -73,9 +75,11 @@ def arguments_of(function: Function[..., Any]) -> tuple[Any, ...]:
     return (5, "slvMove", POSE) if function is f.robot_execute else (5, 1)[: len(function.arguments)]
 
 
-def outcome_of(name: str, function: Function[..., Any], reply: bytes, *, exact: bool) -> tuple[Any, ...]:
+def outcome_of(
+    name: str, function: Function[..., Any], reply: bytes, *, exact: bool, limits: PacketLimits = DEFAULT_LIMITS
+) -> tuple[Any, ...]:
     """Call a function whose reply has already arrived; return everything that can be observed."""
-    pair = Pair()
+    pair = Pair(limits)
     try:
         pair.peer.sendall(reply)
         if not reply:
@@ -91,8 +95,10 @@ def outcome_of(name: str, function: Function[..., Any], reply: bytes, *, exact: 
         pair.close()
 
 
-def check_same_reply(function: Function[..., Any], reply: bytes, *, exact: bool = False) -> None:
-    native, pure = (outcome_of(name, function, reply, exact=exact) for name in ("C", "pure"))
+def check_same_reply(
+    function: Function[..., Any], reply: bytes, *, exact: bool = False, limits: PacketLimits = DEFAULT_LIMITS
+) -> None:
+    native, pure = (outcome_of(name, function, reply, exact=exact, limits=limits) for name in ("C", "pure"))
     assert alike(native, pure), f"{function.name}, {reply.hex()}: {native}, in Python: {pure}"
 
 
@@ -120,6 +126,22 @@ def test_any_received_bytes_are_treated_alike(function, reply):
 def test_any_return_code_is_treated_alike(function, code):
     for body, count in ((b"", 0), (codec.encode(7), 1), (codec.encode("a"), 1), (codec.encode(None), 1)):
         check_same_reply(function, packet(body, count, code=code))
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.name)
+@pytest.mark.parametrize("limit", [139, 140, 141, 150, 159, 160])
+def test_the_limit_of_a_packet_applies_alike(function, limit):
+    """A packet may exceed the limit although its argument does not."""
+    for body in (bytes(134), "x" * 65, [0.5] * 16, [0.5] * 17):
+        reply = packet(codec.encode(body), 1)
+        assert 154 <= len(reply) <= 162
+        check_same_reply(function, reply, limits=PacketLimits(packet=limit))
+
+
+@pytest.mark.parametrize("limits", [PacketLimits(variants=0), PacketLimits(depth=0), PacketLimits(variants=-(2**63))])
+def test_the_limits_of_values_apply_alike(limits):
+    for value in ("a", ["a"], [1] * 16, [[1]], [1.0] * 20, 5):
+        check_same_reply(f.variable_get_value, packet(codec.encode(value), 1), limits=limits)
 
 
 def test_a_reply_larger_than_the_buffer():
@@ -244,11 +266,86 @@ def test_an_exception_of_a_signal_handler_ends_the_wait(pair, every_10_ms):
     assert pair.conversation.serial == 2  # so that the client closes the link: received bytes may be lost
 
 
-def test_a_peer_that_does_not_read(pair):
-    pair.link._socket.setblocking(False)
-    with pytest.raises(BlockingIOError):
+class SignalledLink(SocketLink):
+    """A link that is closed, by another thread as it were, during the wait after a signal."""
+
+    reads = 0
+    _number = -1
+
+    @property
+    def descriptor(self) -> int:  # type: ignore[override]
+        self.reads += 1
+        return self._number if self.reads < 3 else -1
+
+    @descriptor.setter
+    def descriptor(self, number: int) -> None:
+        self._number = number
+
+
+def test_a_descriptor_that_is_closed_during_the_wait_after_a_signal_is_not_read(every_10_ms):
+    """The number may belong to another connection, whose data must not be lost."""
+    pair = Pair(kind=SignalledLink)
+
+    def handler() -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        pair.peer.sendall(b"of another connection")
+
+    pair.link.use_kernel_timeout(PATIENT)
+    every_10_ms(handler)
+    try:
+        with pytest.raises(ConnectionLost, match="Bad file descriptor"):
+            pair.call_prepared(POSE)
+        assert pair.link.reads == 3
+        assert pair.link._number == -1  # closed
+    finally:
+        pair.close()
+
+
+def fill(link: SocketLink) -> int:
+    """Send until the peer, which does not read, can receive nothing more; return the number of bytes."""
+    filled = 0
+    link._socket.setblocking(False)
+    try:
         while True:
-            pair.link._socket.send(bytes(4096))
+            filled += link._socket.send(bytes(1000))
+    except BlockingIOError:
+        return filled
+
+
+class ImpatientLink(SocketLink):
+    """A link that does not send the rest of a request."""
+
+    def finish_exchange(self, data: bytes, seconds: float, start: int) -> bytes | None:
+        raise InterruptedError(start)
+
+
+def test_the_send_does_not_wait_before_python_sends_the_rest():
+    """Otherwise, a call would take twice its time-out."""
+    pair = Pair(kind=ImpatientLink)
+    try:
+        fill(pair.link)
+        begin = time.monotonic()
+        with pytest.raises(InterruptedError, match="0"):
+            pair.call_prepared(POSE)
+        assert time.monotonic() - begin < PATIENT
+    finally:
+        pair.close()
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, nan, inf, 1e300, 1e-9])
+def test_any_time_out_can_be_set(pair, seconds):
+    pair.link.use_kernel_timeout(seconds)
+    (whole, part) = struct.unpack("@ll", pair.link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, 16))
+    assert whole + part > 0  # 0 would mean no limit
+    for arguments in ((), (1,), ("a", 1.0), (2**40, 1.0), (1, "a"), (1, 1.0, 1)):
+        with pytest.raises((TypeError, OverflowError)):
+            EXTENSION.set_timeout(*arguments)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        EXTENSION.set_timeout(-1, 1.0)
+
+
+def test_a_peer_that_does_not_read(pair):
+    fill(pair.link)
     with pytest.raises(ConnectionLost, match="did not accept"):
         pair.call_prepared(POSE, 0.1)
     with pytest.raises(ConnectionClosed):
@@ -265,13 +362,7 @@ def test_the_rest_of_a_request_is_sent_after_the_peer_reads(pair):
         pair.peer.sendall(packet(codec.encode(POSE), 1))
 
     requests: list[bytes] = []
-    filled = 0
-    pair.link._socket.setblocking(False)
-    try:
-        while True:
-            filled += pair.link._socket.send(bytes(1000))
-    except BlockingIOError:
-        pass
+    filled = fill(pair.link)
     numbers = [0.5] * 1500
     thread = threading.Thread(target=read_and_answer)
     thread.start()

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orinkit.core.speedups import PURE
-from orinkit.values import codec
+from orinkit.values import codec, conversions
 from orinkit.values.codec import DEFAULT_LIMITS, PacketLimits
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, variant
 from support.speedups import alike, check_same_outcome, needs_extension, outcome
@@ -242,6 +242,8 @@ def test_arguments_of_decode():
         check_same_outcome("decode", codec.decode, data, position, end)
     check_same_outcome("decode", codec.decode, data, limits=PacketLimits(depth=2**70))
     check_same_outcome("decode", codec.decode, data, limits=PacketLimits(vt_error_size=3))
+    for least in (-(2**63), -(2**62), -(2**60)):
+        check_same_outcome("decode", codec.decode, data, limits=PacketLimits(variants=least))
 
 
 @pytest.mark.parametrize("depth", [1, 15, 16, 17, 31, 32, 33, 40, 900, 100_000])
@@ -258,6 +260,30 @@ def test_nested_arrays_are_decoded_alike(depth):
 def test_a_count_without_the_bytes_allocates_nothing(vt):
     """An array of 2**32 elements is refused before it is allocated, in a packet of a few bytes."""
     check_decoded_alike(argument(vt | ARRAY, 2**32 - 1, bytes(40)), 0, None, PacketLimits(variants=2**40))
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_python_code_that_runs_meanwhile_sees_no_incomplete_list(exact):
+    """The conversion of a date is Python code; it would crash if it read an element that is not yet present."""
+    dates = Variant(VarType.DATE | ARRAY, [0.5] * 77)
+    data = codec.encode(Variant(VARIANT_ARRAY, [dates] + [Variant(VarType.DATE, 1.5)] * 76))
+    seen: list[int] = []
+
+    def lists() -> int:
+        return sum(type(each) is list and len(each) == 77 and each is not seen for each in gc.get_objects())
+
+    def profile(frame, event, argument):
+        if event == "call" and frame.f_code is conversions.to_datetime.__code__:
+            seen.append(lists() - before)
+
+    before = lists()
+    sys.setprofile(profile)
+    try:
+        value, _ = codec.decode(data, exact=exact)
+    finally:
+        sys.setprofile(None)
+    assert seen == [0] * 77 + [1] * 76  # the inner list after it is complete, the outer one never
+    assert gc.is_tracked(value.value if exact else value)
 
 
 # --- references -------------------------------------------------------------------------------------------------------
@@ -294,7 +320,7 @@ def check_no_growth(rounds: int) -> None:
     gc.collect()
     assert sys.getallocatedblocks() - blocks < 200 + rounds / 100
     grown = [after - before for before, after in zip(references, map(sys.getrefcount, watched), strict=True)]
-    assert max(grown) < rounds / 10, grown
+    assert max(grown) < 20 + rounds / 10, grown  # pytest's assert above refers to None a few times
 
 
 def test_no_reference_is_leaked():

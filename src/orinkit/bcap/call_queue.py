@@ -93,6 +93,11 @@ class CallQueue:
         return self._current is None and not self.waiting
 
     @property
+    def empty(self) -> bool:
+        """True if no call is in progress, and no request waits."""
+        return self._current is None and not self._beside and not self.waiting
+
+    @property
     def timed_out(self) -> bool:
         """True if E_TIMEOUT has been sent for the call in progress, except for a stop."""
         return self._current is not None and self._current.timed_out

@@ -173,7 +173,7 @@ class ServerConversation:
             now: the time on a monotonic clock, s.
         """
         stream = self._stream
-        if stream is None or not stream.has_whole(data) or self._calls.busy or not self._calls.idle:
+        if stream is None or not stream.has_whole(data) or not self._calls.empty:
             return None
         call: DirectCall | None = packet.read_one_handle(data)
         if call is None:
@@ -207,7 +207,10 @@ class ServerConversation:
                 return None
             data: bytes | None = self._pack(serial, reserved, code)
         else:
-            data = packet.pack_reply(serial, code, result, reserved)
+            try:
+                data = packet.pack_reply(serial, code, result, reserved)
+            except Exception:  # noqa: BLE001 - the value does not fit its type, which encode() logs
+                return None
         if data is None or len(data) > self._limits.packet:
             return None
         self.last_reply_at = self._now

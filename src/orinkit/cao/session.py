@@ -232,7 +232,7 @@ class Session:
             if type(result) is Variant:
                 return CallReply(hresult.S_OK, result)
             if type(result) is float:
-                return CallReply(hresult.S_OK, variant(result))
+                return CallReply(hresult.S_OK, trusted(_R8, result))
         elif kind is _RETURNS_NOTHING and result is None:
             return CallReply()
         return self._outcome(function, entry.handle, "", result)
@@ -520,6 +520,7 @@ _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Out
 }
 
 _I4: Final = int(VarType.I4)
+_R8: Final = int(VarType.R8)
 _UNGUARDED: Final = Provider.guard  # does nothing
 _RETURNS_VARIANT, _RETURNS_NOTHING, _RETURNS_OTHER = object(), object(), object()
 

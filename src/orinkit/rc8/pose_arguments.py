@@ -3,7 +3,8 @@
 ===========================================  ====================================================================
 argument                                     read as
 ===========================================  ====================================================================
-``"@E P1"``, ``"P1, @E P2"``                 string, one target or several (:mod:`orinkit.values.poses`)
+``"@E P1"``, ``"P1, @E P2"``                 string, one target or several (:mod:`orinkit.values.poses`); six
+                                             values without a letter are of type P
 ``["P1", "@E P2"]``                          such strings in sequence
 ``[value, type, pass, extra]``               one target; everything after the value may be omitted or VT_EMPTY
 ``[[..., "P"], "@E P2", [1, 2, 3, ...]]``    several targets, each in any of these forms
@@ -18,16 +19,17 @@ part   meaning
 value  a number is the index of a variable; the type is the class of this variable, P if omitted. An array of numbers
        of any numeric type, or a VARIANT array of numbers, contains the values of the pose; if the type is omitted, the
        count of the values selects it as above
-type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: the function decides how to interpret the values
+type   0 or ``"P"``, 1 or ``"T"``, 2 or ``"J"``, 3 or ``"V"``; -1: none, so that an index is that of a variable P, and the
+       function decides how to interpret values
 pass   -1, -2, 0, n for @P, @E, @0, @n (mm); or a string, ``"@E"``
 extra  extended joints, ``[mode, [joint, value], ...]``. Mode 1 or ``"EX"`` is relative, 2 or ``"EXA"`` is absolute, 0
-       means no extended joints. The numbers of the modes are those of DENSO's ROS driver
+       or ``""`` means no extended joints, also without an array. The numbers of the modes are those of DENSO's ROS driver
 =====  ===============================================================================================================
 
 If type or pass is a string, they may be in either order. For example, ``[[x, y, z, rx, ry, rz, fig], "P", "@E"]``,
 ``[[x, y, z, rx, ry, rz, fig], "@E", "P"]`` and ``[2, "P", "@0"]`` are targets. An array of one to three
 numbers is interpreted as value, type and pass if its first number is of an integer type, because clients send
-``[1, 0, -1]`` as a VT_I4 array; or if all its other numbers are.
+``[1, 0, -1]`` as a VT_I4 array; or if all its other numbers are; or if it is the only number.
 
 The value of a J variable is a VT_R4 array, too. It is therefore read as a position, as by a real controller, unless the
 type follows (RC8 provider guide, appendix B).
@@ -37,6 +39,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from orinkit.cao import coerce
@@ -58,6 +61,8 @@ _MOST_PARTS: Final = 4
 _MOST_OF_ONE_TYPE: Final = 3  # value, type and pass may all be numbers; extra is an array
 
 _POSITIONS: Final = (6, 7, 8)
+_UNLETTERED: Final = 6  # values; seven are a position by their count
+_NO_EXTRA: Final = (0, "")
 _LINE_TYPES: Final = ("L", "l")
 _MARK: Final = re.compile(r"@\s*(?:[PEC]|[0-9.]+)", re.IGNORECASE)
 
@@ -138,9 +143,19 @@ def _bounded(targets: tuple[Target, ...]) -> tuple[Target, ...]:
 def _one(given: Variant) -> tuple[Target, ...]:
     """Return the targets in a string, which may contain several, or in an array, which is one target."""
     try:
-        return parse_targets(given.value, MAX_TARGETS) if given.type == VarType.BSTR else (_from_array(given),)
+        return _from_text(given.value) if given.type == VarType.BSTR else (_from_array(given),)
     except (NotationError, InvalidValue) as error:
         raise error_for(hresult.E_INVALIDARG, str(error)) from None
+
+
+def _from_text(text: str) -> tuple[Target, ...]:
+    """Return the targets of a string; values without a letter are a position (RC8 provider guide, appendix B)."""
+    return tuple(
+        replace(target, kind="P")
+        if not target.kind and isinstance(target.value, tuple) and len(target.value) == _UNLETTERED
+        else target
+        for target in parse_targets(text, MAX_TARGETS)
+    )
 
 
 def _from_array(given: Variant) -> Target:
@@ -160,7 +175,7 @@ def _begins_with_index(elements: Sequence[Variant]) -> bool:
     if first.type in INTEGERS:
         return True
     whole = float(first.value).is_integer()
-    return whole and len(elements) > 1 and all(each.type in INTEGERS for each in elements[1:])
+    return whole and all(each.type in INTEGERS for each in elements[1:])
 
 
 def _kind_and_values(given: Variant) -> tuple[Kind, tuple[float, ...]]:
@@ -219,7 +234,7 @@ def _parts(parts: Sequence[Variant]) -> Parts:
 def _from_parts(parts: Sequence[Variant]) -> Target:
     value, kind, mark, extra = _parts(parts)
     if value.type in NUMERIC:
-        return Target("P" if kind is None else kind, coerce.to_integer(value), mark, extra)
+        return Target(kind or "P", coerce.to_integer(value), mark, extra)
     if kind is None:
         return Target(*_kind_and_values(value), mark, extra)
     return Target(kind, _numbers(value), mark, extra)
@@ -276,7 +291,7 @@ def _mark(given: Variant) -> PassMark | None:
 
 
 def _extra(given: Variant) -> Extra | None:
-    if given.type in EMPTIES:
+    if given.type in EMPTIES or given.value in _NO_EXTRA:
         return None
     mode, *joints = _elements(given) or [trusted(VarType.EMPTY, None)]
     word = _word(mode, tr("the mode of extended joints"))

@@ -12,6 +12,7 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
@@ -96,7 +97,7 @@ async def _serve(options: TesterOptions, reports: Reports) -> None:
     register(workspace)
     i18n.set_source(language_of_page)
     ui.run_with(
-        app, title="orinkit", tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False,
+        app, title="orinkit", favicon=_favicon(), tailwind=False, reconnect_timeout=_RECONNECT, show_welcome_message=False,
         gzip_middleware_factory=None,
     )  # fmt: skip
     config = uvicorn.Config(
@@ -110,6 +111,10 @@ async def _serve(options: TesterOptions, reports: Reports) -> None:
     finally:
         i18n.set_source(None)
         await workspace.close()
+
+
+def _favicon() -> str:
+    return (files("orinkit.tester") / "static" / "favicon.svg").read_text("utf-8")
 
 
 class _Server(uvicorn.Server):

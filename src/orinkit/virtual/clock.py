@@ -80,6 +80,14 @@ class Clock:
         """Return the seconds of the device since the clock was created; they never decrease."""
         return (time.monotonic() - self._began) * self.scale
 
+    def first_cycle(self, period: float) -> float:  # noqa: ARG002 - for clocks that align the cycles of their devices
+        """Return the time at which the cycles of a device that is created now begin, s.
+
+        Args:
+            period: Length of a cycle of the device, s.
+        """
+        return self.now()
+
     def wall(self) -> datetime:
         """Return the local date and time of the device."""
         if self.scale == 1.0:

@@ -1,7 +1,9 @@
 """A clock whose devices are all driven by one thread: :class:`SharedClock`, for many virtual controllers in one process.
 
 With a plain :class:`~orinkit.virtual.clock.Clock`, each device has a thread of its own. With a hundred devices, most of
-their time would be spent on switching between these threads.
+their time would be spent on switching between these threads. The cycles of the devices also begin together, in
+:data:`PHASES` groups: otherwise, the thread would wake up for each device, which takes longer than the cycle of a
+device. A single group would hold up the last devices, and the event loop, longer than necessary.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ logger = logging.getLogger("orinkit.rc8")
 
 LONG: Final = 0.02
 """Seconds after which another thread takes over the other devices, if the call of one device has not ended."""
+PHASES: Final = 4
+"""Times within a period at which cycles of devices begin."""
 _FEW: Final = 16  # entries of the heap that are never cleaned up
 
 
@@ -42,6 +46,15 @@ class SharedClock(Clock):
     def __init__(self, scale: float = 1.0) -> None:
         super().__init__(scale)
         self._scheduler = _Scheduler(scale)
+
+    def first_cycle(self, period: float) -> float:
+        """Return the present time, rounded down to a quarter of ``period``.
+
+        Many devices are then due at the same time, so that the thread wakes up :data:`PHASES` times in each period, not
+        once for each device.
+        """
+        phase = period / PHASES
+        return self.now() // phase * phase
 
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         """Drive a device with the thread of this clock."""

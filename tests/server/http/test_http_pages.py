@@ -209,9 +209,11 @@ def test_the_view_of_a_virtual_rc8() -> None:
 
 
 def test_the_view_of_a_controller_behind_a_gateway() -> None:
-    with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as cell:
-        with orinkit.serve(RemoteProvider(cell.url), "http://127.0.0.1:0") as gateway:
-            answer = get(Web(gateway.url), "I1")
+    with (
+        orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as cell,
+        orinkit.serve(RemoteProvider(cell.url), "http://127.0.0.1:0") as gateway,
+    ):
+        answer = get(Web(gateway.url), "I1")
     assert json.loads(answer.body) == {"name": "I1", "type": "VT_I4", "value": 0}
 
 

@@ -9,7 +9,8 @@ from collections import Counter
 
 import pytest
 
-from orinkit.virtual.shared_clock import SharedClock
+from orinkit.virtual.engine.control_loop import PERIOD
+from orinkit.virtual.shared_clock import PHASES, SharedClock
 
 _PATIENCE = 10.0  # s; only for failing tests
 
@@ -44,6 +45,17 @@ def test_one_thread_drives_all_devices() -> None:
     calls = sum((device.threads for device in devices), Counter())
     # a further thread may have taken over while the machine was busy
     assert len(calls) < len(devices) / 5
+
+
+@pytest.mark.parametrize("scale", [1.0, 20.0])
+def test_the_cycles_of_many_devices_are_due_at_the_same_time(scale: float) -> None:
+    clock, phase = SharedClock(scale), PERIOD / PHASES
+    for _ in range(5):
+        before = clock.now()
+        first = clock.first_cycle(PERIOD)
+        assert before - phase <= first <= clock.now()
+        assert first / phase == pytest.approx(round(first / phase))
+        time.sleep(0.0007)
 
 
 def test_a_device_without_work_is_not_called_until_it_is_woken() -> None:

@@ -228,6 +228,32 @@ def test_with_a_spring_the_arm_shares_the_way_with_the_surface(cell):
     assert force(cell, 7)[2] == pytest.approx(-6, abs=0.1)
 
 
+@pytest.mark.guide("5.2.28.81 ForceValue")
+def test_travel_deviation_and_their_peaks(cell):
+    down_to(cell, TOP + 20)
+    cell.robot.speed(-1, 10)
+    cell.execute("ForceParam", [1, 0, [1e4] * 6])
+    cell.execute("ForceCtrl", [1, 1, 0])
+    largest = 0.0
+    for way in (-6.0, 4.0):
+        x, y, z, *_ = cell.execute("CurPos")
+        cell.move(2, f"P({x}, {y}, {z + way}, 180, 0, 180, 5)", "NEXT")
+        for _ in range(300):
+            cell.trace(1)
+            command, encoder, deviation = force(cell, 4), force(cell, 7), force(cell, 10)
+            assert deviation == pytest.approx([a - b for a, b in zip(command, encoder, strict=True)], abs=1e-9)
+            largest = max(largest, abs(deviation[2]))
+        assert not cell.arm.busy
+    assert largest > 0.05
+    assert (force(cell, 4)[2], force(cell, 7)[2]) == pytest.approx((-2, -2), abs=1e-3)
+    for high, low in ((5, 6), (8, 9)):
+        assert (force(cell, high)[2], force(cell, low)[2]) == pytest.approx((0, -6), abs=1e-2)
+    assert max(force(cell, 11)[2], -force(cell, 12)[2]) == pytest.approx(largest, abs=1e-6)
+    assert force(cell, 9, -1)[2] == pytest.approx(-6, abs=1e-2)
+    assert force(cell, 9)[2] == pytest.approx(-2, abs=1e-3)  # begun anew
+    assert force(cell, 6)[2] == pytest.approx(-6, abs=1e-2)
+
+
 def test_the_force_sensor_mode_presses_with_a_force(cell):
     down_to(cell, TOP + 3)
     cell.robot.speed(-1, 10)

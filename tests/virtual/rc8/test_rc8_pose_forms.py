@@ -13,7 +13,7 @@ from support.cell import Cell
 
 P = [350.0, 0.0, 300.0, 180.0, 0.0, 180.0, 5.0]
 J = [10.0, 45.0, 90.0, 0.0, 45.0, 0.0, 0.0, 0.0]
-APPROACH, PTP, LINE, ARC = 20.0, 1, 2, 3
+APPROACH, PTP, LINE, ARC, CURVE = 20.0, 1, 2, 3, 4
 
 
 def r4(*values: float) -> Variant:
@@ -52,9 +52,10 @@ def mark_of(cell: Cell) -> str:
 
 TO_P = {
     "text": "@E P70", "text with elements": f"@E P({', '.join(map(str, P))})", "no letter": f"@E ({', '.join(map(str, P))})",
-    "index": [70, 0, -2], "index in R4": parts(70.0, 0, -2), "index and letter": [70, "P", "@E"], "index, mark first": [70, "@E", "P"],
+    "index": [70, 0, -2], "index in R4": parts(70.0, 0, -2), "index, no type": parts(70, -1, -2), "no extended joints": parts(r8(*P), 0, -2, 0),
+    "no extended joints as a text": parts(r8(*P), "P", "@E", ""), "index and letter": [70, "P", "@E"], "index, mark first": [70, "@E", "P"],
     "raw and numbers": parts(r8(*P), 0, -2), "raw and texts": parts(r8(*P), "P", "@E"), "raw in R4": parts(r4(*P), "P", "@E"),
-    "mark before letter": parts(r8(*P), "@E", "P"), "nested": parts(parts(*P), "P", "@E"), "nested, mark first": parts(parts(*P), "@E", "P"),
+    "six elements, no letter": f"@E ({', '.join(map(str, P[:6]))})", "mark before letter": parts(r8(*P), "@E", "P"), "nested": parts(parts(*P), "P", "@E"), "nested, mark first": parts(parts(*P), "@E", "P"),
 }  # fmt: skip
 
 
@@ -106,6 +107,37 @@ def test_a_vt_r4_array_is_a_position(cell):
         assert moved(cell, cell.move(PTP, form)) == pytest.approx(there, abs=1e-3)
 
 
+@pytest.mark.guide("5.2.25, App. B Move")
+def test_an_index_alone_is_a_position(cell):
+    there = moved(cell, cell.move(PTP, "P70"))
+    cell.stand(0, 45, 90, 0, 45, 0)
+    assert moved(cell, cell.move(PTP, parts(Variant(VarType.R4, 70.0)))) == pytest.approx(there, abs=1e-3)
+
+
+CURVES = {
+    "text": "@E 5", "index": 5, "array": parts(5), "array and mark": parts(5, "", "@E"), "numbers": parts(5, -1, -2),
+    "R4": parts(Variant(VarType.R4, 5.0), -1, -2), "mark only": parts(5, "@E"), "I4 array": Variant(VarType.I4 | ARRAY, [5, -1, -2]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", CURVES)
+@pytest.mark.guide("5.2.25, App. B Move")
+def test_forms_of_a_stored_curve(cell, form):
+    for point in ("P70", "P(330, 70, 300, 180, 0, 180, 5)", "P(300, 100, 300, 180, 0, 180, 5)"):
+        cell.execute("AddPathPoint", [5, point])
+    cell.run(cell.move(PTP, "P70"))
+    result = cell.move(CURVE, CURVES[form])
+    assert mark_of(cell) == ("@0" if form in ("index", "array") else "@E")
+    at = cell.arm.space.position(moved(cell, result))
+    assert at[:3] == pytest.approx([300, 100, 300], abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["21", "0", parts(21), parts(4, "", "@E"), parts(5.5, "", "@E"), parts(5, "", "@X")])
+def test_what_is_not_a_stored_curve(cell, form):
+    assert cell.code_of(lambda: cell.move(CURVE, form)) == hresult.E_INVALIDARG
+    assert not cell.arm.busy
+
+
 @pytest.mark.parametrize("form", ["@C P70", parts(r8(*P), "P", "@C"), parts(r8(*P), "@C", "P")])
 @pytest.mark.guide("5.2.25, App. B Move")
 def test_the_mark_c(cell, form):
@@ -144,7 +176,9 @@ LENGTHS = {
 
 @pytest.mark.parametrize("form", LENGTHS)
 @pytest.mark.parametrize(
-    "base", ["P70", parts(70, "P"), parts(r8(*P), "P"), parts(parts(*P), "P")], ids=["text", "index", "raw", "nested"]
+    "base",
+    ["P70", parts(70, "P"), parts(r8(*P), "P"), parts(parts(*P), "P"), parts(70, 0, 0)],
+    ids=["text", "index", "raw", "nested", "numbers, no mark"],
 )
 @pytest.mark.field("2.3")
 @pytest.mark.guide("5.2.28.46 Approach")
@@ -177,9 +211,11 @@ def test_rotate_hand(cell, form):
     assert np.degrees(np.arctan2(turned[1, 0], turned[0, 0])) == pytest.approx(20.0)
 
 
+@pytest.mark.parametrize("base", ["@P P70", "@0 P70", parts(70, 0, -1), parts(r8(*P), "P", "@E"), parts(70, 0, 30)])
 @pytest.mark.guide("5.2.28.46 Approach")
-def test_a_pass_mark_in_the_base_of_approach_is_refused(cell):
-    assert cell.code_of(lambda: cell.robot.execute("Approach", parts(PTP, "@P P70", "20"))) == hresult.E_INVALIDARG
+def test_a_pass_mark_in_the_base_of_approach_is_refused(cell, base):
+    assert cell.code_of(lambda: cell.robot.execute("Approach", parts(PTP, base, "20"))) == hresult.E_INVALIDARG
+    assert not cell.arm.busy
 
 
 @pytest.mark.parametrize(

@@ -567,6 +567,14 @@ def test_motion_complete(cell):
     assert [complete([-1, 0]), complete([-1, 1])] == [True, False]
     cell.trace(3)
     assert [complete([-1, 0]), complete([-1, 1])] == [True, True]
+    cell.move(1, "J(0, 45, 90, 0, 45, 0)", "NEXT")
+    cell.trace(5)
+    cell.run(cell.robot.hold(""))
+    cell.trace(5)
+    assert [complete([-1, 0]), complete([-1, 1])] == [False, False]  # suspended
+    cell.run(cell.robot.halt(""))
+    cell.trace(5)
+    assert [complete([-1, 0]), complete([-1, 1])] == [True, True]
     for bad in ([-1, 2], [0, 0, 0], "x", [0.5, 0]):
         assert cell.code_of(lambda bad=bad: cell.execute("MotionComplete", bad)) != 0
 

@@ -11,6 +11,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from support.cell import Cell
+from support.codes import code_of
 from support.two_arms import FAR, HOME, TwoArms
 
 STILL = 1e-6  # mm, or the sine of an angle: the largest change of the grasp
@@ -21,14 +22,6 @@ def cell() -> Iterator[TwoArms]:
     made = TwoArms().take()
     yield made
     made.close()
-
-
-def code_of(call: Callable[[], object]) -> int:
-    try:
-        call()
-    except CallError as error:
-        return error.code
-    return 0
 
 
 def collect(cell: TwoArms) -> None:

@@ -16,6 +16,7 @@ from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.rc8.control import ControlProvider
 from orinkit.virtual.rc8.robot.motor import MotorState
 from support.cell import Cell
+from support.codes import code_of
 from support.two_arms import FAR, HOME, TwoArms
 
 J0 = 0x002
@@ -34,14 +35,6 @@ def strict() -> Iterator[TwoArms]:
     made = TwoArms(strict_time=True).take()
     yield made
     made.close()
-
-
-def code_of(call: Callable[[], object]) -> int:
-    try:
-        call()
-    except CallError as error:
-        return error.code
-    return 0
 
 
 # --- objects ----------------------------------------------------------------------------------------------------------

@@ -283,7 +283,7 @@ class AsyncClient(AsyncConnection):
         Raises:
             CallError: As :meth:`call`, which also raises the other exceptions.
         """
-        seconds = self._timeout if timeout is None else timeout
+        seconds = self._timeout if timeout is None else check_timeout(timeout)
         await self._lock.acquire()
         try:
             direct = self._direct

@@ -283,7 +283,7 @@ class Client(Connection):
         Raises:
             CallError: As :meth:`call`, which also raises the other exceptions.
         """
-        seconds = self._timeout if timeout is None else timeout
+        seconds = self._timeout if timeout is None else check_timeout(timeout)
         self._lock.acquire()
         try:
             direct = self._direct

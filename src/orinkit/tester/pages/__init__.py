@@ -48,7 +48,7 @@ PAGES: Final = (
     Page("/monitor", N_("Monitor"), "show_chart", "monitor:build"),
     Page("/programs", N_("Programs"), "code", "programs:build"),
     Page("/slave-move", N_("Slave Move"), "timeline", "slave_move:build"),
-    Page("/abh3", "ABH3", "electric_rickshaw", "abh3:build"),
+    Page("/abh3", "ABH3", "electrical_services", "abh3:build"),
     Page("/packets", N_("Packets"), "receipt_long", "packets:build"),
     Page("/raw", N_("Raw packets"), "data_array", "raw:build"),
 )

@@ -12,7 +12,7 @@ export default {
         </button>
         <div v-else class="ok-bit" role="img" :aria-label="bit.title + ': ' + state(bit)" :data-testid="marker + '-' + bit.number"
              :data-on="value === null ? '' : Number(on(bit))">
-          <span :class="['ok-led', on(bit) && 'ok-led-' + tone, value === null && 'ok-led-unknown']"></span>
+          <span :class="['ok-led', on(bit) && 'ok-led-' + (bit.tone || tone), value === null && 'ok-led-unknown']"></span>
           <span class="ok-bit-number">{{ bit.number }}</span>
           <span class="ok-bit-title">{{ bit.title }}</span>
         </div>

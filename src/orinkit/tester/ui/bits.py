@@ -21,12 +21,14 @@ class BitText:
         title: Meaning of the value 1.
         fixed: True for a switch that only displays the bit.
         note: Further explanation.
+        tone: Colour of the lamp when it is on, if it differs from that of the other lamps.
     """
 
     number: int
     title: str
     fixed: bool = False
     note: str = ""
+    tone: str = ""
 
 
 class _Bits(ui.element, component="bits.js"):
@@ -41,8 +43,11 @@ class _Bits(ui.element, component="bits.js"):
     def __init__(self, label: str, marker: str, bits: Sequence[BitText]) -> None:
         super().__init__()
         self._props["bits"] = [
-            {"number": each.number, "title": each.title, "fixed": each.fixed, "note": each.note} for each in bits
-        ]
+            {
+                "number": each.number, "title": each.title, "fixed": each.fixed, "note": each.note, "tone": each.tone,
+            }
+            for each in bits
+        ]  # fmt: skip
         self._props.update(value=None, enabled=False, switches=False, label=label, marker=marker, tone="good")
         self._props["texts"] = {"on": tr("on"), "off": tr("off"), "unknown": tr("unknown")}
 

@@ -11,6 +11,7 @@ from nicegui import ui
 from orinkit.core.errors import OrinError
 from orinkit.core.i18n import tr
 from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import PageSession
 
 logger = logging.getLogger("orinkit.tester")
@@ -46,17 +47,28 @@ def chosen_controller(session: PageSession) -> ControllerConnection | None:
     connection = session.connection
     if isinstance(connection, ControllerConnection):
         return connection
+    show_no_controller(session)
+    return None
+
+
+def show_no_controller(session: PageSession) -> None:
+    """Show why the page has no open connection to a robot controller, and the way to one."""
+    connection = session.connection
+    if connection is None:
+        text = tr("No connection yet. Connect to a controller, or start a virtual one.")
+    elif isinstance(connection, ControllerConnection):
+        text = tr("{name} is not connected.", name=connection.name)
+    else:
+        text = tr("{name} is a motor driver. This page requires a robot controller.", name=connection.name)
     with (
         ui.element("section").classes("ok-card"),
         ui.element("div").classes("ok-empty").props("data-testid=no-controller"),
     ):
         ui.icon("cable")
-        if connection is None:
-            ui.label(tr("No connection yet. Connect to a controller, or start a virtual one."))
-        else:
-            ui.label(tr("{name} is a motor driver. This page requires a robot controller.", name=connection.name))
-        ui.link(tr("Connections"), "/")
-    return None
+        ui.label(text)
+        if isinstance(connection, ControllerConnection) and connection.error is not None:
+            ErrorBox("connection-error").show(connection.error)
+        ui.link(tr("Open the page Connections"), "/")
 
 
 def while_connected(session: PageSession, enter: Callable[[], Any], leave: Callable[[], Any]) -> None:

@@ -126,7 +126,7 @@ class SocketLink(ProcessBound):
     # --- for the extension in C ---------------------------------------------------------------------------------
 
     def use_kernel_timeout(self, seconds: float) -> None:
-        """Put the socket into blocking mode with time-outs of the system.
+        """Put the socket into blocking mode with a time-out of the system for receiving.
 
         In this mode, a call does not require a system call that waits for the socket. Each method of this class that
         sends or receives ends this mode.
@@ -139,7 +139,7 @@ class SocketLink(ProcessBound):
             self._seconds = -1.0
             self._socket.settimeout(None)
             assert EXTENSION is not None
-            EXTENSION.set_timeouts(self._socket.fileno(), seconds)
+            EXTENSION.set_timeout(self._socket.fileno(), seconds)
         except OSError as error:
             self.fail(error)
         self.kernel_seconds = seconds

@@ -62,7 +62,7 @@ class ControlLoop:
         self.clock = clock
         self.number = 0
         self.pace: Callable[[int], int] | None = None
-        self._origin = self._base = clock.now()  # time of cycle 0; delay() moves _base only
+        self._base = clock.first_cycle(PERIOD)  # time of cycle 0; delay() moves it
         self._tasks: list[CyclicTask] = []
         self._on_error: Callable[[Exception], None] | None = None
         self._lock = threading.RLock()
@@ -174,7 +174,11 @@ class ControlLoop:
             return max(0.0, -self.overdue)
 
     def _catch_up(self) -> None:
-        behind = (self._due() - self.number) * PERIOD - self.clock.patience
+        due = self._due() - self.number
+        if due < 1:  # usual for a call between two cycles
+            self._waiting = False
+            return
+        behind = due * PERIOD - self.clock.patience
         if behind > 0:  # after a long delay of the machine, the missed cycles are not run
             self.delay(behind)
         self._stepping = True

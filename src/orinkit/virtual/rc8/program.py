@@ -17,6 +17,7 @@ from orinkit.values.poses import PassMark, Target
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.engine.motion.queue import Ticket
 from orinkit.virtual.rc8.pacscript.host_interface import Plane, PointKind, Value, VariableKind, Wait
+from orinkit.virtual.rc8.pacscript.keywords import CONSTANTS
 from orinkit.virtual.rc8.robot import queries, state_report
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
@@ -257,6 +258,8 @@ class TaskHost:
         """Return the result of a command that programs share with clients."""
         result = self._run_shared(name, arguments)
         value = result.value if isinstance(result, Variant) else result
+        if isinstance(value, bool):
+            return CONSTANTS["true" if value else "false"]
         return tuple(value) if isinstance(value, list) else value
 
     def _run_shared(self, name: str, arguments: tuple[Value, ...]) -> Any:

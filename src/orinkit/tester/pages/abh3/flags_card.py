@@ -11,7 +11,8 @@ from orinkit.tester.ui.bits import BitLamps, BitText
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import PageSession
 
-_TONES = {"errors": "bad", "warnings": "warn"}
+_TONES = {"errors": "bad", "warnings": "warn"}  # of words
+_BIT_TONES = {"error": "bad", "error_code": "bad", "alarm": "warn", "alarm_code": "warn"}  # without the number
 
 
 class FlagsCard:
@@ -45,7 +46,10 @@ class FlagsCard:
                 ui.label(title).classes("ok-dim")
                 ui.space()
                 value = ui.label().classes("ok-value ok-value-small").props(f"data-testid=word-{word.name}")
-            bits = [BitText(bit.number, bit.text) for bit in sorted(word.bits, key=lambda each: each.number)]
+            bits = [
+                BitText(bit.number, bit.text, tone=_BIT_TONES.get(bit.name.rstrip("_0123456789"), ""))
+                for bit in sorted(word.bits, key=lambda each: each.number)
+            ]
             lamps = BitLamps(title, f"flag-{word.name}", bits, tone=_TONES.get(word.name, "good"))
         self._lamps.append((frame, word, lamps, value))
 

@@ -21,7 +21,7 @@ def show_missing(session: PageSession) -> None:
         ui.element("section").classes("ok-card"),
         ui.element("div").classes("ok-empty ok-abh3-empty").props("data-testid=no-driver"),
     ):
-        ui.icon("electric_rickshaw")
+        ui.icon("electrical_services")
         ui.label(_text(connection, chosen)).props("role=status data-testid=no-driver-text")
         errors = ErrorBox("error-connect")
         if chosen is not None and chosen.error is not None:
@@ -34,7 +34,7 @@ def show_missing(session: PageSession) -> None:
                     if isinstance(each, DriverConnection):
                         _choose_button(session, each)
             _start_button(session, errors, primary=chosen is None)
-        ui.link(tr("Connections"), "/")
+        ui.link(tr("Open the page Connections"), "/")
 
 
 def _text(connection: Connection | None, chosen: DriverConnection | None) -> str:

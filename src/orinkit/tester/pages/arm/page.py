@@ -16,6 +16,7 @@ from orinkit.tester.pages.arm.readout import JointBars, PositionReadout, StatusC
 from orinkit.tester.pages.arm.view import ArmView
 from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.reporting import show_no_controller
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.05  # s
@@ -47,7 +48,7 @@ def build(session: PageSession) -> Iterator[None]:
                 if session.is_present:
                     page.poll()
             else:
-                _empty(tr("The page requires an open connection to a robot controller."))
+                show_no_controller(session)
 
     async def refresh() -> None:
         for _ in parts():
@@ -64,13 +65,6 @@ def build(session: PageSession) -> Iterator[None]:
     yield from parts()
     ui.timer(_SLOW_REFRESH, refresh)
     session.while_connected(enter, leave)
-
-
-def _empty(text: str) -> None:
-    with ui.element("div").classes("ok-card ok-empty").props("data-testid=arm-empty"):
-        ui.icon("precision_manufacturing")
-        ui.label(text)
-        ui.link(tr("Open the page Connections"), "/")
 
 
 class ArmPage:

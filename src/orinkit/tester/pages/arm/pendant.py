@@ -47,7 +47,7 @@ class PendantCard:
                 self._build_emergency_stop()
                 with ui.element("div").classes("ok-pendant-switches"):
                     self._build_switches()
-            with ui.element("div").classes("ok-form"):
+            with ui.element("div").classes("ok-form ok-pendant-form"):
                 self._build_errors()
                 self._build_workpiece()
             self._errors = ErrorBox("error-pendant")

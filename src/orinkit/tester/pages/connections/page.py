@@ -15,7 +15,7 @@ from orinkit.tester.ui.frame import STATE_TEXTS
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.5  # s
-_ICONS = {"rc8": "precision_manufacturing", "ve026a": "front_loader", "abh3": "electric_rickshaw"}
+_ICONS = {"rc8": "precision_manufacturing", "ve026a": "school", "abh3": "electrical_services"}
 
 
 def build(session: PageSession) -> Iterator[None]:
@@ -100,11 +100,11 @@ def _row(session: PageSession, connection: Connection, errors: ErrorBox) -> None
     row = ui.element("div").classes("ok-connection")
     row.props["data-testid"] = f"connection-{connection.name}"  # not a string of props: users choose the name
     with row:
-        with ui.element("div").classes("ok-row"):
+        with ui.element("div").classes("ok-row ok-nowrap"):
             ui.element("span").classes(f"ok-lamp ok-{connection.state.value}").props("aria-hidden=true")
-            ui.label(connection.name).style("font-weight: 600")
-            ui.label(tr(STATE_TEXTS[connection.state])).classes("ok-chip").props("data-testid=state")
-            ui.space()
+            with ui.element("div").classes("ok-row ok-grow ok-connection-name"):
+                ui.label(connection.name)
+                ui.label(tr(STATE_TEXTS[connection.state])).classes("ok-chip").props("data-testid=state")
             if connection.is_open:
                 _action("link_off", tr("Disconnect"), session.guarded(connection.close, errors.show))
             else:

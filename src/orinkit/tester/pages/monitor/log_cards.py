@@ -31,11 +31,14 @@ class _LogTable:
     Args:
         marker: Value of ``data-testid``.
         source: Function that returns the entries, newest first.
+        empty: Text that is displayed without entries.
         connection: The connection, for the details of an entry.
     """
 
-    def __init__(self, marker: str, source: Callable[[], Iterable[LogEntry]], connection: ControllerConnection) -> None:
-        self._source, self._connection = source, connection
+    def __init__(
+        self, marker: str, source: Callable[[], Iterable[LogEntry]], empty: str, connection: ControllerConnection
+    ) -> None:
+        self._source, self._empty, self._connection = source, empty, connection
         self._shown: list[LogEntry] = []
         self._state: object = None
         with ui.element("div").classes("ok-row"):
@@ -58,6 +61,7 @@ class _LogTable:
         self._table.add_slot("body-cell-severity", _SEVERITY_SLOT)
         self._table.add_slot("body-cell-text", _TEXT_SLOT)
         self._table.on("row-click", self._open, [[], ["key"], []])
+        self._none = ui.label().classes("ok-dim").props(f"data-testid={marker}-empty")
 
     def refresh(self, version: int) -> None:
         """Display the entries if they, or the filter, have changed."""
@@ -67,6 +71,8 @@ class _LogTable:
         self._state = version, words, least
         self._shown = [each for each in self._source() if each.matches(words, least)][:_SHOWN]
         self._table.rows = [_row(key, entry) for key, entry in enumerate(self._shown)]
+        self._none.text = tr("No entry matches the filter.") if words or least else self._empty
+        self._none.visible = not self._shown
 
     async def _open(self, event: GenericEventArguments) -> None:
         key = event.args[1]["key"]
@@ -144,7 +150,9 @@ class ErrorCard:
             errors = ErrorBox("error-errors")
             self._current = ui.element("div").classes("ok-current-errors").props("data-testid=current-errors")
             self._problem = ErrorBox("error-log-problem")
-            self._table = _LogTable("error-log", lambda: connection.log.logged, connection)
+            self._table = _LogTable(
+                "error-log", lambda: connection.log.logged, tr("The error log is empty."), connection
+            )
 
         async def clear_errors() -> None:
             await connection.controller.clear_error()
@@ -196,7 +204,9 @@ class EventCard:
                     "data-testid=no-events"
                 )
             self._problem = ErrorBox("event-problem")
-            self._table = _LogTable("event-log", lambda: self._log.events, connection)
+            self._table = _LogTable(
+                "event-log", lambda: self._log.events, tr("No message has been received."), connection
+            )
         clear.on_click(session.guarded(self._log.clear_events, self._problem.show))
 
     def refresh(self) -> None:

@@ -16,6 +16,7 @@ from orinkit.tester.state.connection import Connection
 from orinkit.tester.state.controller_connection import ControllerConnection
 from orinkit.tester.state.objects import RemoteObject
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.reporting import show_no_controller
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.5  # s
@@ -68,7 +69,7 @@ class ObjectsPage:
         usable = connection if isinstance(connection, ControllerConnection) and connection.is_open else None
         if self._begin(connection) and usable is None:
             with self._holder:
-                self._build_empty(connection)
+                show_no_controller(self._session)
         if usable is not None:
             self._refresh_tree(usable)
 
@@ -85,18 +86,6 @@ class ObjectsPage:
             with self._holder:
                 self._build_columns()
         return True
-
-    def _build_empty(self, connection: Connection | None) -> None:
-        with ui.element("section").classes("ok-card"), ui.element("div").classes("ok-empty").props("data-testid=empty"):
-            ui.icon("account_tree")
-            ui.label(
-                tr("The selected connection is not an open connection to a robot controller.")
-                if connection is not None
-                else tr("There is no connection yet.")
-            )
-            if connection is not None and connection.error is not None:
-                ErrorBox("connection-error").show(connection.error)
-            ui.link(tr("Open Connections"), "/")
 
     def _build_columns(self) -> None:
         with ui.element("div").classes("ok-objects"):

@@ -49,7 +49,7 @@ class EditorCard:
         self.on_opened: Callable[[str], None] | None = None
         with ui.element("section").classes("ok-card ok-editor-card").props("data-testid=editor-card"):
             with ui.element("div").classes("ok-row"):
-                self._title = ui.label(tr("Editor")).classes("ok-card-title ok-mono").props("data-testid=editor-title")
+                self._title = ui.label(tr("Editor")).classes("ok-card-title").props("data-testid=editor-title")
                 self._dirty = (
                     ui.label(tr("not saved")).classes("ok-chip ok-warn").props("data-testid=unsaved role=status")
                 )
@@ -184,6 +184,7 @@ class EditorCard:
         was_unsaved = isinstance(self._shown, tuple) and self._shown[1]
         self._shown = state
         self._title.text = self.path or tr("Editor")
+        self._title.classes(replace="ok-card-title ok-mono" if self.path else "ok-card-title")
         self._dirty.visible = unsaved
         self._save.visible = self._editor.visible = bool(self.path)
         self._empty.visible = not self.path

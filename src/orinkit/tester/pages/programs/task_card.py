@@ -68,6 +68,7 @@ class TaskCard:
             ).classes("ok-dim")
             self.errors = ErrorBox("error-tasks")
             clear = ui.button(tr("Clear errors"), icon="task_alt").props("flat no-caps dense data-testid=clear-errors")
+            clear.classes("ok-start")
             clear.on_click(session.guarded(self._clear_errors, self.errors.show))
             self._list = ui.element("div").classes("ok-task-list").props("data-testid=task-list")
 

@@ -43,7 +43,7 @@ def base_options(dark: bool, y_name: str, x_name: str = "s") -> dict[str, Any]:
             "itemWidth": 14,
         },
         "tooltip": {"trigger": "axis", "confine": True},
-        "xAxis": {"type": "value", "name": x_name, "min": "dataMin", "max": "dataMax", **axis},
+        "xAxis": {"type": "value", "name": x_name, "scale": True, **axis},
         "yAxis": {"type": "value", "name": y_name, "scale": True, **axis},
         "series": [],
     }
@@ -112,7 +112,7 @@ def histogram_options(dark: bool) -> dict[str, Any]:
     """Return the options of the histogram of cycle times."""
     options = base_options(dark, tr("number"), "ms")
     options["xAxis"] = {**options["xAxis"], "type": "category", "data": []}
-    del options["xAxis"]["min"], options["xAxis"]["max"], options["legend"]
+    del options["legend"]
     options["series"] = [{"type": "bar", "data": [], "itemStyle": {"color": COLOURS[0]}, "barCategoryGap": "10%"}]
     return options
 

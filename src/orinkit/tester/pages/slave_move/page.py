@@ -12,6 +12,7 @@ from orinkit.tester.pages.slave_move.preview import TrajectoryCard
 from orinkit.tester.pages.slave_move.run import RunCard
 from orinkit.tester.pages.slave_move.source import SourceCard
 from orinkit.tester.state.controller_connection import ControllerConnection
+from orinkit.tester.ui.reporting import show_no_controller
 from orinkit.tester.ui.session import PageSession
 
 
@@ -54,7 +55,4 @@ def _empty(session: PageSession) -> None:
             ui.navigate.reload()
 
     ui.timer(1.0, look)
-    with ui.element("div").classes("ok-card ok-empty ok-sm-empty").props("data-testid=slave-empty"):
-        ui.icon("timeline")
-        ui.label(tr("Slave Move needs a connection to a robot controller."))
-        ui.link(tr("Open the page Connections"), "/")
+    show_no_controller(session)

@@ -35,7 +35,7 @@ _STATES: Final = {
     StepState.STOPPED: N_("stopped"),
 }
 _MODES: Final = {
-    2: N_("2: the reply waits for room in the buffer"),
+    2: N_("2: the reply waits for buffer space"),
     0: N_("0: the set-points are buffered"),
     1: N_("1: the newest set-point is used (Async)"),
 }

@@ -83,10 +83,12 @@ class Vacuum:
 
     def step(self) -> bool:
         """Execute one cycle; return True if pressure or load still change."""
-        time = _RISE if self.power else _FALL
-        self.pressure = _approach(self.pressure, self.final, time)
-        self.load = _approach(self.load, _HOTTEST * self.power / 100, _HEATING)
-        return self.pressure != self.final or self.load != _HOTTEST * self.power / 100
+        final, hottest = self.final, _HOTTEST * self.power / 100
+        if self.pressure == final and self.load == hottest:
+            return False
+        self.pressure = _approach(self.pressure, final, _RISE if self.power else _FALL)
+        self.load = _approach(self.load, hottest, _HEATING)
+        return self.pressure != final or self.load != hottest
 
 
 def _approach(value: float, final: float, seconds: float) -> float:

@@ -1,16 +1,16 @@
-"""The extended commands of Robot_Execute that move the arm, stop it, or wait for its motion."""
+"""The extended commands of Robot_Execute that move the arm."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, Final
 
-from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions, parse_options
-from orinkit.values.variant import Variant
+from orinkit.values.poses import AT_COMMAND
+from orinkit.values.variant import ARRAY, Variant
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects.motion_calls import MotionResult, begin_motions
 from orinkit.virtual.rc8.robot import parameters, pose_data
@@ -18,19 +18,13 @@ from orinkit.virtual.rc8.robot.conditions import require
 from orinkit.virtual.rc8.robot.motion_planner import ArchHeights
 from orinkit.virtual.rc8.variables import conversion
 
-_OWN_GROUP: Final = -1
-_LAST_GROUP: Final = 31
-_PERCENT: Final = 100.0
-_SKIP_AS_SET: Final = {0: False, 1: False, 2: True, 3: True}
-"""For each pattern of MotionSkip: True if the arm decelerates as set, False if it decelerates as fast as possible."""
-
 
 def _approach(caller: ClientContext, parameter: Variant) -> MotionResult:
     require("Approach", caller.robot.arm, caller)
     given = parameters.at_least(parameter, 3)
     length, options = pose_data.amount(given[2]), _options(given[3:])
     target = parameters.pose(given[1])
-    if target.mark is not None:
+    if target.mark is not None and not (target.mark == AT_COMMAND and given[1].type & ARRAY):  # 0 also means none
         raise error_for(
             hresult.E_INVALIDARG,
             tr("{target}: the pass mark of Approach belongs to the length", target=target),
@@ -89,39 +83,6 @@ def _arch_move(caller: ClientContext, parameter: Variant) -> MotionResult:
     return begin_motions(caller, plans, options)
 
 
-def _arrive(caller: ClientContext, parameter: Variant) -> Deferred[None]:
-    """Arrive: wait until the running motion has covered a share of its path, %."""
-    require("Arrive", caller.robot.arm, caller)
-    (ratio,) = parameters.numbers(parameter, None)
-    if not 0 < ratio <= _PERCENT:
-        raise error_for(
-            hresult.VALUE_OUT_OF_RANGE, tr("the ratio {ratio:g} is not above 0 and at most 100", ratio=ratio)
-        )
-    return caller.robot.arm.when_arrived(ratio / _PERCENT)
-
-
-def _motion_skip(caller: ClientContext, parameter: Variant) -> Deferred[None]:
-    require("MotionSkip", caller.robot.arm, caller)
-    group, pattern = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
-    _check_group(group)
-    if pattern not in _SKIP_AS_SET:
-        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("pattern {pattern} is not in 0 to 3", pattern=pattern))
-    caller.robot.arm.skip(as_set=_SKIP_AS_SET[pattern])
-    return caller.robot.arm.when_still()
-
-
-def _motion_complete(caller: ClientContext, parameter: Variant) -> bool:
-    group, mode = parameters.whole_numbers(parameter, _OWN_GROUP, 0)
-    _check_group(group)
-    arm = caller.robot.arm
-    return arm.settled if parameters.flag(mode) else not arm.busy
-
-
-def _check_group(group: int) -> None:
-    if not _OWN_GROUP <= group <= _LAST_GROUP:
-        raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("arm group {group} is not in -1 to 31", group=group))
-
-
 def _options(given: list[Variant]) -> MotionOptions:
     texts = [each.value for each in given if each.value is not None]
     for text in texts:
@@ -141,10 +102,5 @@ MOTION_COMMANDS: Final[dict[str, Callable[[ClientContext, Variant], Any]]] = {
     "DriveAEx": _drive("DriveAEx", absolute=True),
     "RotateH": _rotate_hand,
     "ArchMove": _arch_move,
-    "Arrive": _arrive,
-    "MotionSkip": _motion_skip,
 }
 """The commands that check their conditions themselves, by name."""
-
-MOTION_QUERIES: Final[dict[str, Callable[[ClientContext, Variant], Any]]] = {"MotionComplete": _motion_complete}
-"""The commands that only read, by name."""

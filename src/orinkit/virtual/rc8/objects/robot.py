@@ -13,8 +13,9 @@ from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.rc8.motion_options import MotionOptions, parse_options
-from orinkit.rc8.pose_arguments import line_type_as_position, read_targets
+from orinkit.rc8.pose_arguments import line_type_as_position, read_parts, read_targets
 from orinkit.values.poses import PassMark, Target
+from orinkit.values.types import NUMERIC
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.hand.gripper import Gripper
@@ -35,6 +36,7 @@ _TIP: Final = -1
 _ALL_AXES: Final = 0
 _PLANE_POINTS: Final = 3
 _VECTOR: Final = 3
+_PATH_PARTS: Final = 3  # number, type and pass mark
 _ON_A_LINE: Final = 1e-6  # sine of the angle between two sides; below it, three points are collinear
 
 
@@ -214,11 +216,18 @@ def _plane_name(plane: Variant) -> str:
 def path_number(pose: Variant) -> tuple[int, PassMark | None] | None:
     """Return the number and the pass mark of a stored path, or None if the argument does not refer to a stored path.
 
-    The argument refers to a stored path if it is a number, or a string such as ``"@E 1"``.
+    The argument refers to a stored path if it is a number, a string such as ``"@E 1"``, or an array of a number, no type
+    and optionally a pass mark, such as ``[1, "", "@E"]`` and ``[1, -1, -2]``.
     """
     if isinstance(pose.value, str):
         found = _PATH.fullmatch(pose.value)
         return found and (int(found[2]), parameters.pass_mark(found[1]) if found[1] else None)
+    if pose.type & ARRAY:
+        given = parameters.elements(pose)
+        if not 1 <= len(given) <= _PATH_PARTS or given[0].type not in NUMERIC or given[-1].type & ARRAY:
+            return None
+        parts = read_parts(given)
+        return None if parts.kind else (conversion.whole(parts.value), parts.mark)
     return (conversion.whole(pose), None) if isinstance(pose.value, int | float) else None
 
 

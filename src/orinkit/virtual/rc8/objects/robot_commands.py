@@ -20,12 +20,11 @@ from orinkit.values.variant import ARRAY, Value, Variant, VarType
 from orinkit.virtual.rc8.client_context import ClientContext
 from orinkit.virtual.rc8.objects import controller_commands
 from orinkit.virtual.rc8.objects import slave_commands as slave
-from orinkit.virtual.rc8.objects.accuracy_commands import ACCURACY_COMMANDS, ACCURACY_QUERIES
 from orinkit.virtual.rc8.objects.device_commands import DEVICE_COMMANDS, DeviceCommand
 from orinkit.virtual.rc8.objects.hand_commands import ROBOT_COMMANDS as HAND_COMMANDS
 from orinkit.virtual.rc8.objects.hand_commands import of_controller
 from orinkit.virtual.rc8.objects.motion_calls import switch_motor
-from orinkit.virtual.rc8.objects.motion_commands import MOTION_COMMANDS, MOTION_QUERIES
+from orinkit.virtual.rc8.objects.motion_commands import MOTION_COMMANDS
 from orinkit.virtual.rc8.objects.slave_use import SlaveUse
 from orinkit.virtual.rc8.objects.sync_commands import SYNC_COMMANDS
 from orinkit.virtual.rc8.robot import parameters, queries, state_report
@@ -122,6 +121,12 @@ def _motor(caller: ClientContext, parameter: Variant) -> Deferred[None] | None:
 def _ext_speed(caller: ClientContext, parameter: Variant) -> None:
     require("ExtSpeed", caller.robot.arm, caller)
     caller.robot.arm.speeds.set_external(*parameters.numbers(parameter, None, SQUARE, SQUARE))
+
+
+def _non_stop_path(caller: ClientContext, _: Variant) -> None:
+    """GenerateNonStopPath belongs to an option with a licence of its own, which a virtual controller does not have."""
+    caller.require_write()
+    raise error_for(hresult.OPTION_NOT_LICENSED, "GenerateNonStopPath")
 
 
 def _of_arm(read: Callable[[RC8Arm], object], vt: int) -> Callable[[ClientContext, Variant], Value]:
@@ -223,7 +228,7 @@ def _of_controller(name: str) -> Callable[[ClientContext, Variant], Any]:
     return lambda caller, parameter: controller_commands.execute(caller, name, parameter)
 
 
-_R4, _I4 = VarType.R4, VarType.I4
+_I4: Final = VarType.I4
 ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
     command.name.lower(): command
     for command in (
@@ -232,22 +237,9 @@ ROBOT_COMMANDS: Final[dict[str, RobotCommand]] = {
         RobotCommand("TakeArmState", _arm_state),
         RobotCommand("Motor", _motor, reads=False),
         RobotCommand("ExtSpeed", _ext_speed, reads=False),
-        RobotCommand("CurSpd", _of_arm(lambda arm: arm.speeds.path.speed, _R4)),
-        RobotCommand("CurAcc", _of_arm(lambda arm: arm.speeds.path.accel, _R4)),
-        RobotCommand("CurDec", _of_arm(lambda arm: arm.speeds.path.decel, _R4)),
-        RobotCommand("CurJSpd", _of_arm(lambda arm: arm.speeds.joint.speed, _R4)),
-        RobotCommand("CurJAcc", _of_arm(lambda arm: arm.speeds.joint.accel, _R4)),
-        RobotCommand("CurJDec", _of_arm(lambda arm: arm.speeds.joint.decel, _R4)),
-        RobotCommand("CurExtSpd", _of_arm(lambda arm: arm.speeds.external.speed, _R4)),
-        RobotCommand("CurExtAcc", _of_arm(lambda arm: arm.speeds.external.accel, _R4)),
-        RobotCommand("CurExtDec", _of_arm(lambda arm: arm.speeds.external.decel, _R4)),
         *_pose_commands(),
-        *(RobotCommand(name, _query(answer)) for name, answer in queries.CALCULATIONS.items()),
-        *(
-            RobotCommand(name, run, reads=False)
-            for name, run in (MOTION_COMMANDS | ACCURACY_COMMANDS | SYNC_COMMANDS).items()
-        ),
-        *(RobotCommand(name, run) for name, run in (MOTION_QUERIES | ACCURACY_QUERIES).items()),
+        *(RobotCommand(name, run, reads=False) for name, run in (MOTION_COMMANDS | SYNC_COMMANDS).items()),
+        RobotCommand("GenerateNonStopPath", _non_stop_path, reads=False, slave_mode=SlaveUse.ANSWERED),
         *(
             RobotCommand(name, _of_controller(name), reads=False, slave_mode=SlaveUse.ANSWERED)
             for name in OF_CONTROLLER

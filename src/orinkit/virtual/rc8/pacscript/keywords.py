@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
+from orinkit.virtual.rc8.pacscript.robot_words import STATEMENTS
+
 _KEYWORDS: Final = """
     and as byref byval call case const dim do else elseif end exit for function gosub goto if is let loop mod next not
     or return select step sub then to until wend while xor
@@ -27,14 +29,11 @@ PAIRS: Final[Mapping[tuple[str, str], str]] = {
 }
 """Pairs of words that form one token."""
 
-_COMMANDS: Final = """
-    accel changetool changework decel delay extspeed givearm hold motor printdbg printmsg speed wait
-    curlmt forcechangetable forcectrl forceparam forcesensor forcewaitcondition grvctrl grvoffset highpathaccuracy
-    payload resetarea setarea tool work zforce
-"""
+_COMMANDS: Final = "accel changetool changework decel delay extspeed givearm hold motor printdbg printmsg speed wait"
 STARTERS: Final[Mapping[str, str]] = (
     dict.fromkeys(("move", "approach", "depart", "drive", "drivea", "rotate", "rotateh"), "MOTION")
     | dict.fromkeys(_COMMANDS.split(), "COMMAND")
+    | dict.fromkeys((word.lower() for word in STATEMENTS), "COMMAND")
     | dict.fromkeys(("set", "reset"), "POINT")
     | dict.fromkeys(("letx", "lety", "letz", "letrx", "letry", "letrz", "letf"), "LETPART")
     | {"letj": "LETJOINT", "takearm": "TAKEARM", "public": "PUBLIC"}
@@ -55,16 +54,19 @@ NUMBERED: Final = re.compile(r"(IO[BWD]?|[IFDVPJTS])([0-9]{1,9})", re.IGNORECASE
 """Matches the name of a global variable or of an I/O point, for example ``P12`` or ``IO128``."""
 
 _REFUSED_WORDS: Final = """
-    ArchMove AreaPos Arrive BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClrErr Com_Discom Com_Encom
-    Com_State Comm ContinueRun CPMode Create_Sem CreateSem CurAcc CurCPMode CurDec CurErr CurExtAcc CurExtDec
-    CurExtSpd CurPayload CurSpd CurSpeedMode Date DefArea DefDbl DefInt DefIO DefJnt DefPos DefSng DefStr DefTrn
-    DefVec Delete_Sem DeleteSem Draw ErAlw ErrMsg ExtAccel ExtDecel Extern Flush Flush_Sem FlushSem Fork GetErrLvl
-    GetJntData GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome Halt In Input InputBox Interrupt IOBlock IOF JAccel
-    JDecel Join JSpeed Kill KillAll LetA LetO LetP LetR LetT LineInput LinePrint MotionComplete MotionSkip
-    MotionTimeout MotorState MoveBackTraceLog MPS MsgBox OffSrv On OnErr OnSrv Out Pallet PosClr Print PrintLbl
-    Private Program RaiseError ReDim Repeat Replace Resume Run SetHoming ShutDown SingularAvoid SpeedMode Split
-    Sprintf SrvLock SrvUnLock StartLog Static Status Stop StopEnd StopLog StrReverse Suspend SuspendAll SyncMoveEnd
-    SyncMoveStart SysLog SysState Take_Sem TakeSem TakeVis Time ToolPos UnChuck WaitMotion WorkPos
+    AddPathPoint ArchMove AreaPos BasePos Buzzer CalcBackTraceLog Chuck ClearLog ClearMsg ClearServoLog ClrErr
+    ClrPathPoint Com_Discom Com_Encom Com_State Comm ContinueRun ContinueStartAll CPMode Create_Sem CreateSem
+    CurCPMode CurErr CurJntEx CurPayload CurPosEx CurTrnEx Date DefArea DefDbl DefInt DefIO DefJnt DefPos DefSng
+    DefStr DefTrn DefVec Delete_Sem DeleteSem DestJntEx DestPosEx DestTrnEx Draw ErrMsg ExtAccel ExtDecel Extern
+    Flush Flush_Sem FlushSem Fork GenerateNonStopPath GetCtrlLogInterval GetCtrlLogMaxTime GetErrLvl GetHandIO
+    GetJntData GetPathPoint GetPathPointCount GetRobotTypeName GetSrvState GetTime Give_Sem GiveSem GiveVis GoHome
+    Halt HighCurJntEx HighCurPosEx HighCurTrnEx In Input InputBox Interrupt IOBlock IOF JAccel JDecel Join JSpeed
+    Kill KillAll KillAllTsr LetA LetO LetP LetR LetT LineInput LinePrint LoadPathPoint MotorState MoveBackTraceLog
+    MsgBox OffSrv On OnErr OnSrv Out Pallet PosClr Print PrintLbl Private Program RaiseError ReDim Repeat Replace
+    Resume Run RunAllTsr SetCtrlLogInterval SetCtrlLogMaxTime SetHandIO SetHoming ShutDown Split Sprintf SrvLock
+    SrvUnLock StartLog StartServoLog Static Status StepStopAll Stop StopEnd StopLog StopServoLog StrReverse Suspend
+    SuspendAll SyncMoveEnd SyncMoveStart SyncTimeEnd SyncTimeStart SysInfo SysLog SysState Take_Sem TakeSem TakeVis
+    Time TMul UnChuck WaitMotion WorkPos
 """
 REFUSED: Final[Mapping[str, str]] = {word.lower(): word for word in _REFUSED_WORDS.split()}
 """Words of PacScript that this interpreter does not support, in lower case, each with its documented spelling."""
@@ -84,7 +86,6 @@ def canonical(word: str) -> str:
 
 _MIXED: Final = """
     ElseIf ByRef ByVal DriveA RotateH ChangeTool ChangeWork ExtSpeed GiveArm PrintDbg PrintMsg TakeArm LetX LetY LetZ
-    LetRX LetRY LetRZ LetF LetJ CurLmt ForceChangeTable ForceCtrl ForceParam ForceSensor ForceWaitCondition GrvCtrl
-    GrvOffset HighPathAccuracy PayLoad ResetArea SetArea ZForce
+    LetRX LetRY LetRZ LetF LetJ
 """
-_WRITTEN: Final[Mapping[str, str]] = {word.lower(): word for word in _MIXED.split()}
+_WRITTEN: Final[Mapping[str, str]] = {word.lower(): word for word in (*_MIXED.split(), *STATEMENTS)}

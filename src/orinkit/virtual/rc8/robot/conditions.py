@@ -218,7 +218,7 @@ NEEDS: Final[dict[str, tuple[Condition, ...]]] = {
     "slvRecvFormat": _SET,
     "Task_Start": _START,
     "Task_Stop": (C.WRITE,),
-    "RunAllTsr": (*_SET, C.TOKEN),
+    "RunAllTsr": (C.WRITE, C.TOKEN),
 }
 """The conditions of every function that commands the robot, by the name of the function."""
 

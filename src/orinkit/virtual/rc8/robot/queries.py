@@ -85,7 +85,8 @@ def _named(parameter: Variant, kind: Kind) -> Target:
     target = parameters.pose(parameter)
     given = parameters.elements(coerce.unwrap_single(parameter))
     numbers = all(isinstance(each.value, int | float) for each in given)
-    if isinstance(target.value, int) or (target.kind and not numbers):
+    no_letter = isinstance(parameter.value, str) and parameter.value.lstrip().startswith("(")
+    if isinstance(target.value, int) or (target.kind and not (numbers or no_letter)):
         return target
     values = tuple(float(each.value) for each in given) if numbers else target.value
     if len(values) not in _COUNTS[kind]:

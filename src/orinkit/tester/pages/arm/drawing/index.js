@@ -9,6 +9,8 @@ const TURN = 0.4; // s for which the camera moves to another place
 const STEEPEST = 89.5 * DEGREE;
 const SLOW = 50; // ms for a frame, above which the drawing becomes simple
 const SLOW_FRAMES = 6;
+const PAUSE = 2; // pause after a frame that needs the processor or is slow, in parts of the time that the frame has taken
+const LONGEST_PAUSE = 1000; // ms
 const STILL = 500; // ms without a change after which a simple drawing is drawn once in full
 const LOST = 2000; // ms after which the end of a frame is not awaited any longer
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
@@ -26,7 +28,8 @@ let THREE;
  *
  * A frame is begun only if something has changed and the previous frame is complete, so that no call waits for the
  * graphics processor. If frames take long, for example without a graphics processor, the drawing is simple while
- * something moves: without shadows, with fewer pixels, and with pauses for other programs.
+ * something moves: without shadows, and with fewer pixels. Without a graphics processor, drawing takes at most a third
+ * of the time, because the page itself, other pages and other programs need the processor, too.
  */
 export class Drawing {
   constructor(three, canvas, dark, report) {
@@ -71,6 +74,7 @@ export class Drawing {
 
   build(model, place) {
     this.arm?.remove();
+    this.goal = null;
     this.arm = new Arm(THREE, this.scene, this.colours, model.origins.map((row) => row.map((value) => value / 1000)), model.kind);
     this.shown = model.joints.slice();
     this.joints(this.shown);
@@ -80,7 +84,7 @@ export class Drawing {
 
   // The trail consists of the positions that the controller has reported, even if few frames are drawn.
   joints(values) {
-    if (!this.arm) return;
+    if (!this.arm || values.every((value, index) => value === this.goal?.[index])) return;
     this.goal = values;
     this.arm.place(values);
     this.arm.trace();
@@ -185,7 +189,7 @@ export class Drawing {
     this.gl.deleteSync(this.fence);
     this.fence = null;
     const taken = now - this.began;
-    if (taken > SLOW) this.resume = now + Math.min(2 * taken, 1000);
+    if (this.software || taken > SLOW) this.resume = now + Math.min(PAUSE * taken, LONGEST_PAUSE);
     if (this.simple || this.decided || this.first) return true; // the first frame compiles the shaders
     this.slow = taken > SLOW ? this.slow + 1 : 0;
     if (this.slow === SLOW_FRAMES) {
