@@ -8,6 +8,7 @@ import copy
 import enum
 import math
 import pickle
+import sys
 import time
 from datetime import UTC, date, datetime, timedelta, timezone
 from decimal import ROUND_DOWN, Decimal, Inexact, getcontext, localcontext
@@ -24,7 +25,18 @@ from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 from orinkit.values.conversions import lossless_datetime, ole_datetime, ole_days, to_datetime
 from orinkit.values.types import SIZES
-from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, type_name, variant
+from orinkit.values.variant import (
+    ARRAY,
+    R8_ARRAY,
+    VARIANT_ARRAY,
+    Variant,
+    VarType,
+    plain,
+    trusted,
+    type_name,
+    unwrapped,
+    variant,
+)
 from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
@@ -780,3 +792,11 @@ def test_anything_with_an_explicit_type_becomes_a_variant_or_an_invalid_value(vt
     except InvalidValue:
         return
     assert same(Variant(vt, made.value), made)
+
+
+def test_arrays_that_are_nested_too_deeply_are_not_unwrapped():
+    deep = variant(1)
+    for _ in range(sys.getrecursionlimit() + 10):
+        deep = trusted(VARIANT_ARRAY, [deep])
+    with pytest.raises(InvalidValue, match="nested too deep"):
+        unwrapped(deep)
