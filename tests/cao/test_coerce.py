@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from datetime import datetime
 from decimal import Decimal
 from math import inf, nan
@@ -10,20 +9,10 @@ from math import inf, nan
 import pytest
 from hypothesis import given
 
-from orinkit.cao.coerce import (
-    to_handle,
-    to_integer,
-    to_number,
-    to_real,
-    to_text,
-    to_values,
-    unwrap,
-    unwrap_single,
-    wrong_type,
-)
+from orinkit.cao.coerce import to_handle, to_integer, to_number, to_real, to_text, to_values, unwrap_single, wrong_type
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, InvalidArgument, PacketError
-from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, trusted, variant
+from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
 from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
@@ -227,18 +216,3 @@ def test_any_variant_is_converted_or_refused_with_a_code(item):
 def test_a_long_text_that_is_nearly_a_number_is_refused_quickly():
     """A pattern that tried all ways to split the digits would take hours for this text."""
     refused(to_number, bstr("9" * 200_000 + "x"), hresult.E_INVALIDARGTYPE, "number")
-
-
-def test_values_of_vt_variant_are_unwrapped():
-    inner = Variant(VarType.VARIANT, Variant(VarType.VARIANT, variant(1)))
-    assert same(unwrap(inner), variant(1))
-    assert same(unwrap(Variant(VARIANT_ARRAY, [inner, variant("x")])), variant([1, "x"]))
-    plain_one = variant([1.5, 2.5])
-    assert unwrap(plain_one) is plain_one
-
-
-def test_arrays_that_are_nested_too_deeply_are_refused():
-    deep = variant(1)
-    for _ in range(sys.getrecursionlimit() + 10):
-        deep = trusted(VARIANT_ARRAY, [deep])
-    refused(unwrap, deep, hresult.E_INVALIDARG, "nested too deep")

@@ -8,7 +8,6 @@ import copy
 import enum
 import math
 import pickle
-import sys
 import time
 from datetime import UTC, date, datetime, timedelta, timezone
 from decimal import ROUND_DOWN, Decimal, Inexact, getcontext, localcontext
@@ -32,7 +31,6 @@ from orinkit.values.variant import (
     Variant,
     VarType,
     plain,
-    trusted,
     type_name,
     unwrapped,
     variant,
@@ -794,9 +792,9 @@ def test_anything_with_an_explicit_type_becomes_a_variant_or_an_invalid_value(vt
     assert same(Variant(vt, made.value), made)
 
 
-def test_arrays_that_are_nested_too_deeply_are_not_unwrapped():
-    deep = variant(1)
-    for _ in range(sys.getrecursionlimit() + 10):
-        deep = trusted(VARIANT_ARRAY, [deep])
-    with pytest.raises(InvalidValue, match="nested too deep"):
-        unwrapped(deep)
+def test_values_of_vt_variant_are_unwrapped():
+    inner = Variant(VarType.VARIANT, Variant(VarType.VARIANT, variant(1)))
+    assert same(unwrapped(inner), variant(1))
+    assert same(unwrapped(Variant(VARIANT_ARRAY, [inner, variant("x"), [inner]])), variant([1, "x", [1]]))
+    for unchanged in (variant([1.5, 2.5]), variant([1, "x"]), variant("x")):
+        assert unwrapped(unchanged) is unchanged
