@@ -795,6 +795,9 @@ def test_anything_with_an_explicit_type_becomes_a_variant_or_an_invalid_value(vt
 def test_values_of_vt_variant_are_unwrapped():
     inner = Variant(VarType.VARIANT, Variant(VarType.VARIANT, variant(1)))
     assert same(unwrapped(inner), variant(1))
-    assert same(unwrapped(Variant(VARIANT_ARRAY, [inner, variant("x"), [inner]])), variant([1, "x", [1]]))
+    assert same(
+        unwrapped(Variant(VARIANT_ARRAY, [inner, variant("x"), [inner]])),
+        Variant(VARIANT_ARRAY, [1, "x", Variant(VARIANT_ARRAY, [1])]),
+    )
     for unchanged in (variant([1.5, 2.5]), variant([1, "x"]), variant("x")):
         assert unwrapped(unchanged) is unchanged

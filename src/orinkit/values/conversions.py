@@ -37,7 +37,7 @@ def nothing(row: TypeRow, value: Any) -> None:
 
 def any_variant(row: TypeRow, value: Any) -> Any:
     """Not called: :func:`orinkit.values.variant.variant` converts the value of a VT_VARIANT."""
-    raise AssertionError(row.code)
+    raise AssertionError(row, value)
 
 
 def integer(row: TypeRow, value: Any) -> int:
