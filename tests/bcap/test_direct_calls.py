@@ -253,6 +253,15 @@ def test_lists_of_float_numbers_and_none_have_templates() -> None:
         assert call.begin_prepared(template, value) is None
 
 
+def test_a_function_without_a_varying_argument_has_only_one_prepared_request() -> None:
+    call = new()
+    template = call.template(f.variable_get_value, (3,))
+    assert template is not None
+    for value in (5, 0.5, [0.5], True):
+        assert call.begin_prepared(template, value) is None
+    assert call.begin_prepared(template, None) == (SERIAL, encode_request(f.variable_get_value, (3,), SERIAL))
+
+
 def test_the_serial_of_a_prepared_request_starts_again_after_65535() -> None:
     call = new()
     call.serial = 0xFFFF

@@ -430,3 +430,13 @@ def test_variant_and_plain_of_the_same_packet():
     data = encode(Packet(1, 102, [3, Variant(VarType.I2, 5)]))
     assert decode(data).arguments == [3, 5]
     assert decode(data, exact=True).arguments == [variant(3), Variant(VarType.I2, 5)]
+
+
+def test_packets_are_compared_and_shown():
+    one = Packet(5, 101, [3], 7, b"x")
+    assert repr(one) == "Packet(serial=5, code=101, arguments=[3], reserved=7, trailer=b'x')"
+    assert one == Packet(5, 101, [3], 7, b"x")
+    for other in (Packet(6, 101, [3], 7, b"x"), Packet(5, 101, [3], 7), "Packet", None):
+        assert one != other
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(one)

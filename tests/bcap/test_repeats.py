@@ -551,3 +551,24 @@ def test_a_short_error_as_argument_and_result():
     assert call.arguments == [code]
     answer = line.server.finish(call, 0, code)
     assert packet.decode(answer, PacketLimits(vt_error_size=2), exact=True, crc=True).arguments == [code]
+
+
+def test_a_call_whose_client_is_unreachable_is_forgotten(line):
+    """Its duplicates are dropped, because there will be no reply; a new request is executed."""
+    call = line.execute(5, 5, CALL, 3)
+    assert line.reply(6, 5, CALL, 3).code == hresult.S_EXECUTING
+    line.server.abandon()
+    assert not line.server.busy
+    assert line.server.finish(call, 0, variant(1)) == b""
+    assert line.ask(7, 5, CALL, 3) == []
+    assert line.executed(8, 8, CALL, 3) == Packet(8, 0, [42])
+
+
+def test_over_tcp_calls_are_abandoned_too():
+    line = Line(STREAM)
+    call = line.execute(5, 0, CALL, 3)
+    line.server.max_silence = 1.0
+    line.server.abandon()
+    assert line.server.max_silence is None
+    assert line.server.finish(call, 0, variant(1)) == b""
+    assert line.executed(6, 0, CALL, 3) == Packet(6, 0, [42])

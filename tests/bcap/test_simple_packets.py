@@ -5,13 +5,15 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.support.strategies import arrays, scalars
 
 from orinkit.bcap import packet
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.core.errors import ProtocolError
 from orinkit.values import codec
 from orinkit.values.variant import R8_ARRAY, Variant, VarType
+from support.strategies import arrays, scalars
+
+pytestmark = pytest.mark.core
 
 SHORTS = st.integers(0, 0xFFFF)
 CODES = st.sampled_from([0, 1, 0x0F1234, 0x80004005, 0xFFFFFFFF])

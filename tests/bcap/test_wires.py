@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from orinkit.bcap import packet
 from orinkit.bcap.actions import Continue, Execute
 from orinkit.bcap.packet import Packet
-from orinkit.bcap.profiles import DATAGRAM, LINE, STREAM, DatagramFramer
+from orinkit.bcap.profiles import DATAGRAM, LEAST_ON_LINE, LINE, LONGEST_ON_LINE, STREAM, DatagramFramer, line_profile
 from orinkit.bcap.requests import encode_request
 from orinkit.bcap.serial_framer import LEAST, LineFramer
 from orinkit.bcap.server import ServerConversation
@@ -275,3 +275,27 @@ def test_a_request_with_a_short_error():
     assert packet.decode(sent, PacketLimits(vt_error_size=2), exact=True, crc=True).arguments[2] == code
     with pytest.raises(InvalidValue, match="Controller_Execute"):
         encode_request(f.controller_execute, (1, "ClearError", Variant(VarType.ERROR, 1 << 20)), 5, vt_error_size=2)
+
+
+def test_the_packet_size_of_a_serial_line_can_be_set():
+    assert line_profile(LONGEST_ON_LINE) is LINE
+    for longest in (LEAST_ON_LINE, 503):
+        profile = line_profile(longest)
+        assert profile.bound(DEFAULT_LIMITS).packet == longest
+        assert (profile.crc, profile.lossy, profile.shared, profile.timeout) == (True, True, True, LINE.timeout)
+    for wrong in (LEAST_ON_LINE - 1, LONGEST_ON_LINE + 1, 0, True, 503.0):
+        with pytest.raises(InvalidValue, match="serial_packet"):
+            line_profile(wrong)
+
+
+def test_a_framer_is_empty_if_no_packet_is_incomplete():
+    for profile in (LINE, STREAM):
+        framer = profile.framer(DEFAULT_LIMITS)
+        assert framer.is_empty
+        assert framer.feed(WHOLE[:9]) is None
+        assert not framer.is_empty
+        assert framer.feed(WHOLE[9:]) == WHOLE
+        assert framer.is_empty
+    datagrams = DATAGRAM.framer(DEFAULT_LIMITS)
+    assert datagrams.feed(WHOLE[:9]) is None
+    assert datagrams.is_empty, "an incomplete datagram is dropped"

@@ -282,6 +282,58 @@ def test_invalid_handles(session, handle):
     assert code(session, "Controller_GetName", handle) == hresult.E_INVALIDARGTYPE
 
 
+ON_HANDLE = [each.id for each in FUNCTIONS.values() if [argument.is_handle for argument in each.arguments] == [True]]
+
+
+def test_a_call_on_a_handle_alone_is_the_usual_call():
+    """``invoke_on_handle`` returns what ``invoke`` returns, for all objects, and handles that do not exist."""
+    outcomes = []
+    for on_handle in (False, True):
+        results = []
+        for function_id in ON_HANDLE:
+            device = Device()
+            session = Session(ProviderRegistry(device))
+            connect(session)
+            handles = [value(session, f"Controller_Get{kind}", 2, kind, "") for kind in ("Variable", "File", "Robot")]
+            for handle in (*handles, 2, 99, -1):
+                call_it = session.invoke_on_handle if on_handle else session.invoke
+                results.append(repr(call_it(function_id, handle if on_handle else [Variant(VarType.I4, handle)])))
+            results.append(repr((device.log, len(session))))
+        outcomes.append(results)
+    assert outcomes[0] == outcomes[1]
+    assert len(set(outcomes[0])) > 30
+
+
+def test_an_error_of_a_call_on_a_handle_alone_becomes_a_reply(session):
+    controller = connect(session, "value error")
+    for call_it in (session.invoke_on_handle, lambda *both: session.invoke(both[0], [variant(both[1])])):
+        reply = call_it(BY_NAME["Controller_GetName"].id, controller)
+        assert (reply.code, reply.detail) == (hresult.E_FAIL, "ValueError: five")
+
+
+def test_other_functions_cannot_be_called_on_a_handle_alone(session):
+    controller = connect(session)
+    assert session.invoke_on_handle(BY_NAME["Controller_GetVariable"].id, controller).code == hresult.E_INVALIDARG
+    assert session.invoke_on_handle(999, controller).code == hresult.E_NOTIMPL
+
+
+def test_a_result_that_is_a_plain_number(session):
+    """The variable returns a ``float``, not a Variant."""
+
+    class Sensor(VariableObject):
+        def get_value(self):
+            return 0.5
+
+    class Sensors(Controller):
+        def get_variable(self, name, option):
+            return Sensor(name)
+
+    session = Session(ProviderRegistry(Device(Sensors)))
+    variable = value(session, "Controller_GetVariable", connect(session), "S1", "")
+    for reply in (session.invoke_on_handle(101, variable), call(session, "Variable_GetValue", variable)):
+        assert reply == CallReply(hresult.S_OK, Variant(VarType.R8, 0.5))
+
+
 # --- Controller_Connect -----------------------------------------------------------------------------------------------
 
 
@@ -931,6 +983,21 @@ def test_a_deferred_exception_that_is_already_set():
     called = []
     provider.deferred.add_done_callback(lambda: called.append(1))
     assert called == [1]
+
+
+def test_only_a_revocable_result_is_abandoned_with_its_client():
+    for revocable in (False, True):
+        deferred = p.Deferred[int](revocable=revocable)
+        deferred.abandon()
+        assert deferred.done() is revocable
+        deferred.set_result(7)
+        if revocable:
+            with pytest.raises(CallError, match="no longer waits") as caught:
+                deferred.result()
+            assert caught.value.code == hresult.E_ABORT
+        else:
+            deferred.abandon()
+            assert deferred.result() == 7
 
 
 def test_two_threads_share_the_callbacks_of_a_deferred_result():

@@ -83,3 +83,15 @@ def test_another_language_is_refused_and_changes_nothing():
     with pytest.raises(ValueError, match="not 'fr'"):
         i18n.use("fr")
     assert i18n.current() == "en"
+
+
+def test_a_context_may_have_its_own_language():
+    """Without a language of the context, the one of ``use`` applies."""
+    languages = iter(["ja", None])
+    i18n.set_source(lambda: next(languages))
+    try:
+        assert i18n.tr("a serial port") == "シリアルポート"
+        assert i18n.current() == "en"
+    finally:
+        i18n.set_source(None)
+    assert i18n.current() == "en"

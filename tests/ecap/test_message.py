@@ -442,6 +442,14 @@ def test_a_body_in_shift_jis():
     assert read_reply(write_reply(0, bstr("表"), "shift_jis"), charset="shift_jis") == (0, bstr("表"))
 
 
+def test_a_body_that_does_not_have_the_encoding():
+    with pytest.raises(CallError) as caught:
+        read_request(b"Func=107,Arg1=3,Arg2=ab\x81", charset="shift_jis")
+    assert (caught.value.code, caught.value.detail) == (hresult.E_INVALIDARG, "Arg2 is not shift_jis: bytes 81 at 2")
+    with pytest.raises(CallError, match=r"Arg2 is not UTF-8: bytes 81 at 2\. Try: send UTF-8"):
+        read_request(b"Func=107,Arg1=3,Arg2=ab\x81")
+
+
 # --- codes of the device ------------------------------------------------------------------------------------------------
 
 
@@ -465,7 +473,8 @@ BLINK = user_entry(
     "",
 )
 ANY = user_entry(301, "Any", tuple(Argument(f"a{n}", VarType.VARIANT, optional=True) for n in range(5)), None, "", "")
-OWN = {each.id: UserFunction(each, print) for each in (BLINK, ANY)}
+TYPED = user_entry(302, "Typed", (Argument("level", VarType.R8), Argument("on", VarType.BOOL)), None, "", "")
+OWN = {each.id: UserFunction(each, print) for each in (BLINK, ANY, TYPED)}
 
 
 @pytest.mark.field("5.1")
@@ -481,6 +490,36 @@ OWN = {each.id: UserFunction(each, print) for each in (BLINK, ANY)}
 def test_a_request_for_a_user_defined_function(body, arguments):
     assert read_request(body, user_functions=OWN).arguments == arguments
     assert refusal(body).code == hresult.E_NOTIMPL
+
+
+@pytest.mark.parametrize(
+    ("level", "on", "number", "flag"),
+    [
+        (b"1.5", b"true", 1.5, True),
+        (b" -2e3 ", b"FALSE", -2000.0, False),
+        (b"0x10", b"1", 16.0, True),
+        (b"4,0.25", b"0", 0.25, False),
+        (b"4294967296", b"-1", 4294967296.0, True),
+    ],
+)
+def test_numbers_and_flags_of_a_user_defined_function(level, on, number, flag):
+    body = b"Func=302&Arg1=" + level.replace(b",", b"%2C") + b"&Arg2=" + on
+    expected = [Variant(VarType.R8, number), Variant(VarType.BOOL, flag)]
+    assert read_request(body, user_functions=OWN).arguments == expected
+
+
+@pytest.mark.parametrize(
+    ("body", "detail"),
+    [
+        (b"Func=302&Arg1=&Arg2=1", "expected a number, got an empty value"),
+        (b"Func=302&Arg1=high&Arg2=1", "'high' is not a number"),
+        (b"Func=302&Arg1=1&Arg2=yes", "'yes' is not a number"),
+    ],
+)
+def test_values_that_are_not_numbers_and_flags(body, detail):
+    with pytest.raises(CallError, match=detail) as caught:
+        read_request(body, user_functions=OWN)
+    assert caught.value.code == hresult.E_INVALIDARG
 
 
 @pytest.mark.field("5.1")

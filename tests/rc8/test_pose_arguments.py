@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError
-from orinkit.rc8.pose_arguments import MAX_TARGETS, read_targets
+from orinkit.rc8.pose_arguments import MAX_TARGETS, Parts, line_type_as_position, read_parts, read_targets
 from orinkit.values.notation import parse_elements
 from orinkit.values.pose_text import MAX_LENGTH
 from orinkit.values.poses import AT_COMMAND, AT_ENCODER, PASSING, Extra, J, P, PassMark, T, Target, V
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, variant
-from support.strategies import variants
+from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
 
@@ -206,6 +206,52 @@ MISMATCH = "expected a pose (VT_BSTR, an array of numbers or a VARIANT array)"
 def test_invalid_poses(argument, code, detail):
     with pytest.raises(CallError) as caught:
         read_targets(variant(argument))
+    assert caught.value.code == code
+    assert detail in caught.value.detail
+
+
+def test_the_pose_type_l_of_some_clients_is_a_position():
+    """An array of targets has two levels of arrays; deeper ones, and texts within values, are unchanged."""
+    target = variant([list(POSE), "L", "@E"])
+    with pytest.raises(CallError, match="not a pose type"):
+        read_targets(target)
+    for pose in (target, variant([list(POSE), "l", "@E"])):
+        assert read_targets(line_type_as_position(pose)) == (Target("P", POSE, AT_ENCODER),)
+    several = variant([[list(POSE), "L"], [list(JOINTS), "J"]])
+    assert read_targets(line_type_as_position(several)) == (Target("P", POSE), Target("J", JOINTS))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        variant("P1"), variant("LL"), variant(5), variant(list(POSE)), variant([list(POSE), "P"]), variant([[[["L"]]]]),
+        variant([["L"]] * (MAX_TARGETS + 1)),
+    ],
+)  # fmt: skip
+def test_all_else_than_the_pose_type_l_is_unchanged(given):
+    assert same(line_type_as_position(given), given)
+
+
+def test_the_parts_of_a_length_are_those_of_a_target():
+    """Robot_Rotate and the commands Approach and Depart have a length or an angle in this form."""
+    found = read_parts([variant(5.0), variant("P"), variant("@P")])
+    assert found == Parts(variant(5.0), "P", PASSING, None)
+    assert read_parts([variant(5.0), variant("@P")]) == Parts(variant(5.0), None, PASSING, None)
+    assert read_parts([variant(5.0)]) == Parts(variant(5.0), None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("parts", "code", "detail"),
+    [
+        ([], BAD, "pose of 0 elements; expected at most 4"),
+        ([5, 9], BAD, "9 is not a pose type"),
+        ([5, "", "@X"], BAD, "column 2: expected P, E, C, 0 or a radius"),
+        ([5, [1.5]], TYPE, "expected a pose type"),
+    ],
+)
+def test_invalid_parts_of_a_length(parts, code, detail):
+    with pytest.raises(CallError) as caught:
+        read_parts([variant(each) for each in parts])
     assert caught.value.code == code
     assert detail in caught.value.detail
 

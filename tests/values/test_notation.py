@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue, NotationError
 from orinkit.values.codec import encode_variant
-from orinkit.values.notation import MAX_DEPTH, MAX_LENGTH, format_variant, parse, parse_elements, parse_lenient
+from orinkit.values.notation import (
+    MAX_DEPTH,
+    MAX_LENGTH,
+    format_variant,
+    parse,
+    parse_data,
+    parse_elements,
+    parse_lenient,
+)
 from orinkit.values.variant import ARRAY, VARIANT_ARRAY, Variant, VarType, unwrapped
 from support.strategies import same, strings, variants
 
@@ -101,6 +109,8 @@ def test_strings_in_brackets_as_in_the_document():
     assert [each.value for each in elements] == [" a ", '"x"', '"5', [" a", "b "]]
     with pytest.raises(NotationError, match="unbalanced"):
         parse("8204,(8,a(b,(3,1)", exact=True)
+    with pytest.raises(NotationError, match='column 13: "\\(" is unbalanced'):
+        parse("8204,(8200,a(b", exact=True)
 
 
 @given(variants())
@@ -563,3 +573,19 @@ def test_damaged_notation_is_a_variant_or_a_notation_error(value, data):
         assert str(error).startswith("column ")  # noqa: PT017
     else:
         assert same(parse(format_variant(other)), other)
+
+
+@given(variants())
+def test_the_data_alone_is_a_value_of_a_known_type(value):
+    """The type is known from the field in which the text was entered."""
+    kind, _, data = format_variant(value).partition(",")
+    assert same(parse_data(int(kind), data), value)
+
+
+def test_errors_of_the_data_alone():
+    with pytest.raises(NotationError, match="column 1:"):
+        parse_data(VarType.I2, "x")
+    with pytest.raises(NotationError, match='column 5: "\\)" is unbalanced'):
+        parse_data(BSTRS, "a,b:)")
+    with pytest.raises(InvalidValue, match="999"):
+        parse_data(999, "1")

@@ -24,7 +24,17 @@ from orinkit.core import i18n
 from orinkit.core.errors import InvalidValue
 from orinkit.values.conversions import lossless_datetime, ole_datetime, ole_days, to_datetime
 from orinkit.values.types import SIZES
-from orinkit.values.variant import ARRAY, R8_ARRAY, VARIANT_ARRAY, Variant, VarType, plain, type_name, variant
+from orinkit.values.variant import (
+    ARRAY,
+    R8_ARRAY,
+    VARIANT_ARRAY,
+    Variant,
+    VarType,
+    plain,
+    type_name,
+    unwrapped,
+    variant,
+)
 from support.strategies import same, variants
 
 pytestmark = pytest.mark.core
@@ -780,3 +790,14 @@ def test_anything_with_an_explicit_type_becomes_a_variant_or_an_invalid_value(vt
     except InvalidValue:
         return
     assert same(Variant(vt, made.value), made)
+
+
+def test_values_of_vt_variant_are_unwrapped():
+    inner = Variant(VarType.VARIANT, Variant(VarType.VARIANT, variant(1)))
+    assert same(unwrapped(inner), variant(1))
+    assert same(
+        unwrapped(Variant(VARIANT_ARRAY, [inner, variant("x"), [inner]])),
+        Variant(VARIANT_ARRAY, [1, "x", Variant(VARIANT_ARRAY, [1])]),
+    )
+    for unchanged in (variant([1.5, 2.5]), variant([1, "x"]), variant("x")):
+        assert unwrapped(unchanged) is unchanged

@@ -11,11 +11,11 @@ from decimal import Decimal
 from typing import Any, Final
 
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, InvalidValue, error_for
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import quoted, tr
 from orinkit.values.conversions import CY_CONTEXT
 from orinkit.values.types import ARRAY, EMPTIES, INTEGERS, SIZES, TABLE, VarType, type_name
-from orinkit.values.variant import Variant, innermost, unwrapped
+from orinkit.values.variant import Variant, innermost
 
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(inf|nan)", re.IGNORECASE)
 _NUMBERS: Final = frozenset(
@@ -31,18 +31,6 @@ def wrong_type(given: Variant, wanted: str) -> CallError:
         hresult.E_INVALIDARGTYPE,
         tr("got {type}, expected {wanted}", type=type_name(given.type), wanted=wanted),
     )
-
-
-def unwrap(given: Variant) -> Variant:
-    """Return the value in a VT_VARIANT, also within VARIANT arrays (:func:`orinkit.values.variant.unwrapped`).
-
-    Raises:
-        CallError: E_INVALIDARG if arrays are nested too deeply.
-    """
-    try:
-        return unwrapped(given)
-    except InvalidValue as error:
-        raise error_for(hresult.E_INVALIDARG, str(error)) from None
 
 
 def unwrap_single(given: Variant) -> Variant:

@@ -36,8 +36,8 @@ def nothing(row: TypeRow, value: Any) -> None:
 
 
 def any_variant(row: TypeRow, value: Any) -> Any:
-    """Return the value of a VT_VARIANT; :func:`orinkit.values.variant.variant` has converted it to a Variant."""
-    raise row.misfit(value)
+    """Not called: :func:`orinkit.values.variant.variant` converts the value of a VT_VARIANT."""
+    raise AssertionError(row, value)
 
 
 def integer(row: TypeRow, value: Any) -> int:

@@ -163,19 +163,11 @@ def innermost(item: Variant) -> Variant:
 def unwrapped(item: Variant) -> Variant:
     """Return the value in a VT_VARIANT; also replace the elements of VARIANT arrays that are VT_VARIANT.
 
-    Raises:
-        InvalidValue: If arrays are nested too deeply.
+    The argument comes from a packet or a text, in which the depth of arrays is limited.
     """
-    try:
-        return _unwrapped(item)
-    except RecursionError:
-        raise nested_too_deep() from None
-
-
-def _unwrapped(item: Variant) -> Variant:
     item = innermost(item)
     if item.type == VARIANT_ARRAY and any(each.type in (VarType.VARIANT, VARIANT_ARRAY) for each in item.value):
-        return trusted(VARIANT_ARRAY, [_unwrapped(each) for each in item.value])
+        return trusted(VARIANT_ARRAY, [unwrapped(each) for each in item.value])
     return item
 
 

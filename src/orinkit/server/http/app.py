@@ -16,7 +16,6 @@ from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 
 from orinkit.bcap.server import LARGE
-from orinkit.cao.coerce import unwrap
 from orinkit.cao.quota import STORING_METHODS
 from orinkit.cao.service_options import ServiceOptions, read_options
 from orinkit.cao.session import CallReply, Pending, Session
@@ -46,7 +45,7 @@ from orinkit.server.http.variables import VariableViews
 from orinkit.server.large_values import is_large, memory_of, out_of_memory
 from orinkit.server.log_limiter import CLIENT
 from orinkit.values.codec import PacketLimits
-from orinkit.values.variant import Variant
+from orinkit.values.variant import Variant, unwrapped
 
 logger = logging.getLogger("orinkit.server")
 
@@ -220,7 +219,7 @@ class App:
         try:
             request = read_request(body, limits, charset, self._user_functions)
             if self._unwraps and request.function.method not in STORING_METHODS:
-                return EcapRequest(request.function, [unwrap(each) for each in request.arguments])
+                return EcapRequest(request.function, [unwrapped(each) for each in request.arguments])
         except CallError as error:
             return CallReply(error.code, detail=error.detail)
         return request
