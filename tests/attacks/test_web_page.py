@@ -116,7 +116,8 @@ def test_a_post_of_curl(ports: tuple[list[int], Observer], tmp_path: Path) -> No
                 )  # fmt: skip
                 if done.stdout[:1] == b"\x01":  # one packet with an error code, the reply to an invalid request
                     answer = decode(done.stdout)
-                    assert (answer.serial, answer.code >= 0x8000_0000, answer.arguments) == (0, True, [])
+                    assert (answer.serial, answer.code >= 0x8000_0000) == (0, True)
+                    assert answer.arguments in ([], [None])
     assert observer.state() == before
 
 
