@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from cyclopts import Group, Parameter
 
+from orinkit.cli._shared.collector import collect_as_usual
 from orinkit.cli._shared.errors import CommandError, usage_error, whole_number
 from orinkit.cli._shared.http import HttpServerOptions
 from orinkit.cli._shared.interrupts import termination_signals
@@ -182,6 +183,7 @@ def _serve(drivers: list[VirtualABH3], at: str, cao: tuple[ServerOptions, dict[s
         with _wait_for_signals() as wait:
             if at.startswith(_VIRTUAL):
                 print(_only_here(), file=sys.stderr)
+            collect_as_usual()
             print(f"ready {server.url}", flush=True)
             wait()
     return 0

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from orinkit.cli._shared.collector import collect_as_usual
 from orinkit.cli._shared.errors import usage_error
 from orinkit.cli._shared.listen_addresses import LISTENING
 from orinkit.core import logs
@@ -51,12 +52,15 @@ def tester(
         raise usage_error(tr("--virtual {key}: not one of {known}", key=unknown[0], known=", ".join(KINDS)))
     specs = [ConnectionSpec(url.partition("://")[2] or url, url).check() for url in urls]
     logs.to_stderr()
-    serve(
-        TesterOptions(host, port, allow_host, specs, virtual, not no_browser),
-        Reports(
-            lambda url: print(f"ready {url}", flush=True), lambda text: print(f"orinkit: {text}", file=sys.stderr, flush=True)
-        ),
-    )  # fmt: skip
+
+    def ready(url: str) -> None:
+        collect_as_usual()
+        print(f"ready {url}", flush=True)
+
+    def warning(text: str) -> None:
+        print(f"orinkit: {text}", file=sys.stderr, flush=True)
+
+    serve(TesterOptions(host, port, allow_host, specs, virtual, not no_browser), Reports(ready, warning))
     return 0
 
 
