@@ -339,7 +339,9 @@ def together(opened: Any, tester: Tester, seconds: float, count: int, stalls: St
     clicks = clicks_of(context, tester.url)
     tester.do("load", RATE)
     tester.do("stream", seconds)
-    while not tester.do("report")["stream"]["sent"]:
+    while not (stream := tester.do("report")["stream"])["sent"]:
+        if stream["finished"]:
+            raise SystemExit(f"bench/tester.py: the stream did not start: {stream['error']}")
         time.sleep(0.1)
     tester.do("reset")
     began = time.monotonic()
