@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import pytest
@@ -176,17 +177,16 @@ def test_the_arm_stops_if_the_tester_hangs_and_does_not_continue_by_itself(cell,
         until(
             lambda: len(log.commands) > counts[0] + 50 and len(set(log.commands[-100:])) == 1
         )  # blocks the event loop
-        counts.append(len(log.commands))
         assert arm.slave.mode is not None
 
     with logged(cell.rc8) as log:
         move = asyncio.run(carry_out(cell, tmp_path, LONG, during=hang))
     assert "blocked for more than 1 s" in move.reason
     assert move.error is None
-    assert (
-        counts[1] - counts[0] < 125 + 150 + 100
-    )  # the queue of 1 s, and the deceleration; the whole queue has 4096 set-points
-    assert log.commands[-1] == log.commands[counts[1] - 1]
+    # The queue of 1 s, and the deceleration; the whole trajectory has many more. Cycles at standstill do not count: a
+    # busy machine delays the streaming process, which then continues with its queue.
+    steps = sum(before != now for before, now in pairwise(log.commands[counts[0] - 1 :]))
+    assert steps < 125 + 150 + 100
     log.check_limits()
     assert_released(cell)
 
