@@ -89,6 +89,6 @@ class SpeedupsHook(BuildHookInterface[Any]):
         build_data["infer_tag"] = True
         build_data["force_include"][str(module)] = f"{FOLDER}/{module.name}"
 
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:  # noqa: ARG002
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the temporary files."""
         shutil.rmtree(getattr(self, "_folder", ""), ignore_errors=True)

@@ -243,7 +243,7 @@ def shown(
 ) -> None:
     """Compare a decoder with both references."""
     for other, beside in ((least, "struct"), (from_dbc, "cantools")):
-        mine, bare, ratio = alternate(lambda: each_us(ours, count), lambda: each_us(other, count), 5)  # noqa: B023
+        mine, bare, ratio = alternate(lambda: each_us(ours, count), lambda: each_us(other, count), 5)  # noqa: B023 - called in this iteration
         line(
             what,
             mine,

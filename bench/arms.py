@@ -31,7 +31,7 @@ REQUESTS = (
     (functions.robot_execute, (3, "ExtSpeed", [5.0])),
     *((functions.robot_move, (3, 1, f"J({angle}, 45, 90, 0, 45, 0)", "NEXT")) for angle in ANGLES),
 )
-SETUP = tuple(encode_request(function, arguments, number) for number, (function, arguments) in enumerate(REQUESTS, 1))  # type: ignore[arg-type]
+SETUP = tuple(encode_request(function, arguments, number) for number, (function, arguments) in enumerate(REQUESTS, 1))  # type: ignore[arg-type]  # one table for all calls
 POLL = encode_request(functions.robot_execute, (3, "CurJnt"), 1)
 CPU_GOAL = 45.0  # % of a core
 MEMORY_GOAL = 0.5  # MB per arm

@@ -108,7 +108,7 @@ class BareProtocol(asyncio.BufferedProtocol):
         self._loop = asyncio.get_running_loop()
         self._buffer = bytearray(65536)
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002
+    def get_buffer(self, sizehint: int) -> bytearray:
         """Return the buffer for the next data."""
         return self._buffer
 

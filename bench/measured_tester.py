@@ -68,7 +68,7 @@ class Loop:
             if taken > self.block:
                 self.block, self.where = taken, _name(handle)
 
-        Handle._run = measured  # type: ignore[method-assign, assignment]
+        Handle._run = measured  # type: ignore[method-assign, assignment]  # replaced to measure it
 
     def tick(self) -> None:
         """Measure the delay, again and again."""
@@ -117,7 +117,7 @@ class Heartbeats:
             self._last[presence] = now
             beat(presence, event)
 
-        Presence._beat = measured  # type: ignore[method-assign, assignment]
+        Presence._beat = measured  # type: ignore[method-assign, assignment]  # replaced to measure it
 
     def reset(self) -> None:
         """Begin again."""

@@ -101,7 +101,7 @@ def started(command: list[str | Path], label: str, *, pure: bool = False) -> Ite
     if pure:
         environment[PURE] = "1"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(command, text=True, env=environment, **pipes) as process:  # type: ignore[call-overload]
+    with subprocess.Popen(command, text=True, env=environment, **pipes) as process:  # type: ignore[call-overload]  # arguments from a dict
         try:
             yield Client(label, process)
         finally:

@@ -29,7 +29,7 @@ class Cell(VariableObject):
 class Bench(ControllerObject):
     """A minimal controller."""
 
-    def get_variable(self, name: str, option: str) -> Cell:  # noqa: ARG002
+    def get_variable(self, name: str, option: str) -> Cell:
         """Return a new variable for any name."""
         return Cell(name)
 
@@ -39,7 +39,7 @@ class BenchProvider(Provider):
 
     provider_names = (PROVIDER,)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Bench:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> Bench:
         """Accept every client."""
         return Bench(name)
 

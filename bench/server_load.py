@@ -52,7 +52,7 @@ class _Echo(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
-        self.data_received = transport.write  # type: ignore[method-assign]
+        self.data_received = transport.write  # type: ignore[method-assign]  # the echo needs nothing else
 
 
 def echo(pipe: multiprocessing.connection.Connection) -> None:

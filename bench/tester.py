@@ -153,8 +153,8 @@ def browser() -> Iterator[Any]:
 def missing() -> str:
     """Return what must be installed before the measurement; ``""`` if nothing is missing."""
     try:
-        import nicegui  # noqa: F401
-        import playwright  # noqa: F401
+        import nicegui  # noqa: F401 - only whether it exists
+        import playwright  # noqa: F401 - only whether it exists
     except ImportError as error:
         return f"bench/tester.py needs {error.name}. Try: pip install 'orinkit[tester]' playwright"
     if not CHROMIUM:

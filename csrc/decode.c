@@ -355,18 +355,17 @@ static Outcome decode_found(State *state, const Arguments *found, PyObject **val
                          found->exact == Py_True, left, value, stop);
 }
 
-/* Return (value, position after it); the reference to the value is consumed. */
-static PyObject *pair(PyObject *value, size_t stop)
+/* Return a tuple; the references are consumed. One that is NULL, with an exception, is a failure. */
+PyObject *new_pair(PyObject *first, PyObject *second)
 {
-    PyObject *position = PyLong_FromSize_t(stop);
-    PyObject *result = position == NULL ? NULL : PyTuple_New(2);
+    PyObject *result = first == NULL || second == NULL ? NULL : PyTuple_New(2);
     if (result == NULL) {
-        Py_XDECREF(position);
-        Py_DECREF(value);
+        Py_XDECREF(first);
+        Py_XDECREF(second);
         return NULL;
     }
-    PyTuple_SET_ITEM(result, 0, value);
-    PyTuple_SET_ITEM(result, 1, position);
+    PyTuple_SET_ITEM(result, 0, first);
+    PyTuple_SET_ITEM(result, 1, second);
     return result;
 }
 
@@ -398,5 +397,5 @@ PyObject *decode(PyObject *module, PyObject *const *arguments, Py_ssize_t count,
         Py_DECREF(value);
         return NULL;
     }
-    return pair(value, stop);
+    return new_pair(value, PyLong_FromSize_t(stop));
 }

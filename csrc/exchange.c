@@ -287,20 +287,6 @@ static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, boo
     return size > limits.packet ? UNUSUAL : read_result(state, exchange, &limits, exact, value);
 }
 
-static PyObject *success(uint32_t code, PyObject *value)
-{
-    PyObject *result = PyTuple_New(2);
-    PyObject *number = result == NULL ? NULL : PyLong_FromUnsignedLong(code);
-    if (number == NULL) {
-        Py_XDECREF(result);
-        Py_DECREF(value);
-        return NULL;
-    }
-    PyTuple_SET_ITEM(result, 0, number);
-    PyTuple_SET_ITEM(result, 1, value);
-    return result;
-}
-
 /* Let the conversation examine what was received; the reference to it is consumed. If it is not the reply, return
  * Unfinished. */
 static PyObject *finish_in_python(State *state, Exchange *exchange, uint16_t serial, PyObject *exact, PyObject *received)
@@ -337,7 +323,7 @@ static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyOb
     if (exchange->received > 0) {
         outcome = read_reply(state, exchange, serial, exact == Py_True, &code, &value);
         if (outcome != UNUSUAL)
-            return outcome == DONE ? success(code, value) : NULL;
+            return outcome == DONE ? new_pair(PyLong_FromUnsignedLong(code), value) : NULL;
     } else if (exchange->received == 0 || exchange->error != EAGAIN) {
         if (report(state, exchange, exchange->received < 0 ? exchange->error : 0) != DONE)
             return NULL;

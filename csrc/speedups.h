@@ -99,6 +99,7 @@ Outcome read_limits(State *state, PyObject *limits, Limits *found);
 /* Read one argument; *stop is the position after it. */
 Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t end, const Limits *limits, bool exact,
                       long long *budget, PyObject **value, size_t *stop);
+PyObject *new_pair(PyObject *first, PyObject *second);
 
 PyObject *encode(PyObject *module, PyObject *value);
 PyObject *encode_variant(PyObject *module, PyObject *const *arguments, Py_ssize_t count, PyObject *names);

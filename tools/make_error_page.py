@@ -13,9 +13,9 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "src"))  # use the table of this source tree, not of an installed orinkit
 
-from orinkit.core import hresult  # noqa: E402
-from orinkit.core.errors import error_class  # noqa: E402
-from orinkit.core.hresult import CodeFamily, ReturnCode  # noqa: E402
+from orinkit.core import hresult  # noqa: E402 - after the path is set
+from orinkit.core.errors import error_class  # noqa: E402 - after the path is set
+from orinkit.core.hresult import CodeFamily, ReturnCode  # noqa: E402 - after the path is set
 
 PAGE: Final = ROOT / "docs" / "error-codes.md"
 INTRODUCTION: Final = """\

@@ -30,7 +30,7 @@ class TimedConversation:
     def __init__(self, wire: BcapProfile | None) -> None:
         self.now = 100.0
         self.wire = wire
-        clock = lambda: self.now  # noqa: E731
+        clock = lambda: self.now  # noqa: E731 - a name for one call
         self.conversation: Any = (
             EcapConversation(clock=clock) if wire is None else BcapConversation(profile=wire, clock=clock)
         )

@@ -125,9 +125,9 @@ def plain(base: VarType, item: object) -> object:
     if base == VarType.BOOL:
         return -1 if item else 0
     if base == VarType.CY:
-        return int(item * 10_000)  # type: ignore[operator]
+        return int(item * 10_000)  # type: ignore[operator]  # a number here
     if base == VarType.R4:
-        return float(f"{item:.6g}")  # type: ignore[str-format]
+        return float(f"{item:.6g}")  # type: ignore[str-format]  # a number here
     return item
 
 

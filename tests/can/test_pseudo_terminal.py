@@ -28,7 +28,7 @@ LINE = b"T00EF01028E803000003300000\r"
 
 @contextmanager
 def served(**parameters: object) -> Iterator[tuple[VirtualABH3, CanServer]]:
-    device = VirtualABH3(Parameters(command_timeout=0, error_timeout=0, **parameters))  # type: ignore[arg-type]
+    device = VirtualABH3(Parameters(command_timeout=0, error_timeout=0, **parameters))  # type: ignore[arg-type]  # arguments from keywords
     with serve_can(device, at=PSEUDO_TERMINAL) as server:
         yield device, server
 
@@ -117,7 +117,7 @@ def test_an_invalid_frame_of_a_device_does_not_end_the_server(caplog):
     bus = PseudoTerminalBus()
     try:
         bus._port.feed(b"O\r")
-        bus.send([CanFrame(0x20000000, b""), None, FRAME])  # type: ignore[list-item]
+        bus.send([CanFrame(0x20000000, b""), None, FRAME])  # type: ignore[list-item]  # wrong on purpose
         assert bytes(bus._queue) in (b"", LINE)
         assert "which is not a CAN frame" in caplog.text
     finally:

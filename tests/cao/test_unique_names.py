@@ -34,7 +34,7 @@ def clients(*transports: str) -> list[Session]:
 
 
 def reply(session: Session, function: int, *arguments: object) -> CallReply:
-    outcome = session.invoke(function, [variant(each) for each in arguments])  # type: ignore[arg-type]
+    outcome = session.invoke(function, [variant(each) for each in arguments])  # type: ignore[arg-type]  # loosely typed by the table of the test
     assert isinstance(outcome, CallReply)
     return outcome
 
@@ -42,11 +42,11 @@ def reply(session: Session, function: int, *arguments: object) -> CallReply:
 def connect(session: Session, name: str, option: str = "") -> int:
     """Return the handle of a new controller, or the return code of the refusal."""
     made = reply(session, f.controller_connect.id, name, "Unique", "", option)
-    return made.code or made.result.plain  # type: ignore[union-attr,no-any-return]
+    return made.code or made.result.plain  # type: ignore[union-attr,no-any-return]  # it exists here
 
 
 def name_of(session: Session, handle: int) -> str:
-    return reply(session, f.controller_get_name.id, handle).result.plain  # type: ignore[union-attr,no-any-return]
+    return reply(session, f.controller_get_name.id, handle).result.plain  # type: ignore[union-attr,no-any-return]  # it exists here
 
 
 def test_a_name_is_taken_until_its_last_holder_frees_it():

@@ -376,9 +376,9 @@ def test_a_late_reader_gets_all_lines(start, bench, unread):
     assert times[-1] > 1
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="requires Linux")  # noqa: PTH110
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="requires Linux")  # noqa: PTH110 - a device, not a file
 def test_a_full_disk(start, bench):
-    with open("/dev/full", "w") as full:  # noqa: PTH123
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device, not a file
         process = start("--ay", "100", "--seconds", "60", stdout=full.fileno())
     _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (1, "orinkit: reading or writing failed: No space left on device\n")

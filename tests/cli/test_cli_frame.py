@@ -300,10 +300,10 @@ sys.exit(orinkit.__main__.main())
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "orinkit: interrupted\n")
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full requires Linux")  # noqa: PTH110
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full requires Linux")  # noqa: PTH110 - a device, not a file
 @pytest.mark.parametrize("argv", [["functions"], ["abh3", "dbc"], ["functions", "1", "--json"]])
 def test_a_full_disk_is_one_line(program, argv):
-    with open("/dev/full", "w") as full:  # noqa: PTH123
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device, not a file
         done = subprocess.run(
             [*program, *argv], stdout=full, stderr=subprocess.PIPE, encoding="utf-8", check=False,
             env={**os.environ, "ORINKIT_LANG": "en"},

@@ -106,7 +106,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
 
         reader = threading.Thread(target=read)
         reader.start()
-        with open(near, "w", encoding="utf-8", buffering=1) as stream, monkeypatch.context() as at:  # noqa: PTH123
+        with open(near, "w", encoding="utf-8", buffering=1) as stream, monkeypatch.context() as at:  # noqa: PTH123 - a device, not a file
             at.setattr(sys, "stdout", stream)
             at.setattr(sys, "stderr", stream)
             main(argv)

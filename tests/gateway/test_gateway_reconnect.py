@@ -340,7 +340,7 @@ def test_a_file_is_not_created_again() -> None:
         rc8.client.call(functions.file_put_value, file, "text")
         device.server.close()
         device.start(second)
-        read = lambda: rc8.client.call(functions.file_get_value, file)  # noqa: E731
+        read = lambda: rc8.client.call(functions.file_get_value, file)  # noqa: E731 - a name for one call
         until(lambda: code_of(read) not in AWAY)
         assert code_of(read) == hresult.FILE_NOT_FOUND
         assert "a.txt" not in rc8.file_names()

@@ -390,7 +390,7 @@ def test_the_conversation_has_the_same_state_on_both_paths() -> None:
         assert call is not None
         reply = direct.reply_directly(call, 0, Variant(VarType.I4, 1))
         (execute,) = usual.receive(data, 5.0)
-        assert usual.finish(execute, 0, Variant(VarType.I4, 1)) == reply  # type: ignore[arg-type]
+        assert usual.finish(execute, 0, Variant(VarType.I4, 1)) == reply  # type: ignore[arg-type]  # loosely typed by the table of the test
         for name in ("packets", "calls", "last_request_at", "last_reply_at", "busy", "stopped", "incomplete_bytes"):
             assert getattr(direct, name) == getattr(usual, name)
 

@@ -175,7 +175,7 @@ def test_a_running_client_sends_signs_of_life(both: Both, listen_at: str) -> Non
 
 async def _more_than(received: list[bytes], count: int) -> None:
     async with asyncio.timeout(PATIENCE):
-        while len(received) <= count:  # noqa: ASYNC110
+        while len(received) <= count:  # noqa: ASYNC110 - the test polls
             await asyncio.sleep(0.01)  # the trace is called in this loop, too
 
 

@@ -265,7 +265,7 @@ def test_threads_that_look_while_the_block_ends(arm: Arm, robot: orinkit.Robot, 
         def look(stream: Any, end: threading.Event = end) -> None:
             while not end.is_set():
                 try:
-                    stream.latest  # noqa: B018
+                    stream.latest  # noqa: B018 - reading the attribute raises
                 except StreamError:
                     return
 

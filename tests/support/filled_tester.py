@@ -96,5 +96,5 @@ def fill(log: PacketLog, count: int) -> None:
 
 
 if __name__ == "__main__":
-    server.Workspace = FilledWorkspace  # type: ignore[misc]
+    server.Workspace = FilledWorkspace  # type: ignore[misc]  # replaced by the test
     sys.exit(main(sys.argv[1:]))

@@ -199,7 +199,7 @@ class EcapLine(Line):
                 broken.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 broken.shutdown(socket.SHUT_RD)  # wakes the reading thread; invisible to the client
                 with self._changed:
-                    self._changed.wait_for(lambda: connection not in self._open, PATIENCE)  # noqa: B023
+                    self._changed.wait_for(lambda: connection not in self._open, PATIENCE)  # noqa: B023 - called in this iteration
                 connection.reset()
             except OSError:  # already closed by the client or the test
                 pass

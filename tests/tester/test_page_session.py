@@ -29,7 +29,7 @@ class Browser:
     def __init__(self, folder: Path) -> None:
         self.page = Page()
         self.workspace = Workspace(folder / "connections.json")
-        self.session = PageSession(self.workspace, self.page, "me", "en", False)  # type: ignore[arg-type]
+        self.session = PageSession(self.workspace, self.page, "me", "en", False)  # type: ignore[arg-type]  # a page without NiceGUI
         self.events: list[str] = []
         self.session.while_connected(lambda: self.events.append("enter"), lambda: self.events.append("leave"))
 

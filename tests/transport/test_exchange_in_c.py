@@ -273,7 +273,7 @@ class SignalledLink(SocketLink):
     _number = -1
 
     @property
-    def descriptor(self) -> int:  # type: ignore[override]
+    def descriptor(self) -> int:  # type: ignore[override]  # as in the class that it replaces
         self.reads += 1
         return self._number if self.reads < 3 else -1
 

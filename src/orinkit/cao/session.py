@@ -514,9 +514,9 @@ _SPACES: Final = {
 
 _SPECIAL: Final[dict[int, Callable[[Session, Function[..., Any], list[Any]], Outcome]]] = {
     1: Session._service_start,  # noqa: SLF001 - the class's own table
-    2: Session._service_stop,  # noqa: SLF001
-    3: Session._controller_connect,  # noqa: SLF001
-    **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001
+    2: Session._service_stop,  # noqa: SLF001 - the class's own table
+    3: Session._controller_connect,  # noqa: SLF001 - the class's own table
+    **{entry.id: Session._release for entry in FUNCTIONS.values() if entry.releases},  # noqa: SLF001 - the class's own table
 }
 
 _I4: Final = int(VarType.I4)

@@ -45,7 +45,7 @@ class Declared:
 
     kind = ""
 
-    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool) -> None:  # noqa: A002
+    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool) -> None:  # noqa: A002 - a parameter of the public interface
         self.method = method
         self.name = name
         self.help = help or inspect.getdoc(method) or ""
@@ -69,7 +69,7 @@ class DeclaredVariable(Declared, Generic[T]):
 
     kind = "Variable"
 
-    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool, type: int | None) -> None:  # noqa: A002
+    def __init__(self, method: Callable[..., Any], name: str, help: str, quick: bool, type: int | None) -> None:  # noqa: A002 - a parameter of the public interface
         super().__init__(method, name, help, quick)
         _check_type(name, type)
         self.type = type if type is not None else _BY_ANNOTATION.get(method.__annotations__.get("return"))
@@ -192,7 +192,7 @@ class DeclaredFunction(Declared):
 
     kind = "User function"
 
-    def __init__(self, method: Callable[..., Any], number: int, name: str, help: str, quick: bool) -> None:  # noqa: A002
+    def __init__(self, method: Callable[..., Any], number: int, name: str, help: str, quick: bool) -> None:  # noqa: A002 - a parameter of the public interface
         super().__init__(method, str(check_number(number)), help, quick)
         parameters = list(inspect.signature(method).parameters.values())[1:]
         if any(each.kind not in _BY_POSITION for each in parameters):
@@ -230,7 +230,7 @@ def _argument(parameter: inspect.Parameter) -> Argument:
 class DeclaredChild(Declared):
     """A declared child object. Each time a client connects to it, the decorated method is called and returns it."""
 
-    def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002
+    def __init__(self, method: Callable[..., Any], name: str, help: str, kind: str) -> None:  # noqa: A002 - a parameter of the public interface
         super().__init__(method, name, help, quick=True)
         self.kind = kind
 
@@ -244,7 +244,7 @@ class _Decorator(Generic[D]):
 
 
 class _VariableDecorator:
-    def __init__(self, name: str, type: int | None, help: str, quick: bool) -> None:  # noqa: A002
+    def __init__(self, name: str, type: int | None, help: str, quick: bool) -> None:  # noqa: A002 - a parameter of the public interface
         self._options = (name, help, quick, type)
 
     def __call__(self, method: Callable[[Any], T]) -> DeclaredVariable[T]:
@@ -255,7 +255,7 @@ def variable(
     name: str,
     *,
     type: int | None = None,  # noqa: A002 - the name in the documents
-    help: str = "",  # noqa: A002
+    help: str = "",  # noqa: A002 - a parameter of the public interface
     quick: bool = False,
 ) -> _VariableDecorator:
     """Declare a variable. The decorated method is its getter.
@@ -275,7 +275,7 @@ def variable(
     return _VariableDecorator(name, type, help, quick)
 
 
-def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002
+def command(name: str, *, help: str = "", quick: bool = False) -> _Decorator[DeclaredCommand]:  # noqa: A002 - a parameter of the public interface
     """Declare a command, which clients call with Execute. The client receives the return value of the method.
 
     The elements of the parameter become the method's arguments: ``Execute("Close", [10.0, 1])`` calls
@@ -294,7 +294,7 @@ def user_function(
     number: int,
     name: str = "",
     *,
-    help: str = "",  # noqa: A002
+    help: str = "",  # noqa: A002 - a parameter of the public interface
     quick: bool = False,
 ) -> _Decorator[DeclaredFunction]:
     """Declare a user-defined function (e-CAP 3.3), which clients call by its number, without a handle.
@@ -316,7 +316,7 @@ def user_function(
 
 
 def _child(kind: str, decorator: str) -> Callable[..., _Decorator[DeclaredChild]]:
-    def declare(name: str, *, help: str = "") -> _Decorator[DeclaredChild]:  # noqa: A002
+    def declare(name: str, *, help: str = "") -> _Decorator[DeclaredChild]:  # noqa: A002 - a parameter of the public interface
         _check_name(decorator, name)
         return _Decorator(lambda method: DeclaredChild(method, name, help, kind))
 

@@ -81,8 +81,8 @@ class EcapConversation:
         seconds: float,
         *,
         exact: bool = False,
-        tries: int = 1,  # noqa: ARG002 - the transport is reliable
-        retry_timeout: float = 0.0,  # noqa: ARG002
+        tries: int = 1,
+        retry_timeout: float = 0.0,
         deadline: float | None = None,
     ) -> Operation:
         """Return a generator that calls a function; the module's docstring describes it.

@@ -94,7 +94,7 @@ class ClientChannel:
         self._link.close()
         self._receiver.disconnected(self.url, error)
 
-    async def send(self, peer: Peer, data: bytes) -> None:  # noqa: ARG002 - there is only one peer
+    async def send(self, peer: Peer, data: bytes) -> None:
         """Send bytes to the controller."""
         self._link.send(data)
         await asyncio.sleep(0)

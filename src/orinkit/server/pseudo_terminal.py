@@ -146,7 +146,7 @@ class PseudoTerminal(asyncio.Transport):
                     self._paused = False
                     self._protocol.resume_writing()
 
-    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:  # noqa: ARG002 - resumes when the buffer is empty
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
         """Set ``high``, the number of unsent bytes above which the protocol is paused; ``low`` has no effect."""
         self._high = _HIGH if high is None else high
 

@@ -84,7 +84,7 @@ class TcpConnection(Peer, asyncio.BufferedProtocol):
         else:
             transport.abort()
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
+    def get_buffer(self, sizehint: int) -> bytearray:
         """Return the receive buffer; all connections share it, because the data is processed immediately."""
         return self._context.buffer
 

@@ -99,15 +99,15 @@ class _Handed(Generic[L]):
 class DetachedLink(_Handed[Link]):
     """Placeholder for a link that another process has taken over; it can neither send nor receive."""
 
-    def send(self, data: bytes, seconds: float) -> None:  # noqa: ARG002 - signature of every link
+    def send(self, data: bytes, seconds: float) -> None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
-    def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+    def receive(self, seconds: float) -> bytes | None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
-    def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
+    def exchange(self, data: bytes, seconds: float) -> bytes | None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
@@ -115,15 +115,15 @@ class DetachedLink(_Handed[Link]):
 class AsyncDetachedLink(_Handed[AsyncLink]):
     """Placeholder for a link that another process has taken over, in asyncio; it can neither send nor receive."""
 
-    def send(self, data: bytes) -> None:  # noqa: ARG002 - signature of every link
+    def send(self, data: bytes) -> None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
-    async def receive(self, seconds: float) -> bytes | None:  # noqa: ARG002
+    async def receive(self, seconds: float) -> bytes | None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 
-    async def exchange(self, data: bytes, seconds: float) -> bytes | None:  # noqa: ARG002
+    async def exchange(self, data: bytes, seconds: float) -> bytes | None:
         """Raise StreamError, as :meth:`fileno`."""
         raise _handed_over()
 

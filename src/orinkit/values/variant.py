@@ -282,7 +282,7 @@ def is_floats(value: object) -> bool:
     kind = type(value)
     if kind is not list and kind is not tuple:
         return False
-    items: Sequence[Any] = value  # type: ignore[assignment]
+    items: Sequence[Any] = value  # type: ignore[assignment]  # kind is checked, which mypy does not see
     return list(map(type, items)).count(float) == len(items)
 
 

@@ -80,7 +80,7 @@ class Clock:
         """Return the seconds of the device since the clock was created; they never decrease."""
         return (time.monotonic() - self._began) * self.scale
 
-    def first_cycle(self, period: float) -> float:  # noqa: ARG002 - for clocks that align the cycles of their devices
+    def first_cycle(self, period: float) -> float:
         """Return the time at which the cycles of a device that is created now begin, s.
 
         Args:
@@ -193,7 +193,7 @@ class ManualClock(Clock):
         for advance in list(self._driven):
             advance()
 
-    def time_budget(self, seconds: float) -> Callable[[], bool]:  # noqa: ARG002 - declared by the base
+    def time_budget(self, seconds: float) -> Callable[[], bool]:
         """Return a function that always returns False: with a manual clock, computing time is not limited."""
         return lambda: False
 

@@ -43,7 +43,7 @@ class DelayedReplies:
 
     async def sleep(self, seconds: float) -> None:
         self.delays.append(seconds)
-        while not self.gate.is_set():  # noqa: ASYNC110
+        while not self.gate.is_set():  # noqa: ASYNC110 - the test polls
             await asyncio.sleep(0.005)  # another thread opens the gate
 
 

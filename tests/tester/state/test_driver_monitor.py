@@ -37,7 +37,7 @@ def test_every_value_is_read_once_per_cycle_for_all_pages(dialect):
             assert monitor.number(value(monitor, "analog_0")) == 1.25
             assert all(monitor.number(each) is not None for each in monitor.values)
             assert all(monitor.flags(*each) is not None for each in monitor.words)
-            assert monitor.flags("BR0", connection.dialect.errors).value == 0  # type: ignore[union-attr]
+            assert monitor.flags("BR0", connection.dialect.errors).value == 0  # type: ignore[union-attr]  # it exists here
             assert len(monitor.histories["BR2"]) >= 2
             for _ in range(3):
                 monitor.end()

@@ -198,7 +198,7 @@ def test_a_rotation_turns_about_its_axis(degrees, keep):
     ],
 )
 def test_a_rotation_needs_an_axis(axis, point, degrees):
-    make = lambda: courses.rotation(tcp(HOME), np.array(axis), np.array(point), degrees, keep_orientation=False)  # noqa: E731
+    make = lambda: courses.rotation(tcp(HOME), np.array(axis), np.array(point), degrees, keep_orientation=False)  # noqa: E731 - a name for one call
     assert code(make) == hresult.VALUE_OUT_OF_RANGE
 
 
@@ -546,7 +546,7 @@ def test_an_arm_beyond_its_limits_can_come_back():
 def test_beyond_reach():
     here = tcp(HOME)
     for frame in (moved(here, 2000, 0, 0), moved(here, 1e5, 0, 0)):
-        assert code(lambda: plan_line(VS050, HOME, frame, TOOL, Rates())) == hresult.TARGET_OUT_OF_RANGE  # noqa: B023
+        assert code(lambda: plan_line(VS050, HOME, frame, TOOL, Rates())) == hresult.TARGET_OUT_OF_RANGE  # noqa: B023 - called in this iteration
     via, end = moved(here, 1000, 1, 0), moved(here, 0, 20, 0)
     assert code(lambda: plan_arc(VS050, HOME, via, end, TOOL, Rates())) == hresult.OUT_OF_WORKING_RANGE
 

@@ -73,7 +73,7 @@ def ptp(queue: MotionQueue, end, rates=Rates(), mark=AT) -> Motion:  # noqa: B00
     return plan_ptp(ARM, queue.end_joints, end, rates, mark, TOOL)
 
 
-def line(queue: MotionQueue, way, rates=Rates(), mark=AT) -> Motion:  # noqa: B008
+def line(queue: MotionQueue, way, rates=Rates(), mark=AT) -> Motion:  # noqa: B008 - frozen
     frame = ARM.forward(np.array(queue.end_joints)) @ TOOL
     frame[:3, 3] += way
     return plan_line(ARM, queue.end_joints, frame, TOOL, rates, mark)

@@ -228,7 +228,7 @@ def test_a_lost_client_moves_nothing(cell, how, block):
 
 def test_a_defect_at_the_start_moves_neither_arm(cell):
     collect(cell)
-    cell.arms[1].enqueue = None  # type: ignore[method-assign]
+    cell.arms[1].enqueue = None  # type: ignore[method-assign]  # replaced by the test
     with pytest.raises(TypeError):
         cell.begin(0, "SyncTimeEnd")
     cell.cycle(20)

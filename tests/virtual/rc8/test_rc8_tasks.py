@@ -408,7 +408,7 @@ def test_a_program_is_loaded_in_a_thread():
         return cell.code(loading)
 
     going = threading.Event()
-    start = lambda: served.start(ONE_CYCLE, "")  # noqa: E731
+    start = lambda: served.start(ONE_CYCLE, "")  # noqa: E731 - a name for one call
     for call in (start, lambda: folder.get_file("Test.pcs", "").run("")):
         assert code(call, lambda: cell.rc8.pendant.token("tp")) == hresult.START_RIGHT_NOT_ETHERNET
         cell.rc8.pendant.token("any")

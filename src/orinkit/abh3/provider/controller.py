@@ -100,7 +100,7 @@ class ABH3Controller(ControllerObject):
         """Return True if the client has made no call for its idle time; False if the option ``Idle`` is 0."""
         return bool(self._wanted.idle) and monotonic() - self._called > self._wanted.idle
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - declared by the base
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Return a variable of the driver; names are case-insensitive."""
         entry = self._entries.get(name.strip().upper())
         if entry is None:
@@ -108,7 +108,7 @@ class ABH3Controller(ControllerObject):
             raise not_found(tr("{name}; available: {names}", name=quoted(name, 80), names=names))
         return ABH3Variable(self, entry)
 
-    def get_variable_names(self, option: str) -> list[str]:  # noqa: ARG002
+    def get_variable_names(self, option: str) -> list[str]:
         """Return the names of the driver's variables."""
         return list(self._entries)
 

@@ -55,7 +55,7 @@ class ABH3Provider(Provider):
     async def connect(
         self,
         name: str,
-        machine: str,  # noqa: ARG002 - declared by the base
+        machine: str,
         option: str,
         client: ClientInfo,
     ) -> ControllerObject:

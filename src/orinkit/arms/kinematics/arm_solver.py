@@ -74,6 +74,6 @@ class ArmSolver(ABC):
     def is_singular(self, values: Array) -> bool:
         """Return True at a singular point or close to one."""
 
-    def obstacle(self, frame: Array) -> str:  # noqa: ARG002 - for the kinds of arms that have one
+    def obstacle(self, frame: Array) -> str:
         """Return why the arm cannot hold its flange in this frame; ``""`` if the frame is only too far or too near."""
         return ""

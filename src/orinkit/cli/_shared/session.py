@@ -160,13 +160,13 @@ class HeldConnection(ConnectionOptions):
     session: Session = field(kw_only=True)
 
     @contextmanager
-    def opened(self, url: str, alive: float | None = None) -> Iterator[orinkit.Controller]:  # noqa: ARG002 - signature
+    def opened(self, url: str, alive: float | None = None) -> Iterator[orinkit.Controller]:
         """Return the controller of the session for the duration of a ``with`` statement; it stays connected."""
         controller = self.session.controller
         with self.session.noticing_loss(), self.described(self.session.url, controller):
             yield controller
 
-    def open_client(self, url: str) -> orinkit.Client:  # noqa: ARG002 - signature of the base class
+    def open_client(self, url: str) -> orinkit.Client:
         """Refuse a connection of its own.
 
         Raises:

@@ -187,7 +187,7 @@ class ShellCommands:
         *hex_bytes: Annotated[
             str, Parameter(name="HEX", required=True, help=tr("Packets in hex, as for orinkit raw."))
         ],
-        hex: Annotated[bool, Parameter(help=tr("Print only the hex of the replies."))] = False,  # noqa: A002
+        hex: Annotated[bool, Parameter(help=tr("Print only the hex of the replies."))] = False,  # noqa: A002 - the name of the option
     ) -> int:
         """Send packets unchanged on the connection of the session."""
         from orinkit.bcap.profiles import STREAM, BcapProfile

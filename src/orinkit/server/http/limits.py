@@ -201,7 +201,7 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
     def _held(self) -> int:
         return self._unparsed + sum(map(len, self._inbox)) if self._inbox else self._unparsed
 
-    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
+    def get_buffer(self, sizehint: int) -> memoryview:
         """Return the receive buffer; all connections share it, because the data is processed immediately."""
         return self._context.view
 

@@ -54,7 +54,7 @@ class TlsAcceptor(QueuedClient, asyncio.Protocol):
         if not self._begun.done():
             self._begun.set_result(None)
 
-    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - declared by the base
+    def connection_lost(self, exc: Exception | None) -> None:
         """Handle that the client has disconnected without sending any data."""
         if not self._begun.done():
             self._begun.set_result(None)

@@ -46,7 +46,7 @@ class Pacer(Protocol):
 class HandshakePacer:
     """Pacer of mode 2: the controller delays the reply until its buffer has room."""
 
-    def __init__(self, call: Call, period: float) -> None:  # noqa: ARG002 - signature of every pacer
+    def __init__(self, call: Call, period: float) -> None:
         self._call = call
 
     def deliver(self, parameter: Any) -> Delivery:

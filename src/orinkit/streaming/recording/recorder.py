@@ -164,7 +164,7 @@ class _Csv:
             row.extend(group.texts(sample))
         self._writer.writerow(row)
 
-    def close(self, *, complete: bool) -> None:  # noqa: ARG002 - nothing is buffered
+    def close(self, *, complete: bool) -> None:
         self._file.close()
 
 

@@ -89,5 +89,5 @@ def _hold_back(client: Client) -> asyncio.Event:
         await complete.wait()
         await connected(timeout)
 
-    client.connected = wait  # type: ignore[method-assign]
+    client.connected = wait  # type: ignore[method-assign]  # NiceGUI has no hook for this
     return complete

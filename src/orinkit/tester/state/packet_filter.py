@@ -199,7 +199,7 @@ class LastPairs:
         """Return up to ``count`` packets from a position."""
         return self._packets()[position : position + count]
 
-    def advance(self, seconds: float = SLICE) -> bool:  # noqa: ARG002 - the packets are few
+    def advance(self, seconds: float = SLICE) -> bool:
         """Return False: nothing has to be examined in advance."""
         return False
 

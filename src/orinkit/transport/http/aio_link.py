@@ -27,11 +27,11 @@ from orinkit.transport.waiter import AsyncWaiter
 require(tr(NEED), "http", "httpx2")
 
 import httpcore2  # noqa: E402 - report a missing package first
-import httpx2  # noqa: E402
+import httpx2  # noqa: E402 - as above
 
-from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
-from orinkit.transport.http.connection import has_news  # noqa: E402
-from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamBuffers  # noqa: E402
+from orinkit.transport.http.base import HttpLinkBase  # noqa: E402 - as above
+from orinkit.transport.http.connection import has_news  # noqa: E402 - as above
+from orinkit.transport.http.single_connection import KnownServer, SingleConnection, StreamBuffers  # noqa: E402 - as above
 
 _OK: Final = 200
 _SIGN: Final = b"\n"
@@ -263,7 +263,7 @@ class _TcpStream(AsyncSocketLink, asyncio.BufferedProtocol):
             raise connect_failed(address, error) from error
         return wire
 
-    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - declared by the base
+    def get_buffer(self, sizehint: int) -> memoryview:
         """Return the buffer for the next received bytes; with TLS, asyncio writes into slices of this memoryview."""
         return self._view
 
@@ -293,11 +293,11 @@ class _Stream(StreamBuffers, httpcore2.AsyncNetworkStream):
         super().__init__(contact)
         self._wire = wire
 
-    async def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
+    async def write(self, buffer: bytes, timeout: float | None = None) -> None:
         """Store bytes, so that headers and body are sent together."""
         self.unsent += buffer
 
-    async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
+    async def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
         """Send the stored bytes, and return the next received bytes."""
         if self.unsent:
             unsent, self.unsent = bytes(self.unsent), bytearray()

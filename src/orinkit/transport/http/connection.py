@@ -37,11 +37,11 @@ class _Stream(StreamBuffers, httpcore2.NetworkStream):
         self._sending = memoryview(b"")  # bytes being sent
         self._torn = False
 
-    def write(self, buffer: bytes, timeout: float | None = None) -> None:  # noqa: ARG002 - declared by the base
+    def write(self, buffer: bytes, timeout: float | None = None) -> None:
         """Store bytes, so that headers and body are sent together."""
         self.unsent += buffer
 
-    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:  # noqa: ARG002
+    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
         """Send the stored bytes, and return the next received bytes, which may arrive before all bytes are sent."""
         try:
             if self.unsent:

@@ -22,10 +22,10 @@ from orinkit.transport.runner import Deadline
 require(tr(NEED), "http", "httpx2")
 
 import httpcore2  # noqa: E402 - report a missing package first
-import httpx2  # noqa: E402
+import httpx2  # noqa: E402 - as above
 
-from orinkit.transport.http.base import HttpLinkBase  # noqa: E402
-from orinkit.transport.http.connection import HttpConnection  # noqa: E402
+from orinkit.transport.http.base import HttpLinkBase  # noqa: E402 - as above
+from orinkit.transport.http.connection import HttpConnection  # noqa: E402 - as above
 
 _OK: Final = 200
 _SIGN: Final = b"\n"

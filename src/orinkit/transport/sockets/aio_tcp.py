@@ -41,7 +41,7 @@ class AsyncTcpLink(AsyncSocketLink, asyncio.BufferedProtocol):
             raise connect_failed(address, error) from error
         return link
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - declared by the base
+    def get_buffer(self, sizehint: int) -> bytearray:
         """Return the buffer for the next bytes."""
         return self._buffer
 

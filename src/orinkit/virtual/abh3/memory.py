@@ -127,7 +127,7 @@ class ParameterMemory:
         self._driver = driver
         self._switch = switch
 
-    def answer(self, message: bytes, host: int) -> bytes:  # noqa: ARG002 - every host may read and write
+    def answer(self, message: bytes, host: int) -> bytes:
         """Return the reply to a message.
 
         The reply is a refusal if the message is not a valid request, the address is unknown or a value is not valid.

@@ -11,9 +11,9 @@ from orinkit.core.optional_deps import require
 require(tr("the virtual RC8"), "virtual", "numpy", "lark")
 
 from orinkit.virtual.rc8.pendant import Pendant  # noqa: E402 - report a missing extra first
-from orinkit.virtual.rc8.permission import AccessRight, Permission  # noqa: E402
-from orinkit.virtual.rc8.provider import VirtualRC8  # noqa: E402
-from orinkit.virtual.rc8.switches import ModeSwitch, Token  # noqa: E402
-from orinkit.virtual.rc8.variables.database import StateError  # noqa: E402
+from orinkit.virtual.rc8.permission import AccessRight, Permission  # noqa: E402 - as above
+from orinkit.virtual.rc8.provider import VirtualRC8  # noqa: E402 - as above
+from orinkit.virtual.rc8.switches import ModeSwitch, Token  # noqa: E402 - as above
+from orinkit.virtual.rc8.variables.database import StateError  # noqa: E402 - as above
 
 __all__ = ["AccessRight", "ModeSwitch", "Pendant", "Permission", "StateError", "Token", "VirtualRC8"]

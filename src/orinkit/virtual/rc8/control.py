@@ -78,7 +78,7 @@ class ControlProvider(Provider):
         self._guesses = SecretAttempts()
         self._held = threading.Semaphore(_HELD)
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> ControlPanel | BlockingCall:
         """Return the control panel of a client, or refuse the client.
 
         If the refusal has to be delayed, return a call that raises the exception after the delay.
@@ -199,7 +199,7 @@ class ControlPanel(ControllerObject):
         except ValueError as error:  # the pendant reports an invalid argument
             raise error_for(hresult.E_INVALIDARG, f"{error}") from error
 
-    def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_command_names(self, option: str) -> Sequence[str]:
         """Return the names of the buttons, and GetErrorDescription."""
         return [*CONTROL_NAMES, "GetErrorDescription"]
 

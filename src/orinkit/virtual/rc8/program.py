@@ -144,7 +144,7 @@ class TaskHost:
 
     # --- the robot ----------------------------------------------------------------------------------------------
 
-    def take_arm(self, group: int, keep: bool) -> None:  # noqa: ARG002 - there is one arm
+    def take_arm(self, group: int, keep: bool) -> None:
         """Acquire the arm semaphore."""
         if not self._takes_arm:
             raise error_for(hresult.E_ACCESSDENIED, tr("a supervisory task cannot take the arm"))

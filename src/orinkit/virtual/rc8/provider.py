@@ -193,7 +193,7 @@ class VirtualRC8(Provider):
         self.workspaces = tuple(Workspace(self.state, robot) for robot in self.state.robots)
         self.workspace = self.workspaces[0]
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> RC8Controller:
         """Return the controller object for one client; the machine name is ignored."""
         access = self.state.permission.of(client.address)
         context = open_context(self.state, Origin(name, client.address), access, client.when_input_processed)

@@ -84,7 +84,7 @@ class Task:
         """Return 0: the rights were checked when the task was started."""
         return 0
 
-    def token_refusal(self, switches: Switches) -> int:  # noqa: ARG002 - declared by Operator
+    def token_refusal(self, switches: Switches) -> int:
         """Return 0: the client that started the task had the token."""
         return 0
 

@@ -84,7 +84,7 @@ class VE026ARobot(_OfClient, RobotObject):
         super().__init__(arm, operator, name)
         operator.robots += 1
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a variable of table 5-3.
 
         Raises:
@@ -113,7 +113,7 @@ class VE026ARobot(_OfClient, RobotObject):
 class VE026AController(_OfClient, ControllerObject):
     """The Controller object of one client."""
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - no option has an effect
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a variable of table 5-1.
 
         Raises:
@@ -121,7 +121,7 @@ class VE026AController(_OfClient, ControllerObject):
         """
         return _variable(self._arm, _CONTROLLER_VARIABLES, name)
 
-    def get_robot(self, name: str, option: str) -> RobotObject:  # noqa: ARG002 - not used (5.3.1)
+    def get_robot(self, name: str, option: str) -> RobotObject:
         """Connect to the robot; any name is accepted."""
         return VE026ARobot(self._arm, self._operator, name)
 

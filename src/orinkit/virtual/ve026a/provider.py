@@ -77,7 +77,7 @@ class VirtualVE026A(Provider):
         self._cycles.add(self._arm, on_error=lambda error: self._arm.fail(hresult.E_UNEXPECTED, f"{error}"))
         self.guard = self._cycles
 
-    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:  # noqa: ARG002
+    def connect(self, name: str, machine: str, option: str, client: ClientInfo) -> VE026AController:
         """Return the controller object for one client; machine and option are not used (VE026A 5.2.1)."""
         return VE026AController(self._arm, Operator(client.when_input_processed), name)
 

@@ -163,7 +163,7 @@ class VE026ASlaveMode(SetPointBuffer):
 
     def limit_violation(
         self,
-        before: Joints,  # noqa: ARG002 - the acceleration is not limited
+        before: Joints,
         now: Joints,
         wanted: Joints,
         *,

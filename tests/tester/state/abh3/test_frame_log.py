@@ -33,7 +33,7 @@ def filled() -> FrameLog:
 
 
 def found(log: FrameLog, **conditions: object) -> list[int]:
-    view = FrameView(log, FrameFilter(**conditions), Decoder())  # type: ignore[arg-type]
+    view = FrameView(log, FrameFilter(**conditions), Decoder())  # type: ignore[arg-type]  # loosely typed by the table of the test
     while view.advance():
         pass
     return list(view.numbers())
@@ -45,7 +45,7 @@ def test_the_oldest_frames_are_discarded():
         log.add(">", COMMAND)
     assert (len(log), log.first_number, log.total) == (10, 16, 25)
     assert (log.get(15), log.get(26)) == (None, None)
-    assert log.get(16).number == 16  # type: ignore[union-attr]
+    assert log.get(16).number == 16  # type: ignore[union-attr]  # it exists here
     assert [each.number for each in log] == list(range(16, 26))
     log.clear()
     assert (len(log), log.first_number, log.cleared, log.start_ns) == (0, 26, 1, 0)
@@ -74,13 +74,13 @@ def test_every_frame_of_the_protocol_has_a_kind():
 
 def test_a_row():
     log, decoder = filled(), Decoder()
-    row = row_of(log.get(1), None, "relative", log.start_ns, decoder)  # type: ignore[arg-type]
+    row = row_of(log.get(1), None, "relative", log.start_ns, decoder)  # type: ignore[arg-type]  # loosely typed by the table of the test
     assert row[:5] == [1, "0.000", "00EF0102", ">", "F4 01 0C FE 03 30 00 00"]
     assert row[5].startswith(
         "DP0S 2 -> 1: A/Y command = 100.0 min^-1, B/X command = -100.0 min^-1, inputs = 0x00003003"
     )
     assert row[6:] == ["", []]
-    assert row_of(log.get(6), log.get(5), "delta", log.start_ns, decoder)[6:] == ["bad", ["invalid"]]  # type: ignore[arg-type]
+    assert row_of(log.get(6), log.get(5), "delta", log.start_ns, decoder)[6:] == ["bad", ["invalid"]]  # type: ignore[arg-type]  # loosely typed by the table of the test
 
 
 def test_the_fields_cover_the_data_of_every_frame():

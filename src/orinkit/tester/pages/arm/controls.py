@@ -51,7 +51,7 @@ class ArmControls:
         finally:
             button.props(remove="loading")
 
-    async def _set_speed(self, event: object) -> None:  # noqa: ARG002
+    async def _set_speed(self, event: object) -> None:
         try:
             await self._cell.set_speed(float(self._slider.value))
         except Exception:

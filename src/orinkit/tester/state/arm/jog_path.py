@@ -87,7 +87,7 @@ class JogPath(ABC):
     def obstacle(self, distance: float, near: tuple[float, ...]) -> str:
         """Return why the arm must stop before a distance; ``""`` if it need not."""
 
-    def fastest(self, distance: float, near: tuple[float, ...]) -> float:  # noqa: ARG002 - for paths of the tool
+    def fastest(self, distance: float, near: tuple[float, ...]) -> float:
         """Return the largest velocity at a distance, deg/s or mm/s."""
         return self.full_speed
 
@@ -101,12 +101,12 @@ class JointPath(JogPath):
         self._end = limits.upper if request.sign > 0 else limits.lower
         self.full_speed = JOINT_SPEED * limits.velocity
 
-    def point(self, distance: float, near: tuple[float, ...]) -> tuple[float, ...]:  # noqa: ARG002
+    def point(self, distance: float, near: tuple[float, ...]) -> tuple[float, ...]:
         """Return the joints after a distance."""
         moved = self._start[self._axis] + self._sign * distance
         return (*self._start[: self._axis], moved, *self._start[self._axis + 1 :])
 
-    def obstacle(self, distance: float, near: tuple[float, ...]) -> str:  # noqa: ARG002
+    def obstacle(self, distance: float, near: tuple[float, ...]) -> str:
         """Return the limit of the joint, if the distance reaches it."""
         room = abs(self._end - self._start[self._axis]) - _MARGIN
         return limit_text(self._axis + 1, self._end) if distance >= room else ""

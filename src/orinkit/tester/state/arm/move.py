@@ -58,7 +58,7 @@ class PoseMotion:
             self._over.set()
         return not self._stopped
 
-    async def stop(self, reason: str) -> None:  # noqa: ARG002 - the page displays that the motion was stopped
+    async def stop(self, reason: str) -> None:
         """Stop the arm within the limits; return at standstill.
 
         Args:

@@ -171,7 +171,7 @@ class Fingers:
             self.workpiece = None if width is None else Workpiece(float(width), inside)
             self.force = 0.0
 
-    def offset(self, inside: bool) -> float:  # noqa: ARG002 - for hands with other fingers
+    def offset(self, inside: bool) -> float:
         """Return the width of a workpiece that touches both fingers of the closed hand, mm."""
         return 0.0
 

@@ -64,7 +64,7 @@ class RC8Controller(ControllerObject):
         self._connected = True
         state.log(Operation.CONNECT, state.say("Client connected"), caller.origin)
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002 - options have no effect
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a variable.
 
         Raises:
@@ -72,7 +72,7 @@ class RC8Controller(ControllerObject):
         """
         return find_variable(self._caller, name)
 
-    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_variable_names(self, option: str) -> Sequence[str]:
         """Return the names of the system variables, and the pattern of each class of user variables (``I*``)."""
         return variable_names()
 
@@ -88,11 +88,11 @@ class RC8Controller(ControllerObject):
         caller = self._caller.of_robot(number)
         return RC8Robot(caller, name or caller.robot.name)
 
-    def get_robot_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_robot_names(self, option: str) -> Sequence[str]:
         """Return the names of the robots."""
         return [robot.name for robot in self._caller.state.robots]
 
-    def get_task(self, name: str, option: str) -> TaskObject | Deferred[TaskObject]:  # noqa: ARG002
+    def get_task(self, name: str, option: str) -> TaskObject | Deferred[TaskObject]:
         r"""Connect to the task of a program: ``Pro1``, ``folder\Pro1``.
 
         Raises:
@@ -100,7 +100,7 @@ class RC8Controller(ControllerObject):
         """
         return find_task(self._caller, name)
 
-    def get_task_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:  # noqa: ARG002
+    def get_task_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:
         """Return the names of the tasks, one for each program in the file store."""
         self._caller.require_read()
         state = self._caller.state
@@ -114,13 +114,13 @@ class RC8Controller(ControllerObject):
         """
         return find_file(self._caller, self._caller.state.files, name, option, run_file)
 
-    def get_file_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:  # noqa: ARG002
+    def get_file_names(self, option: str) -> Sequence[str] | Deferred[Sequence[str]]:
         """Return the names of the files and folders in the root folder."""
         self._caller.require_read()
         state = self._caller.state
         return state.disk.run(lambda: state.files.names(""))
 
-    def get_extension(self, name: str, option: str) -> ExtensionObject:  # noqa: ARG002
+    def get_extension(self, name: str, option: str) -> ExtensionObject:
         """Connect to an extension: an electric gripper, ``Hand0`` to ``Hand7``.
 
         Raises:
@@ -128,11 +128,11 @@ class RC8Controller(ControllerObject):
         """
         return find_extension(self._caller, name)
 
-    def get_extension_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_extension_names(self, option: str) -> Sequence[str]:
         """Return the names of the extensions, the electric grippers that are fitted."""
         return extension_names(self._caller.state)
 
-    def get_command(self, name: str, option: str) -> CommandObject:  # noqa: ARG002
+    def get_command(self, name: str, option: str) -> CommandObject:
         """Connect to a command of Controller_Execute, of the robot (``Robot.Motor``) or of the hand (``Hand0.Chuck``).
 
         Raises:
@@ -140,7 +140,7 @@ class RC8Controller(ControllerObject):
         """
         return find_command(self._caller, name)
 
-    def get_command_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_command_names(self, option: str) -> Sequence[str]:
         """Return the names of the commands."""
         return command_names(self._caller.state)
 

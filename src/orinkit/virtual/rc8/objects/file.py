@@ -175,11 +175,11 @@ class RC8File(FileObject):
         return _find(self.caller, self._store, whole, option, self._start)
 
     @on_disk
-    def get_file_names(self, option: str) -> Sequence[str]:  # noqa: ARG002 - there are no options
+    def get_file_names(self, option: str) -> Sequence[str]:
         r"""Return the names in this folder, sorted; names of folders end in ``\``. For a file the list is empty."""
         return self._store.names(self._path) if self._is_folder() else []
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a variable of the file: ``@CRC``.
 
         Raises:
@@ -187,11 +187,11 @@ class RC8File(FileObject):
         """
         return find_file_variable(self.caller, name, lambda: self._store.read(self._path))
 
-    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_variable_names(self, option: str) -> Sequence[str]:
         """Return the names of the variables of a file."""
         return list(FILE_VARIABLES)
 
-    def execute(self, command: str, parameter: Variant) -> Value:  # noqa: ARG002
+    def execute(self, command: str, parameter: Variant) -> Value:
         """Raise an error: a file has no commands.
 
         Raises:
@@ -202,7 +202,7 @@ class RC8File(FileObject):
     # --- operations -----------------------------------------------------------------------------------------------
 
     @on_disk
-    def copy(self, name: str, option: str) -> None:  # noqa: ARG002
+    def copy(self, name: str, option: str) -> None:
         """Copy the file to an unused name, or into a folder if the name ends in a separator.
 
         Raises:
@@ -223,7 +223,7 @@ class RC8File(FileObject):
         self._store.delete(self._path, recursive=Options(option).flag("@Recursive"))
 
     @on_disk
-    def move(self, name: str, option: str) -> None:  # noqa: ARG002
+    def move(self, name: str, option: str) -> None:
         """Move or rename the file to an unused name, or move it into a folder if the name ends in a separator.
 
         Afterwards the object refers to the new path.

@@ -65,7 +65,7 @@ class RC8Robot(RobotObject):
             return self._begin(self._moves.follow(*number, options), options)
         return self._begin(self._moves.move(interpolation, read_targets(pose), options), options)
 
-    def drive(self, axis: int, value: float, option: str) -> MotionResult:  # noqa: ARG002
+    def drive(self, axis: int, value: float, option: str) -> MotionResult:
         """Refuse the call, as a real controller does; DriveEx and DriveAEx move single joints.
 
         Raises:
@@ -94,7 +94,7 @@ class RC8Robot(RobotObject):
         self._require("GoHome")
         return self._begin(self._moves.home(), MotionOptions())
 
-    def halt(self, option: str) -> Deferred[None]:  # noqa: ARG002 - there are no options
+    def halt(self, option: str) -> Deferred[None]:
         """Stop and discard the motions, also those of another client; the call completes at standstill.
 
         Waiting starts of programs are cancelled, because a program may move the arm. If a program holds the arm, the
@@ -118,13 +118,13 @@ class RC8Robot(RobotObject):
         still.add_done_callback(lambda: refused.set_exception(error))
         return refused
 
-    def hold(self, option: str) -> Deferred[None]:  # noqa: ARG002
+    def hold(self, option: str) -> Deferred[None]:
         """Pause the motion, also a motion of another client; the call completes at standstill."""
         self._require("Hold")
         self._arm.hold()
         return self._arm.when_still()
 
-    def unhold(self, option: str) -> None:  # noqa: ARG002
+    def unhold(self, option: str) -> None:
         """Continue a paused motion."""
         self._require("Unhold")
         for arm in self._arm.companions:
@@ -162,11 +162,11 @@ class RC8Robot(RobotObject):
         """Execute an extended command (:mod:`orinkit.virtual.rc8.objects.robot_commands`)."""
         return robot_commands.execute(self._caller, command, parameter)
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a system variable of the robot."""
         return find_robot_variable(self._caller, name)
 
-    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_variable_names(self, option: str) -> Sequence[str]:
         """Return the names of the robot's system variables."""
         return robot_variable_names()
 

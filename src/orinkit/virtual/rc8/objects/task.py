@@ -43,7 +43,7 @@ class RC8Task(TaskObject):
         with self._state.cycles:
             return self._state.tasks.get_or_create(self._path)
 
-    def start(self, mode: int, option: str) -> Deferred[None] | None:  # noqa: ARG002 - there are no options
+    def start(self, mode: int, option: str) -> Deferred[None] | None:
         """Start the task, or continue it if it is suspended (RC8 3.2.2).
 
         Modes: 1 one cycle (the whole program once), 2 continuous, 3 one statement, 4 one statement backward. A step
@@ -77,7 +77,7 @@ class RC8Task(TaskObject):
             require(_start_condition(task.name), state.arm, self._caller)  # the state may have changed meanwhile
             state.tasks.start(task, program, mode)
 
-    def stop(self, mode: int, option: str) -> None:  # noqa: ARG002
+    def stop(self, mode: int, option: str) -> None:
         """Stop the task (RC8 3.2.2).
 
         Modes: 0 and 1 immediately, 2 after the statement, 3 after the cycle, 4 immediately and reset to the beginning.
@@ -89,7 +89,7 @@ class RC8Task(TaskObject):
         require("Task_Stop", self._state.arm, self._caller)
         self._state.tasks.stop(self.task, wanted)
 
-    def delete(self, option: str) -> Deferred[None] | None:  # noqa: ARG002
+    def delete(self, option: str) -> Deferred[None] | None:
         """Delete the task and its program.
 
         Raises:
@@ -131,14 +131,14 @@ class RC8Task(TaskObject):
             )
         self.task.priority = priority
 
-    def get_variable(self, name: str, option: str) -> VariableObject:  # noqa: ARG002
+    def get_variable(self, name: str, option: str) -> VariableObject:
         """Connect to a variable of the task."""
         entry = TASK_VARIABLES.get(name.strip().upper())
         if entry is None:
             raise not_found(name)
         return TaskVariableObject(self._caller, self, entry)
 
-    def get_variable_names(self, option: str) -> Sequence[str]:  # noqa: ARG002
+    def get_variable_names(self, option: str) -> Sequence[str]:
         """Return the names of the task's variables."""
         return list(TASK_VARIABLES)
 

@@ -59,7 +59,7 @@ class PacScriptLexer(Lexer):
     def __init__(self, _: Any) -> None:
         """Create the lexer; lark passes a configuration, which is ignored."""
 
-    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:  # noqa: ARG002 - not needed
+    def lex(self, lexer_state: LexerState, parser_state: Any) -> Iterator[Token]:
         """Yield the tokens of a program; see :func:`tokens`."""
         return tokens(str(lexer_state.text.text))
 

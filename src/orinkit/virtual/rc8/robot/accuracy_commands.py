@@ -41,6 +41,14 @@ def _setting(least: int, most: int, given: Variant) -> tuple[bool, list[float]]:
     return on, numbers
 
 
+def _setting_of_axis(least: int, most: int, given: Variant) -> tuple[bool, int, list[float]]:
+    """Return the switch, the number of the axis, and the numbers after it; see :func:`_setting`."""
+    on, numbers = _setting(least, most, given)
+    if not numbers:
+        raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
+    return on, parameters.whole(numbers[0]), numbers[1:]
+
+
 def _positive(value: float) -> float:
     if not value > 0:
         raise error_for(hresult.VALUE_OUT_OF_RANGE, tr("the tolerance {value:g} is not above 0", value=value))
@@ -69,25 +77,19 @@ def _enc_motion_allow(arm: RC8Arm, operator: Operator, parameter: Variant) -> No
 
 def _enc_motion_allow_joint(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("EncMotionAllowJnt", arm, operator)
-    on, numbers = _setting(2, 3, parameter)
-    if not numbers:
-        raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
-    axis = parameters.whole(numbers[0])
+    on, axis, numbers = _setting_of_axis(2, 3, parameter)
     if on:
         check_axis(arm.model, axis, arm.model.robot_axes + 1)
-        arm.accuracy.extended[axis] = _tolerance(numbers[1], *numbers[2:] or [0])
+        arm.accuracy.extended[axis] = _tolerance(numbers[0], *numbers[1:] or [0])
     else:
         arm.accuracy.extended.pop(axis, None)
 
 
 def _er_alw(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     require("ErAlw", arm, operator)
-    on, numbers = _setting(2, 2, parameter)
-    if not numbers:
-        raise error_for(hresult.E_INVALIDARG, tr("the number of the axis is missing"))
-    number = parameters.whole(numbers[0])
+    on, number, numbers = _setting_of_axis(2, 2, parameter)
     if on:
-        arm.accuracy.deviation[check_axis(arm.model, number)] = _positive(numbers[1])
+        arm.accuracy.deviation[check_axis(arm.model, number)] = _positive(numbers[0])
     elif number == ALL_AXES:
         arm.accuracy.deviation.clear()
     else:
