@@ -113,11 +113,11 @@ class Addresses:
         key = VIRTUAL if port is None else written
         if key not in self._real:
             before = self._real.get(f"127.0.0.1:{int(port) - 1}") if port else None
-            number = int(before.rpartition(":")[2]) + 1 if before else self._free_port()  # serve rc8 --count
+            number = int(before.rpartition(":")[2]) + 1 if before else self.free_port()  # serve rc8 --count
             self._real[key] = f"127.0.0.1:{number}"
         return self._real[key]
 
-    def _free_port(self) -> int:
+    def free_port(self) -> int:
         """Return a port on which nothing listens, nor on the next two, outside the range of ephemeral ports."""
         for port in random.sample(PORTS[:-2], len(PORTS) - 2):
             with contextlib.ExitStack() as sockets, contextlib.suppress(OSError):
@@ -246,7 +246,8 @@ def virtual(page: str, addresses: Addresses) -> Iterator[None]:
     if SERVES_VIRTUAL.search(text):
         yield
     else:
-        with orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as server:
+        # not an ephemeral port: the next port of a page becomes the one after it, which must be free, too
+        with orinkit.serve(VirtualRC8(), f"tcp://127.0.0.1:{addresses.free_port()}") as server:
             addresses.set(VIRTUAL, server.url.removeprefix("tcp://"))
             yield
 

@@ -13,6 +13,7 @@ import orinkit
 from orinkit.virtual.rc8 import VirtualRC8
 from support.both import Both
 from support.streams import HOME, Arm, sine
+from support.waiting import PATIENCE
 
 
 class Relay:
@@ -63,7 +64,9 @@ class Relay:
 @pytest.mark.parametrize("url", ["udp://127.0.0.1:0", "pty://"])
 def test_streaming(both: Both, url: str, mode: int) -> None:
     device = VirtualRC8(motor=True, joints=HOME)
-    with orinkit.serve(device, url) as server:
+    with orinkit.serve(
+        device, url, alive=PATIENCE
+    ) as server:  # a busy machine may delay the client for longer than 2 s
         controller = both.connect(server.url)
         robot = both.run(controller.robot("Arm"))
         points = sine(0.4, 1.0 if mode == 1 else 2.0)  # in mode 1, a repeated set-point stops the arm for a cycle
