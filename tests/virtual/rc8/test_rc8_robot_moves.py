@@ -958,6 +958,7 @@ REFUSED = {
     "axis 1": (PTP, "J(171, 45, 90, 0, 45, 0)", "", 0x83204231),
     "axis 4": (PTP, "J(0, 45, 90, -271, 45, 0)", "", 0x83204234),
     "axis 6": (PTP, "J(0, 45, 90, 0, 45, 1e300)", "", 0x83204236),
+    "huge joints of a line": (LINE, "J(0, 1e308, 1e308, 0, 0, 0)", "", hresult.FIGURE_MISMATCH),
     "line behind its back": (LINE, "P(-200, 5, 600, 180, 0, 180)", "", 0x83204231),
     "through the axis of joint 1": (LINE, "P(-250, 1, 300, 180, 0, 180)", "", hresult.SINGULAR_POINT_REFUSED),
     "no such figure": (PTP, "P(350, 0, 300, 180, 0, 180, 37)", "", hresult.FIGURE_INVALID),

@@ -71,7 +71,8 @@ def is_wrist_straight(joints: Sequence[float]) -> bool:
 
 def wrist_distance(chain: Chain, joints: Sequence[float]) -> float:
     """Return the x coordinate of the wrist centre in the frame of joint 1, mm, for joints in deg."""
-    second, both = joints[1] * RADIAN, (joints[1] + joints[2]) * RADIAN
+    second = joints[1] * RADIAN
+    both = second + joints[2] * RADIAN  # the sum of two angles in deg may overflow
     return (
         chain.shoulder[0]
         + chain.upper[0] * math.cos(second)
