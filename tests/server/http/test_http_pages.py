@@ -208,6 +208,13 @@ def test_the_view_of_a_virtual_rc8() -> None:
         assert server.clients == 0
 
 
+def test_a_text_that_utf_8_cannot_contain() -> None:
+    with orinkit.serve(VirtualRC8(), "http://127.0.0.1:0", "tcp://127.0.0.1:0") as server:
+        with orinkit.connect(server.urls[1]) as rc8:
+            rc8.variable("S1").value = "\ud83e x"
+        assert json.loads(get(Web(server.urls[0]), "S1").body.decode("utf-8"))["value"] == "\ud83e x"
+
+
 def test_the_view_of_a_controller_behind_a_gateway() -> None:
     with (
         orinkit.serve(VirtualRC8(), "tcp://127.0.0.1:0") as cell,

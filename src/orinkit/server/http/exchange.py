@@ -175,7 +175,8 @@ class Exchange:
 
     async def answer_json(self, status: int, document: object) -> None:
         """Send a response with a JSON document."""
-        body = json.dumps(document, ensure_ascii=False, allow_nan=False).encode("utf-8", "surrogatepass")
+        # an unpaired surrogate, which UTF-8 cannot contain, becomes an escape sequence of JSON
+        body = json.dumps(document, ensure_ascii=False, allow_nan=False).encode("utf-8", "backslashreplace")
         self.begun = True
         headers = [(b"content-type", b"application/json"), (b"content-length", b"%d" % len(body)), *self._more]
         headers.append((b"cache-control", b"no-store"))
