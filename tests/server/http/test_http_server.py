@@ -482,6 +482,13 @@ def test_statuses_of_invalid_requests(server: Server) -> None:
                 assert bad.ended()
 
 
+def test_the_length_of_a_header(server: Server) -> None:
+    for size, status in ((30_000, 200), (32_700, 431), (60_000, 431)):
+        with Web(server.url) as web:
+            web.send(web.head("Func=1", X_Filler="x" * size) + b"Func=1")
+            assert web.answer().status == status
+
+
 # --- large bodies -----------------------------------------------------------------------------------------------------
 
 

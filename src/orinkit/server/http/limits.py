@@ -26,7 +26,7 @@ from orinkit.server.capacity import CallMemory
 from orinkit.server.fair_queue import QueuedClient, queue_of
 from orinkit.server.http.connection_limiter import ConnectionLimiter
 from orinkit.server.http.flow_control import HELD, BoundedFlowControl
-from orinkit.server.http.h11_connection import StepwiseConnection
+from orinkit.server.http.h11_connection import LONGEST_HEADER, StepwiseConnection
 from orinkit.server.http.stage import Stage, StageTimer
 from orinkit.server.log_limiter import CLIENT
 from orinkit.transport.address import network_of
@@ -47,6 +47,7 @@ _PIECE: Final = 8 * 1024  # bytes that h11 receives at a time; then it checks th
 _EVENTS: Final = 8  # events that a step processes: header, body and end of a usual request, and few chunks of a body
 _BYTE: Final = 1e-6  # s to parse a byte of chunks of one byte
 _MAX_BYTES: Final = 2048  # of received data for the estimate of its time: most larger data consists of large chunks
+_END_OF_HEADER: Final = re.compile(rb"\n\r?\n")
 _TOO_MANY_LINES: Final = re.compile(rb"(?:[^\n]*\n(?!\r?\n)){%d}" % MOST_LINES)
 _own = logging.getLogger("orinkit.server.uvicorn")
 _own.setLevel(logging.ERROR)  # uvicorn's warnings concern requests; orinkit logs them in more detail
@@ -269,7 +270,7 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
         conn.is_interrupted = False
         conn.events = _EVENTS
         try:
-            if conn.their_state is h11.IDLE and _has_too_many_lines(conn.trailing_data[0]):
+            if conn.their_state is h11.IDLE and _is_too_long(conn.trailing_data[0]):
                 self._refuse_header()
                 return
             super().handle_events()
@@ -464,7 +465,13 @@ class LimitedProtocol(QueuedClient, H11Protocol, asyncio.BufferedProtocol):
         self.transport.abort()
 
 
-def _has_too_many_lines(data: bytes) -> bool:
+def _is_too_long(data: bytes) -> bool:
+    """Return True if the header at the beginning of received data is too long, or has too many lines.
+
+    h11 checks the length only of a header that is still incomplete.
+    """
+    if len(data) > LONGEST_HEADER and _END_OF_HEADER.search(data, 0, LONGEST_HEADER) is None:
+        return True
     return data.count(b"\n") >= MOST_LINES and _TOO_MANY_LINES.match(data) is not None
 
 
