@@ -21,6 +21,7 @@ from orinkit.core.errors import CallTimeout, ConnectionClosed, InvalidValue, Pro
 from orinkit.values.codec import DEFAULT_LIMITS
 from support.both import Both
 from support.devices import Workshop
+from support.http_peers import HttpLine, HttpPeer, reply
 from support.waiting import PATIENCE, TooSlow, with_longer_times
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\nOrinkit-Executing: 100\r\nTransfer-Encoding: chunked\r\n\r\n"
@@ -170,6 +171,27 @@ def test_a_call_ends_by_its_deadline(both: Both, kind: str, way: str) -> None:
                 client.deadline = 0.3
                 both.run(client.call(f.service_start))
         both.run(client.close())
+
+
+def test_deadlines_limit_the_wait_for_a_server_that_cannot_report(both: Both) -> None:
+    """Otherwise, a client waits up to 180 s for the reply of an e-CAP server that cannot report S_EXECUTING."""
+
+    def hangs(line: HttpLine) -> None:
+        line.post()
+        line.send(reply())
+        line.post()
+        line.send(reply(b"0x00000000,3,2"))
+        line.post()
+        line.wait_for_end()
+
+    with HttpPeer(hangs, HttpLine.wait_for_end, HttpLine.wait_for_end, HttpLine.wait_for_end) as peer:
+        controller = both.connect(str(peer.address), timeout=PATIENCE)
+        controller.client.timeout = 0.1
+        began = time.monotonic()
+        with pytest.raises(CallTimeout):
+            both.run(controller.client.request(f.controller_execute, 2, "Echo", 1, deadline=0.3))
+        both.run(controller.close(deadline=0.3))
+        assert time.monotonic() - began < PATIENCE
 
 
 @pytest.mark.parametrize("kind", ["tcp", "http"])

@@ -133,6 +133,22 @@ def send_during_call(link: object, data: bytes) -> None:
         link.send_concurrently(data)
 
 
+@runtime_checkable
+class _PatientLink(Protocol):
+    """A link that waits longer than the time-out of a call if the server cannot report that the call is executing."""
+
+    def limit_patience(self, seconds: float) -> None: ...
+
+
+def limit_patience(link: object, seconds: float) -> None:
+    """Limit the time for which a link waits for the reply to its next request, s.
+
+    A link that never waits longer than the time-out of a call requires no limit.
+    """
+    if isinstance(link, _PatientLink):
+        link.limit_patience(seconds)
+
+
 def another(link: L) -> L | None:
     """Return a second link of the same client to the same address; ``None`` if the link does not support this."""
     return link.another() if isinstance(link, _RepeatableLink) else None

@@ -33,6 +33,7 @@ from orinkit.client._shared.endpoint import (
     connection_deadline,
     conversation,
     enable_concurrent_send,
+    limit_patience,
     link_for_closing,
     opening_of,
     raw_operation,
@@ -487,6 +488,8 @@ class Client(Connection):
                 self._session_deadline = Deadline(self.profile.session_timeout)
 
     def _execute_now(self, call: CallRequest) -> tuple[int, Any]:
+        if call.deadline is not None:
+            limit_patience(self._link, call.deadline)
         operation = self._conversation.call(
             call.function,
             call.arguments,

@@ -91,7 +91,7 @@ class AsyncHttpLink(HttpLinkBase):
             return None
         longer = seconds
         if asked.task is None:
-            longer = self._contact.wait(asked.data, seconds)
+            longer = self._wait(asked.data, seconds)
             asked.task = self._loop.create_task(self._carry(asked, seconds))
         await asked.wait(seconds)
         if not asked.news and self._is_current(asked):

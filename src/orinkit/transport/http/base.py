@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from math import inf
 from typing import Self
 
 from orinkit.core.errors import StreamError
@@ -42,6 +43,7 @@ class HttpLinkBase(ProcessBound, ABC):
         self._contact = known.contact
         self._url = url_of(known.contact)
         self._open = True
+        self._longest = inf  # limit on the extended time-out of the next request, s
         self._begin()
         keep_from_children(self)
 
@@ -62,6 +64,15 @@ class HttpLinkBase(ProcessBound, ABC):
     @patience.setter
     def patience(self, seconds: float) -> None:
         self._contact.patience = seconds
+
+    def limit_patience(self, seconds: float) -> None:
+        """Limit the extended time-out (:attr:`patience`) of the next request, s."""
+        self._longest = seconds
+
+    def _wait(self, request: bytes, seconds: float) -> float:
+        """Return the time to wait for the reply to a request with the time-out ``seconds``, s."""
+        longest, self._longest = self._longest, inf
+        return max(seconds, min(self._contact.wait(request, seconds), longest))
 
     def fileno(self) -> int:
         """Raise StreamError, because another process cannot take over an HTTP connection.

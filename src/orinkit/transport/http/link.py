@@ -138,7 +138,7 @@ class HttpLink(HttpLinkBase):
 
     def _post(self, data: bytes, seconds: float) -> None:
         self._transport.connect()
-        longer = self._contact.wait(data, seconds)
+        longer = self._wait(data, seconds)
         if longer > seconds:
             self._transport.deadline = Deadline(longer)
         request = httpx2.Request("POST", self._url, headers=self._contact.fields(seconds), content=data)
