@@ -461,6 +461,7 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
+        self.servo.braked = not self.motor.on
         moving = self.servo.step(self.hardware.command(self.queue.joints))
         if self.accuracy.deviation and not self.stopping:
             self.accuracy.report_deviation(self.servo, self._fault)
