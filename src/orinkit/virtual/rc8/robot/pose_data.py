@@ -74,7 +74,7 @@ def vector(given: Variant) -> Target:
     """
     targets = read_targets(given)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("exactly one vector is required"))
+        raise error_for(hresult.E_INVALIDARG, tr("expected 1 vector, got {count}", count=len(targets)))
     if targets[0].kind != "V":
         raise error_for(
             hresult.DISP_E_TYPEMISMATCH, tr("{target} is not a vector. Try: V1 or V(x, y, z)", target=targets[0])
@@ -134,7 +134,10 @@ def _axes_in_elements(given: Sequence[Variant], *, nested: bool = True) -> AxisV
         else:
             raise _no_axes(str(each.plain))
     if not pairs:
-        raise _no_axes("")
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("expected at least 1 pair of an axis and a value, got none. Try: for example [[1, 10], [2, 20]]"),
+        )
     return AxisValues(pairs, mark, extra)
 
 

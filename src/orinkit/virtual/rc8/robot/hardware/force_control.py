@@ -424,7 +424,7 @@ def require_speed(motions: Iterable[Motion]) -> None:
         raise error_for(
             hresult.FORCE_CONTROL_TOO_FAST,
             tr(
-                "a motion has {speed:.3g} % of the full speed; force control permits {most:g} %",
+                "the speed of a motion ({speed:.3g} %) exceeds the limit during force control ({most:g} %)",
                 speed=100 * fastest,
                 most=100 * FASTEST,
             ),
