@@ -231,7 +231,7 @@ P1, P2 = "P(300, 0, 300, 180, 0, 180, 5)", "P(300, 50, 300, 180, 0, 180, 5)"
     [
         (lambda cell: cell.execute("J2P", []), "an empty array is not a pose; expected 3 to 10 numbers"),
         (lambda cell: cell.execute("J2P", [P1, P2]), "expected 1 pose, got 2"),
-        (lambda cell: cell.execute("DriveEx", [[]]), "expected at least 1 pair of an axis and a value, got none"),
+        (lambda cell: cell.execute("DriveEx", [1]), "expected at least 1 pair of an axis and a value, got none"),
         (lambda cell: cell.execute("Draw", [1, ["V(1, 2, 3)", "V(1, 2, 3)"]]), "expected 1 vector, got 2"),
         (lambda cell: cell.execute("slvRecvFormat", [1, 0, 0]), "expected 1 or 2 values: the receive format"),
         (lambda cell: cell.execute("slvRecvFormat", None), "expected 1 or 2 values: the receive format"),

@@ -142,7 +142,5 @@ def check_extended_joint(model: ArmModel, axis: int) -> int:
             tr("axis {axis} belongs to the robot and is not an extended joint. Try: EncMotionAllow", axis=axis),
         )
     if not model.robot_axes < axis <= len(model.axes):
-        raise error_for(
-            hresult.E_INVALIDARG, tr("{name} has no extended joint {number}", name=model.name, number=axis)
-        )
+        raise error_for(hresult.E_INVALIDARG, tr("{name} has no extended joint {number}", name=model.name, number=axis))
     return axis
