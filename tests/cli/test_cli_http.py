@@ -150,7 +150,7 @@ def test_a_port_out_of_range(port):
 
 
 def test_a_client_requires_a_host(refused):
-    assert "5007 is not a host" in refused("get", "5007", "I1", code=2)
+    assert "Example: tcp://127.0.0.1:5007" in refused("get", "5007", "I1", code=2)
 
 
 # --- certificates -----------------------------------------------------------------------------------------------------

@@ -235,6 +235,10 @@ def test_invalid_command_lines(refused, control, words, message):
     assert refused("pendant", control, *words, code=2).startswith(message)
 
 
+def test_a_port_requires_a_host(refused):
+    assert "Example: tcp://127.0.0.1:5008" in refused("pendant", "5008", "status", code=2)
+
+
 def test_actions_that_the_controller_refuses(refused, control):
     message = refused("pendant", control, "jog", "1", "5")
     assert "0x81501016 REFUSED_IN_AUTO_MODE: " in message

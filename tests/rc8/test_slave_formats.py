@@ -212,9 +212,9 @@ def test_forms_of_slv_recv_formats_parameter(parameter, number, microseconds):
     ids=label,
 )
 def test_too_few_and_too_many_numbers_for_slv_recv_format(parameter):
-    invalid("wrong number of values", sf.read_receive_parameter, variant(parameter))
+    invalid("expected 1 or 2 values", sf.read_receive_parameter, variant(parameter))
     i18n.use("ja")
-    invalid("値の個数が正しくありません", sf.read_receive_parameter, variant(parameter))
+    invalid("値は 1 個または 2 個必要です", sf.read_receive_parameter, variant(parameter))
 
 
 @pytest.mark.parametrize(

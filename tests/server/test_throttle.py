@@ -11,7 +11,7 @@ import pytest
 
 import orinkit
 from orinkit.cao.functions import controller_execute
-from orinkit.core import hresult
+from orinkit.core import hresult, i18n
 from orinkit.server import log_limiter as throttle_module
 from orinkit.server.log_limiter import BURST, CLIENT, INTERVAL, LOG_LIMITER, LOGGERS, LogLimiter
 from orinkit.virtual.rc8 import VirtualRC8
@@ -105,6 +105,29 @@ def test_a_burst_then_one_message_in_ten_seconds_with_the_number_suppressed(outp
     timer.fire()
     assert output.lines[2:] == ["4 similar messages suppressed: 0 failed"]
     assert timer.waiting == []  # nothing more was suppressed
+
+
+@pytest.mark.parametrize(
+    ("language", "lines"),
+    [
+        ("en", ["1 similar message suppressed: 9 failed", "2 similar messages suppressed: 9 failed"]),
+        ("ja", ["同様のメッセージ 1 件を省略しました: 9 failed", "同様のメッセージ 2 件を省略しました: 9 failed"]),
+    ],
+)
+def test_one_suppressed_message_is_singular(output, now, timer, language, lines):
+    before = i18n.current()
+    i18n.use(language)
+    try:
+        for suppressed, line in enumerate(lines, start=1):
+            output.lines.clear()
+            for number in range(BURST + suppressed):
+                log("%s failed", number)
+            now[0] += INTERVAL
+            timer.fire()
+            assert output.lines[-1] == line
+            now[0] += 100 * INTERVAL
+    finally:
+        i18n.use(before)
 
 
 def test_a_quiet_period_restores_the_whole_burst(output, now, timer):

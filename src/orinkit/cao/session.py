@@ -13,16 +13,18 @@ import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from functools import partial
 from inspect import isawaitable
-from traceback import format_exception_only
-from typing import Any, Final, TypeAlias, cast
+from typing import Any, Final, cast
 
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.options import Options
+from orinkit.cao.outcomes import CallReply as CallReply
+from orinkit.cao.outcomes import FailedCalls
+from orinkit.cao.outcomes import Outcome as Outcome
+from orinkit.cao.outcomes import Pending as Pending
 from orinkit.cao.provider import (
     BlockingCall,
     CaoObject,
@@ -38,45 +40,13 @@ from orinkit.cao.table import Function
 from orinkit.cao.user_functions import FIRST_BCAP
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, InvalidValue, error_for
-from orinkit.core.i18n import cut, printable, quoted, tr
-from orinkit.core.record import record
+from orinkit.core.i18n import quoted, tr
 from orinkit.values.types import ARRAY
 from orinkit.values.variant import Variant, VarType, trusted, variant
 
 logger = logging.getLogger("orinkit.session")
 
-_MAX_DESCRIPTIONS: Final = 32  # limit on the return codes with a stored description
-_MAX_DESCRIPTION: Final = 1000  # limit on the characters of a description
 _NAMES: Final = VarType.BSTR | ARRAY
-
-
-@dataclass(slots=True)
-class CallReply:
-    """The reply to one call.
-
-    Attributes:
-        code: return code.
-        result: the result, ``None`` for a function without one.
-        detail: description of the error, for the log and for users.
-    """
-
-    code: int = hresult.S_OK
-    result: Variant | None = None
-    detail: str = ""
-
-
-@record
-class Pending:
-    """A call without a result so far; ``work`` is an awaitable, a :class:`BlockingCall` or a :class:`Deferred`."""
-
-    function: Function[..., Any]
-    handle: int
-    label: str
-    work: Any
-    provider: Provider | None = None
-
-
-Outcome: TypeAlias = CallReply | Pending
 
 
 @dataclass(slots=True)
@@ -110,9 +80,10 @@ class Session:
     ) -> None:
         self.host = host
         self._own_code = own_code
-        self._reasons: dict[int, str] = {}
-        # not a method of this session, because a device that stores ClientInfo would then keep the session in memory
-        self.client = (client or ClientInfo())._replace(describe_error=partial(_describe_error, self._reasons))
+        self._failures = (
+            FailedCalls()
+        )  # not part of this session, which a device that stores ClientInfo would then keep
+        self.client = (client or ClientInfo())._replace(describe_error=self._failures.describe)
         self._entries: dict[int, _Entry] = {}  # oldest first
         self._handles = numbers or HandleAllocator()
         self._kept = ByteQuota(CLIENT_LIMIT, host.kept)
@@ -141,7 +112,7 @@ class Session:
         try:
             return self._call(function, self._values(function, arguments))
         except BaseException as error:  # noqa: BLE001 - any exception of a device becomes a reply, SystemExit too
-            return self._failed(function, error)
+            return self._failures.reply(function, error)
 
     def invoke_on_handle(self, function_id: int, handle: int) -> Outcome:
         """Execute a call whose only argument is a handle; as :meth:`invoke`, which other calls use."""
@@ -151,7 +122,7 @@ class Session:
         try:
             return self._call(function, [handle])
         except BaseException as error:  # noqa: BLE001 - as in invoke
-            return self._failed(function, error)
+            return self._failures.reply(function, error)
 
     def _invoke_user_function(self, function_id: int, arguments: Sequence[Variant]) -> Outcome:
         """Execute a user-defined function; a function that no device has declared returns E_NOTIMPL."""
@@ -168,7 +139,7 @@ class Session:
                 result = user.call(*values)
             return self._outcome(function, 0, "", result, provider)
         except BaseException as error:  # noqa: BLE001 - as in invoke
-            return self._failed(function, error)
+            return self._failures.reply(function, error)
 
     def _values(self, function: Function[..., Any], arguments: Sequence[Variant]) -> list[Any]:
         """Return the arguments with their types.
@@ -197,16 +168,16 @@ class Session:
                 raise error_for(hresult.E_ABORT, pending.label)
             return self._reply(pending.function, pending.handle, pending.label, result, pending.provider)
         except BaseException as error:  # noqa: BLE001 - as in invoke
-            return self._failed(pending.function, error)
+            return self._failures.reply(pending.function, error)
 
     def fail(self, pending: Pending, error: BaseException) -> CallReply:
         """Return the reply to a pending call whose work has raised ``error``."""
-        return self._failed(pending.function, error)
+        return self._failures.reply(pending.function, error)
 
     def refuse(self, function_id: int, error: CallError) -> CallReply:
         """Return the reply to a call whose result cannot be sent, and store the description of the error."""
         user = self.host.user_functions.get(function_id)
-        return self._failed(FUNCTIONS[function_id] if user is None else user[1].function, error)
+        return self._failures.reply(FUNCTIONS[function_id] if user is None else user[1].function, error)
 
     def _call(self, function: Function[..., Any], values: list[Any]) -> Outcome:
         """Call the method of the object that the first argument refers to.
@@ -328,26 +299,6 @@ class Session:
             raise TypeError(
                 tr("{name} cannot return {kind}: {error}", name=function.name, kind=kind, error=error)
             ) from error
-
-    def _failed(self, function: Function[..., Any], error: BaseException) -> CallReply:
-        if isinstance(error, CallError) and hresult.failed(error.code):
-            # b-CAP transmits only the code; the detail is logged here
-            level = logging.INFO if error.detail else logging.DEBUG
-            if logger.isEnabledFor(level):
-                message = printable(str(error), _MAX_DESCRIPTION)
-                logger.log(level, "%s: %s", function.name, message, extra={"kind": function.name})
-            return self._failure(error.code, error.detail)
-        logger.error("%s: the device raised an exception", function.name, exc_info=error, extra={"kind": function.name})
-        code = hresult.E_OUTOFMEMORY if isinstance(error, MemoryError) else hresult.E_FAIL
-        return self._failure(code, cut("".join(format_exception_only(error)).strip(), _MAX_DESCRIPTION))
-
-    def _failure(self, code: int, detail: str) -> CallReply:
-        """Return the reply to a failed call, and store the description of the error."""
-        self._reasons.pop(code, None)
-        self._reasons[code] = detail
-        if len(self._reasons) > _MAX_DESCRIPTIONS:
-            del self._reasons[next(iter(self._reasons))]
-        return CallReply(code, detail=detail)
 
     @staticmethod
     def _handle_error(handle: int, entry: _Entry | None, function: Function[..., Any]) -> str:
@@ -500,10 +451,6 @@ class Session:
     def _release(self, function: Function[..., Any], values: list[Any]) -> CallReply:
         self._remove(self._find(function, values[0]).handle)
         return CallReply()
-
-
-def _describe_error(reasons: dict[int, str], code: int) -> str:
-    return reasons.get(hresult.unsigned(code), "")
 
 
 _ON_WIRE: Final = 0xFFFF_FFFF

@@ -161,7 +161,7 @@ def _from_text(text: str) -> tuple[Target, ...]:
 def _from_array(given: Variant) -> Target:
     elements = _elements(given)
     if not elements:
-        raise _invalid(tr("an empty array is not a pose"))
+        raise _invalid(tr("an empty array is not a pose; expected 3 to {most} numbers", most=_MOST_NUMBERS))
     if all(element.type in NUMERIC for element in elements) and not _begins_with_index(elements):
         return Target(*_kind_and_values(given))
     return _from_parts(elements)

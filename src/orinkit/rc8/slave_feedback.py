@@ -109,7 +109,7 @@ def read_receive_parameter(parameter: Variant) -> ReceiveFormat:
         numbers = [trusted(given.type, part) for part in parts]
     if not 1 <= len(numbers) <= most:
         raise invalid(
-            tr("wrong number of values; expected the receive format and optionally the unit of timestamps"),
+            tr("expected 1 or 2 values: the receive format, and optionally the unit of timestamps"),
         )
     return receive_format(*map(whole, numbers, _RECEIVE_NUMBERS))
 

@@ -124,10 +124,11 @@ class LogLimiter(logging.Filter):
                 count.suppressed = 0
         if timer is not None:
             timer.cancel()
+        one, several = tr("%s similar message suppressed: %s"), tr("%s similar messages suppressed: %s")
         for name, level, suppressed, sample in reports:
             logging.getLogger(name).log(
                 level,
-                tr("%s similar messages suppressed: %s"),
+                one if suppressed == 1 else several,
                 f"{suppressed:,}",
                 sample,
                 extra={_REPORT: True},

@@ -162,16 +162,17 @@ def parse_address(text: str) -> AnyAddress:
     return address
 
 
-def bad_address(text: str, reason: str, scheme: str = _USUAL) -> InvalidAddress:
+def bad_address(text: str, reason: str, scheme: str = _USUAL, *, example: str = "") -> InvalidAddress:
     """Return the exception for an address that cannot be parsed.
 
     Args:
         text: The address.
         reason: The reason why it cannot be parsed, in the current language.
         scheme: The scheme of which the message shows an example.
+        example: A better example, the address that the user probably wants.
     """
     row = registry.find(scheme) or registry.find(_USUAL)
-    example = "" if row is None else row.example
+    example = example or ("" if row is None else row.example)
     return InvalidAddress(
         tr("invalid address {text!r:.200}: {reason}. Example: {example}", text=text, reason=reason, example=example)
     )
@@ -205,6 +206,10 @@ def _split_port(text: str, place: str, scheme: str) -> tuple[str, int]:
     else:
         host, colon, port = place.partition(":")
         whole = ":" not in port
+    if not colon and 0 <= whole_number(host) <= _LAST_PORT:
+        raise bad_address(
+            text, tr("{port} is a port without a host", port=host), scheme, example=f"{scheme}://127.0.0.1:{host}"
+        )
     if host.isdecimal():
         raise bad_address(text, tr("{host:.80} is not a host", host=host), scheme)
     if not whole or not host or any(sign in host for sign in " /?@#[]\0\t\r\n"):

@@ -262,6 +262,113 @@ def test_a_cancelled_wait_for_a_force_does_not_stop_a_later_motion(command, read
     assert len(rc8.state.arm.hardware.waits) == 0
 
 
+def end_early(command: RC8Command, end: str, clock: ManualClock) -> None:
+    """Cancel or release a command that executes, or let it time out."""
+    if end == "timeout":
+        clock.advance(3 * PERIOD)
+    else:
+        getattr(command, end)()
+    assert (command.get_state(), result_code(command)) == (
+        CANCELLED,
+        hresult.E_TIMEOUT if end == "timeout" else hresult.E_CANCEL,
+    )
+
+
+ENDS = pytest.mark.parametrize("end", ["cancel", "release", "timeout"])
+
+
+@ENDS
+def test_a_cancelled_take_arm_does_not_take_the_arm_later(command, ready, clock, connect, rc8, end):
+    ready.move(1, variant("J(90, 45, 90, 0, 45, 0)"), "")
+    clock.advance(0.1)
+    ready.release()
+    taking = [connect("other").get_command("TakeArm", "") for _ in range(2)]
+    for each in taking:
+        each.put_timeout(round(2 * PERIOD * 1000))
+        each.execute(AT_ONCE)
+        assert each.get_state() == EXECUTING
+        end_early(each, end, clock)
+    assert rc8.state.arm.stopping
+    clock.advance(2)
+    assert not rc8.state.arm.stopping
+    assert rc8.state.arm.holder is None
+
+
+@ENDS
+def test_a_cancelled_take_arm_does_not_reset_the_settings_of_the_holder(command, ready, clock, rc8, end):
+    """The second TakeArm of the holder waits because its motion is being stopped, and resets speeds and tool."""
+    ready.speed(-1, 30)
+    ready.move(1, variant("J(90, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    ready.halt("")
+    taking = command("TakeArm", [0, 0])
+    taking.put_timeout(round(2 * PERIOD * 1000))
+    taking.execute(AT_ONCE)
+    assert taking.get_state() == EXECUTING
+    end_early(taking, end, clock)
+    clock.advance(2)
+    assert not rc8.state.arm.busy
+    assert rc8.state.arm.speeds.path.speed == 30
+
+
+@ENDS
+@pytest.mark.parametrize(("name", "parameter"), [("GiveArm", None), ("Motor", [0, 0])])
+def test_a_cancelled_call_that_waits_for_standstill_has_no_effect(command, ready, clock, rc8, name, parameter, end):
+    """The motion that it waits for continues, and further motions are accepted."""
+    ready.move(1, variant("J(20, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    waiting = command(name, parameter)
+    waiting.put_timeout(round(2 * PERIOD * 1000))
+    waiting.execute(AT_ONCE)
+    assert waiting.get_state() == EXECUTING
+    end_early(waiting, end, clock)
+    ready.move(1, variant("J(25, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(5)
+    assert rc8.state.arm.queue.joints[0] == 25
+    assert rc8.state.arm.holder is not None
+    assert rc8.state.arm.motor.on
+
+
+def test_the_motor_is_switched_off_if_only_one_of_two_calls_is_cancelled(command, ready, clock, rc8, refused):
+    ready.move(1, variant("J(20, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    first, second = command("Motor", 0), command("Motor", 0)
+    for each in (first, second):
+        each.execute(AT_ONCE)
+    assert code(first.cancel()) == 0
+    assert refused(ready.move, 1, variant("J(25, 45, 90, 0, 45, 0)"), "NEXT") == hresult.MOTOR_NOT_ON
+    clock.advance(5)
+    assert (second.get_state(), rc8.state.arm.motor.on) == (DONE, False)
+    assert rc8.state.arm.queue.joints[0] == 20
+
+
+@ENDS
+def test_a_cancelled_motor_on_after_a_stop_does_not_switch_the_motor_on(command, ready, clock, rc8, end):
+    ready.move(1, variant("J(90, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    rc8.emergency_stop(True)
+    rc8.emergency_stop(False)
+    motor = command("Motor", 1)
+    motor.put_timeout(round(2 * PERIOD * 1000))
+    motor.execute(AT_ONCE)
+    assert motor.get_state() == EXECUTING
+    end_early(motor, end, clock)
+    assert rc8.state.arm.busy
+    clock.advance(3)
+    assert rc8.state.arm.motor.state is MotorState.OFF
+
+
+def test_a_take_arm_whose_client_no_longer_waits_has_no_effect(ready, clock, connect, rc8):
+    """The server abandons the call before it sends E_TIMEOUT."""
+    ready.move(1, variant("J(90, 45, 90, 0, 45, 0)"), "NEXT")
+    clock.advance(0.1)
+    ready.release()
+    taking = connect("other").get_robot("", "").execute("TakeArm", variant([0, 0]))
+    taking.abandon()
+    clock.advance(2)
+    assert rc8.state.arm.holder is None
+
+
 def test_a_cancelled_execution_does_not_end_a_later_one(command, clock, rc8):
     motor = command("Motor", [1, 0])
     motor.execute(AT_ONCE)

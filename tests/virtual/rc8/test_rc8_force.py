@@ -338,6 +338,28 @@ def test_the_option_speed_does_not_exceed_half_speed(cell, option):
     assert cell.code_of(lambda: cell.move(1, "J(1, 45, 90, 0, 45, 0)", "SPEED=50")) == 0
 
 
+@pytest.mark.parametrize("state", ["runs", "is paused", "is queued"])
+def test_force_control_is_refused_during_a_faster_motion(cell, state):
+    first, then = ("SPEED=50,NEXT", "SPEED=51,NEXT") if state == "is queued" else ("SPEED=51,NEXT", "SPEED=50,NEXT")
+    cell.move(1, "J(20, 45, 90, 0, 45, 0)", first)
+    cell.move(1, "J(40, 45, 90, 0, 45, 0)", then)
+    cell.trace(5)
+    if state == "is paused":
+        cell.run(cell.robot.hold(""))
+    for given in ([1, 1], [1, 2, 1]):
+        assert cell.code_of(lambda given=given: cell.execute("ForceCtrl", given)) == hresult.FORCE_CONTROL_TOO_FAST
+    assert not cell.arm.hardware.force.on
+    cell.execute("ForceCtrl", 0)
+    if state == "is paused":
+        cell.robot.unhold("")
+    cell.trace(1000)
+    assert cell.arm.queue.joints[0] == 40  # the motions are not affected
+    cell.move(1, "J(20, 45, 90, 0, 45, 0)", "SPEED=50,NEXT")
+    cell.trace(5)
+    cell.execute("ForceCtrl", [1, 1])
+    assert cell.arm.hardware.force.on
+
+
 def _pressed(cell: Cell) -> float:
     """Press the tool against the surface with force control; return its height."""
     cell.execute("ForceParam", [1, 0, [0.0] * 6])

@@ -183,6 +183,27 @@ def test_an_axis_that_yields_too_far_is_an_error(cell):
     assert abs(cell.arm.servo.encoder[1] - 45) > 5
 
 
+@pytest.mark.parametrize("switch_off", ["Motor", "emergency stop", "refused motion"])
+def test_the_brakes_hold_a_limited_axis_without_power(cell, switch_off):
+    """A motion that is refused with a code of level 3 switches the motor off: the arm then sank by its own weight."""
+    cell.execute("CurLmt", [1, 2, 1.0])
+    cell.trace(10)
+    sunk = cell.arm.servo.encoder
+    assert sunk[1] > 45  # with power, the limit does not hold the weight
+    if switch_off == "Motor":
+        cell.robot.execute("Motor", variant(0))
+    elif switch_off == "emergency stop":
+        cell.rc8.emergency_stop(True)
+    else:
+        assert cell.code_of(lambda: cell.move(5, "J(0, 45, 90, 0, 45, 0)")) == hresult.INTERPOLATION_NOT_SUPPORTED
+    assert not cell.arm.motor.on
+    cell.trace(500)
+    assert cell.arm.servo.encoder == cell.arm.queue.joints == sunk
+    cell.execute("CurLmt", [0, 0])
+    cell.trace(500)
+    assert cell.arm.servo.encoder == sunk
+
+
 @pytest.mark.parametrize("given", [[1, 2], [1, 2, 0.5], [1, 2, 101], [1, 0, 50], [1, 7, 50], [0, 9], [1], ["x", 1, 50]])
 def test_invalid_current_limits(cell, given):
     assert cell.code_of(lambda: cell.execute("CurLmt", given)) != 0

@@ -9,6 +9,7 @@ import pytest
 
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
+from orinkit.core.errors import CallError
 from orinkit.values.variant import ARRAY, Variant, VarType, variant
 from orinkit.virtual.engine.control_loop import PERIOD
 from orinkit.virtual.engine.servo import LAG, ControlLog
@@ -192,6 +193,25 @@ def test_tolerance_of_an_extended_joint():
     assert cycles_after_command(cell, "@E J(0, 30, 120, 0, 30, 0, 20)") == LAG
     for axis in (6, 8):
         assert refused(cell, "EncMotionAllowJnt", True, axis, 5.0) == hresult.E_INVALIDARG
+    cell.close()
+
+
+@pytest.mark.parametrize(
+    ("model", "axis", "text"),
+    [
+        ("HSR065", 4, "axis 4 belongs to the robot and is not an extended joint. Try: EncMotionAllow"),
+        ("HSR065", 5, "HSR065 has no extended joint 5"),
+        ("HSR065", 7, "HSR065 has no extended joint 7"),
+        ("VS-050", 7, "VS-050 has no extended joint 7"),
+        ("VE026A", 8, "VE026A has no extended joint 8"),
+        ("VE026A", 0, "VE026A has no extended joint 0"),
+    ],
+)
+def test_a_joint_that_is_not_an_extended_joint_is_named(model, axis, text):
+    cell = Cell(model=model).take()
+    with pytest.raises(CallError) as caught:
+        execute(cell, "EncMotionAllowJnt", True, axis, 5.0)
+    assert (caught.value.code, caught.value.detail) == (hresult.E_INVALIDARG, text)
     cell.close()
 
 

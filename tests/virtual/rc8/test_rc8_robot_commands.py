@@ -222,6 +222,34 @@ def test_invalid_numbers(cell, name, parameter):
     assert cell.code_of(lambda: cell.robot.execute(name, variant(parameter))) != 0
 
 
+P1, P2 = "P(300, 0, 300, 180, 0, 180, 5)", "P(300, 50, 300, 180, 0, 180, 5)"
+"""Two poses."""
+
+
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda cell: cell.execute("J2P", []), "an empty array is not a pose; expected 3 to 10 numbers"),
+        (lambda cell: cell.execute("J2P", [P1, P2]), "expected 1 pose, got 2"),
+        (lambda cell: cell.execute("DriveEx", [1]), "expected at least 1 pair of an axis and a value, got none"),
+        (lambda cell: cell.execute("Draw", [1, ["V(1, 2, 3)", "V(1, 2, 3)"]]), "expected 1 vector, got 2"),
+        (lambda cell: cell.execute("slvRecvFormat", [1, 0, 0]), "expected 1 or 2 values: the receive format"),
+        (lambda cell: cell.execute("slvRecvFormat", None), "expected 1 or 2 values: the receive format"),
+        (lambda cell: cell.execute("Approach", [1, P1]), "expected at least 3 parameters, got 2"),
+        (lambda cell: cell.execute("MPS", [1, 2]), "got 2 parameters, expected 1"),
+        (lambda cell: cell.move(3, P1), "an arc requires 2 poses, the via point and the end point; got 1"),
+        (lambda cell: cell.move(3, [P1] * 3), "an arc requires 2 poses, the via point and the end point; got 3"),
+        (lambda cell: cell.robot.rotate(variant("XY"), 1.0, variant([P1, P2]), ""), "expected 1 pose, got 2"),
+        (lambda cell: cell.controller.execute("GetPublicValue", variant(["a"])), "expected 2 names"),
+    ],
+)
+def test_a_wrong_number_of_elements_names_the_right_one(cell, call, text):
+    with pytest.raises(CallError) as caught:
+        call(cell)
+    assert caught.value.code == hresult.E_INVALIDARG
+    assert text in caught.value.detail
+
+
 @pytest.mark.parametrize("name", NOT_SIMULATED)
 def test_commands_that_are_not_simulated(cell, name):
     for written in (name, name.upper()):

@@ -300,6 +300,39 @@ def test_the_motor_is_switched_on_after_it_has_been_cut(cell):
     assert cell.arm.motor.on
 
 
+def test_a_hold_remains_after_its_client_has_disconnected(cell):
+    move = cell.move(1, "J(40, 45, 90, 0, 45, 0)")
+    cell.trace(10)
+    other = cell.connect()
+    cell.run(other.get_robot("", "").hold(""))
+    held = cell.arm.queue.joints
+    other.release()
+    cell.trace(100)
+    assert (cell.arm.held, cell.arm.queue.joints) == (True, held)
+    cell.robot.unhold("")
+    cell.run(move)
+    assert cell.arm.queue.joints[0] == 40
+
+
+def test_a_hold_without_a_motion_ends_with_unhold_of_the_next_holder(cell):
+    other = cell.connect()
+    cell.run(other.get_robot("", "").hold(""))
+    other.release()
+    assert cell.code_of(lambda: cell.move(1, "J(40, 45, 90, 0, 45, 0)")) == hresult.ROBOT_PAUSED
+    cell.robot.unhold("")
+    assert cell.code_of(lambda: cell.move(1, "J(40, 45, 90, 0, 45, 0)")) == 0
+
+
+def test_a_hold_ends_if_the_holder_of_the_arm_disconnects(cell):
+    cell.move(1, "J(40, 45, 90, 0, 45, 0)", "NEXT")
+    cell.trace(10)
+    cell.run(cell.robot.hold(""))
+    held = cell.arm.queue.joints
+    cell.robot.release()
+    cell.trace(100)
+    assert (cell.arm.held, cell.arm.busy, cell.arm.queue.joints) == (False, False, held)
+
+
 def test_closing_the_controller_fails_every_waiting_call(cell):
     move = cell.move(*MOVES["ptp"])
     cell.trace(10)

@@ -64,6 +64,7 @@ class Servo:
         command: The newest command position, deg (mm for a linear axis).
         encoder: The newest encoder values, deg (mm for a linear axis).
         frozen: True if the arm does not follow the command (machine lock).
+        braked: True if the brakes hold the axes, because the motor is off: no axis yields to its current limit.
         lag: Cycles by which the encoders lag behind the command; it may change at standstill only.
         loads: Loads of the motors.
         travelled: Distance that each axis has moved since the controller was switched on, deg (mm for a linear axis).
@@ -72,7 +73,7 @@ class Servo:
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
         self._model = model
         self.command = self.encoder = tuple(joints)
-        self.frozen = False
+        self.frozen = self.braked = False
         self.lag = LAG
         self.loads = MotorLoads(model)
         self.travelled = [0.0] * len(self.encoder)
@@ -134,7 +135,8 @@ class Servo:
 
     def _limited(self, encoder: tuple[float, ...]) -> tuple[float, ...]:
         late, end = self._late, len(self._late) - self.lag
-        self.loads.yield_to(self.loads.commanded(late[end - 3], late[end - 2], late[end - 1]))
+        if not self.braked:
+            self.loads.yield_to(self.loads.commanded(late[end - 3], late[end - 2], late[end - 1]))
         return tuple([joint - gone for joint, gone in zip(encoder, self.loads.yielded, strict=True)])
 
     def velocity(self) -> tuple[float, ...]:

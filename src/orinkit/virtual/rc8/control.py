@@ -334,11 +334,9 @@ def _fence(panel: ControlPanel, parameter: Variant) -> None:
 
 def _scene(panel: ControlPanel, parameter: Variant) -> None:
     """Define a scene: number, sub-scene, tool, work, external speed, and optionally a name."""
-    given = parameters.elements(parameter)
+    given = parameters.at_least(parameter, 2)
     name = _text(given[5]) if len(given) > 5 else ""
     values = [conversion.double(each) for each in given[:5]]
-    if len(values) < 2:
-        raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
     number, sub, tool, work, speed = [*values, *(-1.0,) * (5 - len(values))]
     whole = parameters.whole
     panel.workspace.scene(whole(number), whole(sub), name=name, tool=whole(tool), work=whole(work), speed=speed)
@@ -392,10 +390,7 @@ CONTROLS: Final = {name.lower(): run for name, run in _BUTTONS.items()}
 
 
 def _first(parameter: Variant) -> Variant:
-    given = parameters.elements(parameter)
-    if not given:
-        raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
-    return given[0]
+    return parameters.at_least(parameter, 1)[0]
 
 
 def _flag(given: Sequence[Variant], index: int, *, missing: bool) -> bool:

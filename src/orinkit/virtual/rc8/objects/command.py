@@ -181,6 +181,8 @@ class RC8Command(CommandObject):
         self._finished.add_done_callback(ended.set_result)
         if not self._cancel_code:
             self._cancel_code = code
+            if self._inner is not None and self._caller.robot.arm.withdraw(self._inner):
+                return ended  # the command has not begun: nothing is to be stopped
             if not self._route.stop(self._caller, code):
                 inner = self._inner
                 self._finish_cancelled()

@@ -118,7 +118,10 @@ def set_public(caller: ClientContext, parameter: Variant) -> Deferred[None] | No
 
 def _public_names(given: Sequence[Variant]) -> tuple[str, str, list[int]]:
     if len(given) < 2 or not all(isinstance(each.value, str) for each in given[:2]):
-        raise error_for(hresult.E_INVALIDARG, tr("expected the names of a task and of a Public variable"))
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("expected 2 names, those of a task and of a Public variable, and optionally indices"),
+        )
     return given[0].value, given[1].value, [conversion.whole(each) for each in given[2:]]
 
 

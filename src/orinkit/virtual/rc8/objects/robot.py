@@ -242,7 +242,7 @@ def _pivot(given: Variant) -> Target:
         return Target("V", tuple(conversion.singles(_VECTOR)(given)))
     targets = read_targets(given)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("exactly one pose is required"))
+        raise error_for(hresult.E_INVALIDARG, tr("expected 1 pose, got {count}", count=len(targets)))
     return targets[0]
 
 

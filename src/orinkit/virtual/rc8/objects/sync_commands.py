@@ -35,7 +35,7 @@ def _sync_move_start(caller: ClientContext, parameter: Variant) -> None:
     _require_robots(caller)
     require("SyncMoveStart", caller.robot.arm, caller)
     _require_no_block(caller)
-    numbers = _robots(parameter)
+    numbers = _robots(parameters.at_least(parameter, 1))
     robots, leader = caller.state.robots, caller.robot
     for number in numbers:
         if not 0 <= number < len(robots) or number == leader.number or numbers.count(number) > 1:
@@ -47,17 +47,14 @@ def _sync_move_start(caller: ClientContext, parameter: Variant) -> None:
                     leader=leader.name,
                 ),
             )
-    if not numbers:
-        raise error_for(hresult.E_INVALIDARG, tr("a parameter is missing"))
     followers = [caller.of_robot(number) for number in numbers]
     caller.client.sync = SyncMove(leader, caller, [(each.robot, each) for each in followers])
 
 
-def _robots(parameter: Variant) -> list[int]:
-    """Return numbers of robots from an array, which may be the only element of another array."""
-    given = parameters.elements(parameter)
+def _robots(given: list[Variant]) -> list[int]:
+    """Return numbers of robots from the elements of an array, or of an array that is its only element."""
     if len(given) == 1 and given[0].type & ARRAY:
-        given = parameters.elements(given[0])
+        given = parameters.at_least(given[0], 1)
     return [parameters.whole(conversion.double(each)) for each in given]
 
 

@@ -115,16 +115,32 @@ def length_of_pulses(pulses: float) -> float:
     return pulses * _TURN / PULSES
 
 
-def check_axis(model: ArmModel, axis: int, first: int = 1) -> int:
+def check_axis(model: ArmModel, axis: int) -> int:
     """Return the number of an axis after checking that it exists.
 
     Raises:
         CallError: E_INVALIDARG.
     """
     count = len(model.axes)
-    if not first <= axis <= count:
+    if not 1 <= axis <= count:
         raise error_for(
             hresult.E_INVALIDARG,
-            tr("axis {axis} does not exist; valid axes: {first} to {count}", axis=axis, first=first, count=count),
+            tr("axis {axis} does not exist; valid axes: 1 to {count}", axis=axis, count=count),
         )
+    return axis
+
+
+def check_extended_joint(model: ArmModel, axis: int) -> int:
+    """Return the number of an extended joint after checking that it exists.
+
+    Raises:
+        CallError: E_INVALIDARG.
+    """
+    if 1 <= axis <= model.robot_axes:
+        raise error_for(
+            hresult.E_INVALIDARG,
+            tr("axis {axis} belongs to the robot and is not an extended joint. Try: EncMotionAllow", axis=axis),
+        )
+    if not model.robot_axes < axis <= len(model.axes):
+        raise error_for(hresult.E_INVALIDARG, tr("{name} has no extended joint {number}", name=model.name, number=axis))
     return axis

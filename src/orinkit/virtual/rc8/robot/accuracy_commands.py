@@ -13,7 +13,7 @@ from orinkit.core.errors import error_for
 from orinkit.core.i18n import tr
 from orinkit.values.variant import Variant
 from orinkit.virtual.rc8.robot import parameters
-from orinkit.virtual.rc8.robot.accuracy import ALL_AXES, check_axis, length_of_pulses
+from orinkit.virtual.rc8.robot.accuracy import ALL_AXES, check_axis, check_extended_joint, length_of_pulses
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
@@ -79,8 +79,7 @@ def _enc_motion_allow_joint(arm: RC8Arm, operator: Operator, parameter: Variant)
     require("EncMotionAllowJnt", arm, operator)
     on, axis, numbers = _setting_of_axis(2, 3, parameter)
     if on:
-        check_axis(arm.model, axis, arm.model.robot_axes + 1)
-        arm.accuracy.extended[axis] = _tolerance(numbers[0], *numbers[1:] or [0])
+        arm.accuracy.extended[check_extended_joint(arm.model, axis)] = _tolerance(numbers[0], *numbers[1:] or [0])
     else:
         arm.accuracy.extended.pop(axis, None)
 

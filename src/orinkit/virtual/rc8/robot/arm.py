@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Final
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
-from orinkit.core.i18n import tr
 from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.engine.motion.planner import Motion
-from orinkit.virtual.engine.motion.queue import ROOM, MotionQueue, QueueState, Ticket, TicketState
+from orinkit.virtual.engine.motion.queue import ROOM, MotionQueue, QueueState, Ticket
 from orinkit.virtual.engine.servo import ControlLog, Servo
 from orinkit.virtual.rc8.error_list import ErrorList
 from orinkit.virtual.rc8.robot.accuracy import Accuracy
@@ -25,12 +22,9 @@ from orinkit.virtual.rc8.robot.slave_mode.slave_mode import RC8SlaveMode
 from orinkit.virtual.rc8.robot.speeds import Speeds
 from orinkit.virtual.rc8.robot.standstill import StandstillActions
 from orinkit.virtual.rc8.robot.target import FrameContext
-from orinkit.virtual.rc8.robot.waiting_calls import PendingMotions, WaitingCall, WaitingTaker
+from orinkit.virtual.rc8.robot.waiting_calls import MotionCalls, PendingMotions, WaitingCall, WaitingTakers
 from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
-
-_PASSED = (TicketState.PASSED, TicketState.DONE)
-_TAKERS: Final = 100  # operators waiting for the arm that are answered in a cycle
 
 
 class RC8Arm:
@@ -55,7 +49,6 @@ class RC8Arm:
         space: Frames and kinematics.
         log: Control log.
         accuracy: Tolerances of the encoders.
-        powering_off: True if the motor will be switched off at the end of the motions.
         slave: Slave mode, in which a client sends a set-point for each cycle.
         hardware: Hardware around the arm: force sensor, areas, buttons.
         companions: The other arms of a cooperative motion, until standstill; a stop, a pause or its end concerns all.
@@ -83,15 +76,14 @@ class RC8Arm:
         self._fault = fault
         self.holder: Operator | None = None
         self.held = False
-        self.powering_off = False
         self.companions: tuple[RC8Arm, ...] = ()
         self.interruptions = 0
         self._cycles = cycles
         self._objects: Counter[Operator] = Counter()
         self._pending: list[PendingMotions] = []
-        self._waiting: list[WaitingCall] = []
+        self._calls = MotionCalls(self.accuracy, self.servo, self.space, seconds)
         self._still: list[Deferred[None]] = []
-        self._takers: dict[Operator, WaitingTaker] = {}  # operators waiting for standstill to take the arm
+        self._takers = WaitingTakers()
         self._at_standstill = StandstillActions()
         self._stop_code: int | None = None  # during a stop: the code with which motions fail; 0 if they are skipped
         self._cut = False
@@ -128,7 +120,12 @@ class RC8Arm:
     @property
     def awaited(self) -> bool:
         """True if a call waits for a motion, or for its planning."""
-        return bool(self._waiting or self._pending)
+        return bool(self._calls or self._pending)
+
+    @property
+    def powering_off(self) -> bool:
+        """True if the motor will be switched off at the end of the motions."""
+        return self._at_standstill.includes(self._switch_off)
 
     @property
     def settled(self) -> bool:
@@ -157,23 +154,13 @@ class RC8Arm:
             check: Called at that standstill; if it raises an exception, the operator does not receive the arm, and the
                 Deferred fails with the exception.
         """
-        if operator in self._takers:
-            return self._takers[operator].done
-        taker = self._takers[operator] = WaitingTaker(keep, check, Deferred[None]())
+        done = self._takers.add(operator, keep=keep, check=check)
         if self._at_rest():
             self._serve_takers()
-        return taker.done
+        return done
 
     def _serve_takers(self) -> None:
-        for operator in list(itertools.islice(self._takers, _TAKERS)):
-            taker = self._takers.pop(operator)
-            try:
-                taker.check()
-            except Exception as error:  # noqa: BLE001 - passed to the operator
-                taker.done.set_exception(error)
-            else:
-                self.take(operator, keep=taker.keep)
-                taker.done.set_result()
+        self._takers.serve(lambda operator, keep: self.take(operator, keep=keep))
 
     def power_on(self) -> None:
         """Put the arm into its state after power-on; call it after :meth:`stop_and_power_off`.
@@ -182,10 +169,7 @@ class RC8Arm:
         """
         error = error_for(hresult.E_ABORT)
         self._at_standstill.drop(error)
-        takers, self._takers = self._takers, {}
-        for taker in takers.values():
-            taker.done.set_exception(error)
-        self.powering_off = False
+        self._takers.drop(error)
         self.give()
         self._when_at_standstill(None, self._reset_settings)
 
@@ -219,6 +203,17 @@ class RC8Arm:
 
         return self._when_at_standstill(operator, give)
 
+    def withdraw(self, call: Deferred[None]) -> bool:
+        """Drop a call that waits for standstill: TakeArm, GiveArm, Motor off, or Motor on after a stop.
+
+        Args:
+            call: The Deferred that the function of this arm has returned.
+
+        Returns:
+            True if the call has no effect any more, and has failed with E_CANCEL; False if it does not wait.
+        """
+        return self._takers.withdraw(call) or self._at_standstill.withdraw(call)
+
     def _when_at_standstill(
         self, operator: Operator | None, run: Callable[[], Deferred[None] | None], *, revocable: bool = False
     ) -> Deferred[None]:
@@ -248,9 +243,7 @@ class RC8Arm:
     def forget(self, operator: Operator) -> None:
         """Remove a disconnected operator: stop its motions and release the arm."""
         self._objects.pop(operator, None)
-        taker = self._takers.pop(operator, None)
-        if taker is not None:
-            taker.done.set_exception(error_for(hresult.E_ABORT))
+        self._takers.drop(error_for(hresult.E_ABORT), operator)
         self.hardware.waits.cancel(hresult.E_ABORT, operator)
         self._at_standstill.drop(error_for(hresult.E_ABORT), operator)
         if self.holder is operator:
@@ -284,7 +277,7 @@ class RC8Arm:
 
         The Deferred fails if the motion is stopped, except by :meth:`skip`.
         """
-        return self._wait_for(WaitingCall(ticket, Deferred[None]()))
+        return self._calls.add(WaitingCall(ticket, Deferred[None]()), self._stop_code)
 
     def when_arrived(self, progress: float) -> Deferred[None]:
         """Return a Deferred that resolves when the running motion has covered a share of its path, 0 to 1.
@@ -293,12 +286,7 @@ class RC8Arm:
         """
         if not self.queue.tickets:
             return self.when_still()
-        return self._wait_for(WaitingCall(self.queue.tickets[0], Deferred[None](), progress))
-
-    def _wait_for(self, wait: WaitingCall) -> Deferred[None]:
-        if not self._finish(wait):
-            self._waiting.append(wait)
-        return wait.done
+        return self._calls.add(WaitingCall(self.queue.tickets[0], Deferred[None](), progress), self._stop_code)
 
     def when_still(self) -> Deferred[None]:
         """Return a Deferred that resolves at standstill; a paused motion counts as standstill."""
@@ -400,14 +388,12 @@ class RC8Arm:
         if not on and self.slave.on:
             self.slave.end(hresult.MOTOR_NOT_ON)
         if not on and self.busy:
-            self.powering_off = True
             return self._when_at_standstill(operator, self._switch_off)
         done = self.motor.switch(on)
         self._cycles.wake()
         return done
 
     def _switch_off(self) -> Deferred[None]:
-        self.powering_off = False
         return self.motor.switch(False)
 
     def _switch_on_again(self, check: Callable[[], None]) -> Deferred[None]:
@@ -444,13 +430,11 @@ class RC8Arm:
         self._discard_pending(hresult.E_ABORT)
         self.hardware.close()
         self._at_standstill.drop(error)
-        for done in (
-            *(taker.done for taker in self._takers.values()),
-            *(wait.done for wait in self._waiting),
-            *self._still,
-        ):
+        self._takers.drop(error)
+        self._calls.fail(error)
+        still, self._still = self._still, []
+        for done in still:
             done.set_exception(error)
-        self._waiting, self._still, self._takers = [], [], {}
         self.queue = MotionQueue(self.model, self.queue.joints)  # the brakes hold the present position
         self.motor.cut()
 
@@ -461,6 +445,7 @@ class RC8Arm:
         if self.slave.on:
             self.slave.step()
         self.queue.step()
+        self.servo.braked = not self.motor.on
         moving = self.servo.step(self.hardware.command(self.queue.joints))
         if self.accuracy.deviation and not self.stopping:
             self.accuracy.report_deviation(self.servo, self._fault)
@@ -482,42 +467,8 @@ class RC8Arm:
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""
-        waiting, self._waiting = self._waiting, []
-        self._waiting += [wait for wait in waiting if not self._finish(wait)]
+        self._calls.answer(self._stop_code)
         self._come_to_rest()
-
-    def _finish(self, wait: WaitingCall) -> bool:
-        state = wait.ticket.state
-        if state is TicketState.STOPPED:
-            if self._stop_code == hresult.S_OK:
-                wait.done.set_result()
-            else:
-                wait.done.set_exception(error_for(self._stop_code or hresult.STOPPED_DURING_PC_MOTION))
-            return True
-        if not self._complete(wait):
-            return self._late(wait)
-        wait.done.set_result()
-        return True
-
-    def _complete(self, wait: WaitingCall) -> bool:
-        state, mark = wait.ticket.state, wait.ticket.motion.mark.mode
-        if wait.progress is not None:
-            return wait.ticket.progress >= wait.progress
-        if mark in ("P", "n"):
-            return state in _PASSED
-        return state is TicketState.DONE and self.accuracy.arrived(mark, self.servo, self.space)
-
-    def _late(self, wait: WaitingCall) -> bool:
-        """Let a call fail whose encoders have not arrived within the time of MotionTimeout; return True if it failed."""
-        if wait.ticket.state is not TicketState.DONE or self.accuracy.timeout is None:
-            return False
-        wait.ended = self.seconds() if wait.ended is None else wait.ended
-        if (self.seconds() - wait.ended) * 1000 < self.accuracy.timeout:
-            return False
-        wait.done.set_exception(
-            error_for(hresult.E_TIMEOUT, tr("the encoders have not arrived in time (MotionTimeout)"))
-        )
-        return True
 
     def _at_rest(self) -> bool:
         return self.queue.state in (QueueState.IDLE, QueueState.HELD)

@@ -13,6 +13,7 @@ from orinkit.virtual.rc8.robot import parameters
 from orinkit.virtual.rc8.robot.arm import RC8Arm
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 from orinkit.virtual.rc8.robot.conditions import require
+from orinkit.virtual.rc8.robot.hardware.force_control import require_speed
 from orinkit.virtual.rc8.robot.hardware.force_parameters import ForceParameters
 from orinkit.virtual.rc8.robot.hardware.force_waits import CONTINUE, END, ForceCondition
 from orinkit.virtual.rc8.robot.shared_command import SharedCommand, is_given, numbers_of, r8, truth
@@ -36,7 +37,12 @@ _SINGLE: Final = ("translation", "rotation")
 
 
 def _force_control(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
-    """ForceCtrl: switch force control on with a parameter table, or off; without power, it has no effect."""
+    """ForceCtrl: switch force control on with a parameter table, or off; without power, it has no effect.
+
+    Raises:
+        CallError: FORCE_CONTROL_TOO_FAST if a motion that runs, is paused or is queued is too fast for force control. A
+            motion that is still being planned is checked when it is queued.
+    """
     given = parameters.at_least(parameter, 1)
     require("ForceCtrl", arm, operator)
     if not truth(given[0]):
@@ -46,6 +52,7 @@ def _force_control(arm: RC8Arm, operator: Operator, parameter: Variant) -> None:
     mode = conversion.whole(given[2]) if is_given(given, 2) else None
     arm.hardware.force.tables.table(number)
     if arm.motor.on:
+        require_speed(ticket.motion for ticket in arm.queue.tickets)
         arm.hardware.force.switch_on(number, mode)
         arm.hardware.wake()
 

@@ -194,8 +194,8 @@ class Moves:
             if len(targets) != 2:
                 raise error_for(
                     hresult.E_INVALIDARG,
-                    tr("an arc requires two poses: the via point and the end point"),
-                )  # fmt: skip
+                    tr("an arc requires 2 poses, the via point and the end point; got {count}", count=len(targets)),
+                )
             if (targets[0].kind or "P") != (targets[1].kind or "P"):
                 raise error_for(hresult.E_INVALIDARG, tr("the two poses of an arc must have the same type"))
             return Plans(planner, [partial(planner.arc, targets[0], targets[1])])

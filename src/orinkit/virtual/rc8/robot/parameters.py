@@ -109,7 +109,7 @@ def pose(parameter: Variant) -> Target:
     """
     targets = read_targets(parameter)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("expected one pose"))
+        raise error_for(hresult.E_INVALIDARG, tr("expected 1 pose, got {count}", count=len(targets)))
     return targets[0]
 
 

@@ -74,7 +74,7 @@ def vector(given: Variant) -> Target:
     """
     targets = read_targets(given)
     if len(targets) != 1:
-        raise error_for(hresult.E_INVALIDARG, tr("exactly one vector is required"))
+        raise error_for(hresult.E_INVALIDARG, tr("expected 1 vector, got {count}", count=len(targets)))
     if targets[0].kind != "V":
         raise error_for(
             hresult.DISP_E_TYPEMISMATCH, tr("{target} is not a vector. Try: V1 or V(x, y, z)", target=targets[0])
@@ -91,7 +91,7 @@ def axis_values(given: Sequence[Variant]) -> tuple[AxisValues, list[Variant]]:
     if not given or not given[0].type & ARRAY:
         if given and isinstance(given[0].value, str):
             return _axes_in_text(given[0].value), list(given[1:])
-        raise _no_axes("")
+        raise _no_pairs()
     if _is_element(given):  # the parameter itself is [pair, type, mark]
         count = 3 if len(given) > 2 and _is_plain(given[2]) else 2
         return _axes_in_elements([Variant(VARIANT_ARRAY, list(given[:count]))]), list(given[count:])
@@ -134,7 +134,7 @@ def _axes_in_elements(given: Sequence[Variant], *, nested: bool = True) -> AxisV
         else:
             raise _no_axes(str(each.plain))
     if not pairs:
-        raise _no_axes("")
+        raise _no_pairs()
     return AxisValues(pairs, mark, extra)
 
 
@@ -192,4 +192,11 @@ def _no_axes(text: str) -> CallError:
     return error_for(
         hresult.E_INVALIDARG,
         tr('{text} is not a list of axes and values. Try: for example "@0 (1,10),(2,20)"', text=quoted(text)),
+    )
+
+
+def _no_pairs() -> CallError:
+    return error_for(
+        hresult.E_INVALIDARG,
+        tr("expected at least 1 pair of an axis and a value, got none. Try: for example [[1, 10], [2, 20]]"),
     )

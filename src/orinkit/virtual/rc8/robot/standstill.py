@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from orinkit.cao.provider import Deferred
-from orinkit.core.errors import CallError
+from orinkit.core import hresult
+from orinkit.core.errors import CallError, error_for
 from orinkit.core.record import record
 from orinkit.virtual.rc8.robot.arm_owner import Operator
 
@@ -42,6 +43,18 @@ class StandstillActions:
         action = _Action(operator, run, revocable, Deferred[None](revocable=revocable))
         self._actions.append(action)
         return action.done
+
+    def includes(self, run: Callable[[], Deferred[None] | None]) -> bool:
+        """Return True if an action waits."""
+        return any(action.run == run and not action.done.done() for action in self._actions)
+
+    def withdraw(self, call: Deferred[None]) -> bool:
+        """Drop the action of a call, which fails with E_CANCEL; return False if no action of this call waits."""
+        found = [each for each in self._actions if each.done is call and not call.done()]
+        self._actions = [each for each in self._actions if each not in found]
+        for _ in found:
+            call.set_exception(error_for(hresult.E_CANCEL))
+        return bool(found)
 
     def run(self) -> None:
         """Execute all actions; the arm is at standstill."""

@@ -193,8 +193,8 @@ class ForceControl:
         Raises:
             CallError: FORCE_CONTROL_TOO_FAST.
         """
-        if self.on and any(motion.rates.speed > FASTEST * _ROUNDING for motion in motions):
-            raise error_for(hresult.FORCE_CONTROL_TOO_FAST)
+        if self.on:
+            require_speed(motions)
 
     # --- values -------------------------------------------------------------------------------------------------
 
@@ -411,6 +411,24 @@ class ForceControl:
         """The units in which axes are compared: 1 rad in deg; for a linear axis, the way in mm that counts as much."""
         axes = self._arm.model.axes[: self._arm.model.robot_axes]
         return np.array([_LEVER if axis.linear else 1 / _DEGREE for axis in axes])
+
+
+def require_speed(motions: Iterable[Motion]) -> None:
+    """Raise an exception if a motion is too fast for force control.
+
+    Raises:
+        CallError: FORCE_CONTROL_TOO_FAST.
+    """
+    fastest = max((motion.rates.speed for motion in motions), default=0.0)
+    if fastest > FASTEST * _ROUNDING:
+        raise error_for(
+            hresult.FORCE_CONTROL_TOO_FAST,
+            tr(
+                "the speed of a motion ({speed:.3g} %) exceeds the limit during force control ({most:g} %)",
+                speed=100 * fastest,
+                most=100 * FASTEST,
+            ),
+        )
 
 
 def _effective(parameters: ForceParameters, index: int, force: float) -> float | None:
