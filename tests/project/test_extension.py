@@ -17,12 +17,13 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = (
     "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
 )
+OTHER_VERSION = "import orinkit.core._speedups as other; {change}; "
 
 
-def in_process(**variables: str) -> list[str]:
+def in_process(program: str = PROGRAM, **variables: str) -> list[str]:
     environment = {name: value for name, value in os.environ.items() if name != "ORINKIT_PURE"} | variables
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", program],
         env=environment | {"ORINKIT_LANG": "en"}, capture_output=True, text=True, timeout=300, check=True,
     )  # fmt: skip
     return done.stdout.splitlines()
@@ -47,6 +48,19 @@ def test_the_reason_is_stated(monkeypatch):
     assert speedups.status().startswith("C extension: not built. Try: install a C compiler")
     i18n.use("ja")
     assert "対処" in speedups.status()
+
+
+@needs_extension
+@pytest.mark.parametrize("change", ["other.INTERFACE += 1", "del other.INTERFACE"])
+def test_an_extension_of_another_version_is_not_used(change):
+    first, second = in_process(OTHER_VERSION.format(change=change) + PROGRAM, ORINKIT_PURE="0")
+    assert first.startswith("C extension: not in use, because it was built from another version of orinkit. Try: rebuild:")
+    assert second.startswith("<function encode")
+
+
+def test_the_number_of_the_interface_is_the_same_in_c():
+    header = (ROOT / "csrc" / "speedups.h").read_text(encoding="utf-8")
+    assert f"#define INTERFACE {speedups.INTERFACE}\n" in header
 
 
 @needs_extension
