@@ -54,7 +54,9 @@ def test_the_reason_is_stated(monkeypatch):
 @pytest.mark.parametrize("change", ["other.INTERFACE += 1", "del other.INTERFACE"])
 def test_an_extension_of_another_version_is_not_used(change):
     first, second = in_process(OTHER_VERSION.format(change=change) + PROGRAM, ORINKIT_PURE="0")
-    assert first.startswith("C extension: not in use, because it was built from another version of orinkit. Try: rebuild:")
+    assert first.startswith(
+        "C extension: not in use, because it was built from another version of orinkit. Try: rebuild:"
+    )
     assert second.startswith("<function encode")
 
 
