@@ -16,7 +16,7 @@ from orinkit.core.i18n import tr
 F = TypeVar("F", bound=Callable[..., Any])
 
 _STALE: Final = "INTERFACE"
-INTERFACE: Final = 1
+INTERFACE: Final = 2
 """Number of the interface of the extension that the modules in Python expect (``csrc/speedups.h``)."""
 
 
