@@ -11,12 +11,15 @@ from contextlib import contextmanager
 
 import pytest
 
+import orinkit
 from orinkit import functions as f
 from orinkit.client._sync.client import Client
 from orinkit.core.errors import ConnectionClosed
 from orinkit.transport.sockets import socket_link
 from orinkit.transport.sockets.socket_link import SocketLink
 from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="on Windows, only closing a socket ends a receive")
 
 
 class Guarded:
@@ -120,3 +123,13 @@ def test_closing_ends_the_call_of_another_thread(guarded):
         guarded.client.close()
     assert len(errors) == 1
     assert not guarded.is_open
+
+
+def test_closing_does_not_wait_for_a_call_over_udp(monkeypatch):
+    """The call ends with its time-out: the shutdown of a datagram socket does not end it."""
+    monkeypatch.setattr(socket_link, "_ENDING", 2 * PATIENCE)
+    with socket.socket(type=socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        client = orinkit.open_client(f"udp://127.0.0.1:{peer.getsockname()[1]}")
+        with client._lock, in_thread(client.close):
+            pass

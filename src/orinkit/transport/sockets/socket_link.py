@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterable
@@ -52,7 +53,7 @@ class SocketLink(ProcessBound):
                 self._socket.close()
 
     def guard(self, lock: Any) -> None:
-        """Let :meth:`close` wait until no other thread holds a lock, before the descriptor is closed.
+        """Let :meth:`close` wait until no other thread holds a lock, before the descriptor of a stream is closed.
 
         A system call of another thread has the number of the descriptor from the moment at which it releases the GIL.
         If this number already belonged to another file, a request could go to another robot.
@@ -60,7 +61,9 @@ class SocketLink(ProcessBound):
         Args:
             lock: The ``threading.RLock`` that a thread holds during :meth:`exchange`, :meth:`send` and :meth:`receive`.
         """
-        self._calling = lock
+        # the shutdown of a datagram socket does not end a receive in another thread; on Windows, no shutdown does
+        if not self.datagrams and os.name != "nt":
+            self._calling = lock
 
     def fileno(self) -> int:
         """Return the socket's descriptor, so that another process can take it over.
